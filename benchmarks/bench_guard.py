@@ -19,10 +19,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from selector.controllers import read_model
-from selector.controllers.guard import decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import axes_of
 from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from tests.controllers import hostile
 
 MODEL = Path(__file__).parents[1] / "fixtures" / "models" / "patent-three-sensors.json"

@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
-from selector.controllers.guard import with_decided_limits
+from selector.controllers.guard.decided import with_decided_limits
+from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.replay.replayed import executed
-from selector.controllers.replay.rows import Rows, reference_answers
 from selector.controllers.writers.targets import TARGETS
 
 ROOT = Path(__file__).parents[1]

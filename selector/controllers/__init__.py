@@ -6,10 +6,12 @@ from selector.controllers.evaluator import (
     evaluate,
     formula_text,
     legend_text,
+    output_bound_um,
     physical_coefficients,
     physical_slopes,
 )
-from selector.controllers.guard import Corrected, DecidedLimits, GuardedModel, Mode, SensorCode, decided_limits
+from selector.controllers.guard.decided import DecidedLimits, Mode, SensorCode, decided_limits
+from selector.controllers.guard.guarded_model import Corrected, GuardedModel
 from selector.controllers.model_file import (
     CheckVector,
     Fallback,
@@ -30,7 +32,7 @@ from selector.controllers.model_file import (
     read_model,
     write_model,
 )
-from selector.controllers.self_check import check_model, check_vectors, model_findings, output_bound_um
+from selector.controllers.self_check import check_model, check_vectors, model_findings
 
 __all__ = [
     "Accuracy",

@@ -184,6 +184,25 @@ def _lagged(time_s: Array, x: Array, state: State, memory: dict[str, tuple[float
     return lagged
 
 
+def output_bound_um(model: Equations, output: Output) -> float:
+    """A bound [µm] on the magnitude of an output while every input is in its valid range (inf = overflow possible).
+
+    The sum of the largest magnitudes of the terms: never too small, usually too large. Lagged inputs stay inside the
+    range of their source. A position-dependent part counts at the far end of its valid positions.
+    """
+    ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
+    largest = {}
+    for item in model.inputs:
+        largest[item.name] = max(abs((x - item.centre) / item.scale) for x in ranges[item.name])
+    for state in model.states:
+        largest[state.name] = max(abs((x - state.centre) / state.scale) for x in ranges[state.source])
+    bound: float = polynomial(output.intercept, output.terms, largest, abs)
+    part = output.position
+    if part is not None:
+        bound += polynomial(part.intercept, part.terms, largest, abs) * part.reach_m
+    return bound if math.isfinite(bound) else math.inf
+
+
 def first_finite(values: Array) -> float:
     """The first value that is a finite number, NaN if there is none."""
     for first in range(0, len(values), BLOCK_SAMPLES):

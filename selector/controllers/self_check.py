@@ -10,14 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.controllers.evaluator import Equations, Evaluator, polynomial
+from selector.controllers.evaluator import Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.model_file import CheckVector, Input, ModelFile, Output, OutputLimits, read_model
+from selector.controllers.guard.decided import LONGEST_S
+from selector.controllers.model_file import CheckVector, Input, ModelFile, OutputLimits, read_model
 from selector.findings import Finding
 
 DAY_S = 86_400.0
-CLOCKS_END_S = 1e6
-"""`LONGEST_S` of the guard, which itself stands on this check."""
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
 """What a working machine can have anywhere."""
 
@@ -93,14 +92,14 @@ def _never(model: ModelFile) -> Iterator[Finding]:
     guard = model.guard
     for field, value_s, longest_s, what in (
         ("recover_after_s", guard.recover_after_s, DAY_S, "no sensor is believed, and nothing corrected,"),
-        ("stuck_after_s", guard.stuck_after_s, CLOCKS_END_S, "a sensor that stands still is not found"),
-        ("new_start_after_s", guard.new_start_after_s, CLOCKS_END_S, "old start readings are kept"),
+        ("stuck_after_s", guard.stuck_after_s, LONGEST_S, "a sensor that stands still is not found"),
+        ("new_start_after_s", guard.new_start_after_s, LONGEST_S, "old start readings are kept"),
     ):
         if value_s is not None and value_s >= longest_s:
             yield FINDINGS.finding(
                 "waits-too-long",
                 f"guard.{field} is {value_s:g} s ({value_s / DAY_S:.3g} days): {what} for so long"
-                + (", or for ever: programs count to 10⁶ s." if value_s >= CLOCKS_END_S else "."),
+                + (", or for ever: programs count to 10⁶ s." if value_s >= LONGEST_S else "."),
                 evidence={"field": field, "seconds": value_s},
                 suggestion=f"choose a shorter guard.{field} in the model file",
             )
@@ -170,25 +169,6 @@ def check_vectors(
             rows = [dict(zip(names, row, strict=True)) for row in table[chosen].tolist()]
             vectors.append(_vector(model, "recorded", time[chosen].tolist(), rows, None))
     return tuple(vectors)
-
-
-def output_bound_um(model: Equations, output: Output) -> float:
-    """A bound [µm] on the magnitude of an output while every input is in its valid range (inf = overflow possible).
-
-    The sum of the largest magnitudes of the terms: never too small, usually too large. Lagged inputs stay inside the
-    range of their source. A position-dependent part counts at the far end of its valid positions.
-    """
-    ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
-    largest = {}
-    for item in model.inputs:
-        largest[item.name] = max(abs((x - item.centre) / item.scale) for x in ranges[item.name])
-    for state in model.states:
-        largest[state.name] = max(abs((x - state.centre) / state.scale) for x in ranges[state.source])
-    bound: float = polynomial(output.intercept, output.terms, largest, abs)
-    part = output.position
-    if part is not None:
-        bound += polynomial(part.intercept, part.terms, largest, abs) * part.reach_m
-    return bound if math.isfinite(bound) else math.inf
 
 
 def _vector(

@@ -20,8 +20,7 @@ import numpy as np
 
 from selector.controllers.evaluator import Equations, polynomial
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import LARGEST_NUMBER, SAMPLE_S
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.decided import LARGEST_NUMBER, SAMPLE_S, DecidedLimits, decided_limits
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.findings import Finding
 

@@ -65,14 +65,7 @@ class _Refused:
 def parsed_json(
     text: str, *, where: str, most_entries: int = LARGEST_COLLECTION, most_values: int = LARGEST_DOCUMENT
 ) -> Any:
-    """The value of a JSON text; `where` names it in messages.
-
-    Raises
-    ------
-    ModelFileError
-        The text is not JSON, is nested too deep, repeats a key, or holds a number that is not finite or not exact or
-        a collection that is too large; `where` and the JSON path say the place.
-    """
+    """The value of a JSON text; `where` names it in messages."""
     try:
         value = json.loads(
             text,
@@ -109,13 +102,7 @@ def parsed_json(
 
 
 def json_text(value: Any, indent: int = 0) -> str:
-    """The one text of a JSON value; arrays of plain values stand on one line.
-
-    Raises
-    ------
-    ValueError
-        A number is not finite.
-    """
+    """The one text of a JSON value; arrays of plain values stand on one line."""
     inner = "  " * (indent + 1)
     if isinstance(value, dict) and value:
         rows = [

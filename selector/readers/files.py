@@ -59,13 +59,7 @@ class Found:
 
 
 def recording_files(paths: Sequence[Path]) -> Found:
-    """The files that `paths` mean; a folder means the recordings in it, in natural order (r2 before r10).
-
-    Raises
-    ------
-    ReadError
-        A path does not exist, a folder holds no recording, or no path is given.
-    """
+    """The files that `paths` mean; a folder means the recordings in it, in natural order (r2 before r10)."""
     if not paths:
         raise ReadError(
             "no recording", expected="one file or folder per run", where="arguments", advice="name the files"
@@ -155,13 +149,7 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
 
 
 def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
-    """The tables of a file, and its SHA-256.
-
-    Raises
-    ------
-    ReadError
-        Whatever is wrong with the file.
-    """
+    """The tables of a file, and its SHA-256."""
     try:
         with path.open("rb") as stream:
             head = stream.read(4096)
@@ -195,13 +183,7 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
 
 
 def file_format(path: Path, head: bytes) -> str:
-    """One of ``delimited``, ``excel``, ``parquet``, ``mat``, ``tdms``, ``mdf``, by the first bytes, not by the ending.
-
-    Raises
-    ------
-    ReadError
-        The file is empty, or an archive, a picture or another format that is no recording.
-    """
+    """One of ``delimited``, ``excel``, ``parquet``, ``mat``, ``tdms``, ``mdf``, by the first bytes, not the ending."""
     if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
         raise ReadError(
             "an empty file" if not head else "a file of blanks",

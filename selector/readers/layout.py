@@ -79,11 +79,6 @@ def layout(
 
     `kinds` of columns are those of `column_kinds`; `header_row` is the position of the names in `rows` if the user
     named it, -1 = there is no such row.
-
-    Raises
-    ------
-    ReadError
-        No row looks like a sample.
     """
     if header_row is not None and header_row >= len(rows):
         raise ReadError(

@@ -29,13 +29,7 @@ from selector.units import CANONICAL_UNITS
 
 
 def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[Finding]]:
-    """The recording in canonical units, and what there is to say about values.
-
-    Raises
-    ------
-    ReadError
-        A run has no value in any channel.
-    """
+    """The recording in canonical units, and what there is to say about values."""
     channels = [channel_of(p) for p in planned.channels]
     names = [c.name for c in channels]
     findings: list[Finding] = []
@@ -294,13 +288,7 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
 
 
 def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
-    """What the machine file and the user say about the time; the user's word counts more.
-
-    Raises
-    ------
-    OptionError
-        An option has a value that is no unit of time, period or order of dates.
-    """
+    """What the machine file and the user say about the time; the user's word counts more."""
     section = declared.time if declared is not None else TimeSection()
     columns = (overrides.time_column,) if overrides.time_column is not None else section.columns
     unit = overrides.time_unit or section.unit

@@ -48,11 +48,6 @@ def check_extent(archive: zipfile.ZipFile, where: str) -> None:
 
     A single value in the last cell of a sheet makes a parser ask for 17 thousand million cells; the declared dimension
     may lie, so that the places of the cells themselves are read. Memory: one piece of a part at a time.
-
-    Raises
-    ------
-    ReadError
-        A sheet has more than `MAX_ROWS`, `MAX_COLUMNS` or `MAX_CELLS`.
     """
     for entry in archive.infolist():
         name = entry.filename.lower()
@@ -158,11 +153,6 @@ def read_excel(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
 
     Sheets with the same column names are runs; if there are several kinds of sheets, the kind with the most cells is
     read and the others are named in a finding.
-
-    Raises
-    ------
-    ReadError
-        The workbook is protected, damaged, too large, or has no sheet with a table of numbers.
     """
     where = path.name
     workbook = _workbook(data, where)

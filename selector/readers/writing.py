@@ -80,13 +80,7 @@ def write_recording(
     machine_name: str | None = None,
     format: str = "csv",  # noqa: A002 - the contract's word
 ) -> list[Path]:
-    """Write every run to its target and the machine file beside them, all or none; files of these names are replaced.
-
-    Raises
-    ------
-    OptionError
-        A place cannot be written.
-    """
+    """Write every run to its target and the machine file beside them, all or none; files of these names go."""
     # as they are read again: the names, unless these cannot stand in a header
     headers = unique_headers(["time_s", *recording.names], "the output")[0][1:]
     writers: dict[Path, Callable[[Path], Any]] = {}

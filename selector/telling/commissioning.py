@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from selector.controllers.guard.codes import LEAST_GOOD_SAMPLES
-from selector.controllers.guard.decided import is_turned
+from selector.controllers.guard.decided import LEAST_GOOD_SAMPLES, is_turned
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.replay.replayed import Replay
 from selector.controllers.writers.exported import Exported, SignTest

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from selector.controllers.guard import GuardedModel
+from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.recording import Channel, Recording
 

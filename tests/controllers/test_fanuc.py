@@ -12,7 +12,7 @@ import pytest
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.controllers.model_file import read_model
 from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_answers
-from selector.controllers.replay.rows import Rows, reference_answers
+from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
 from tests.controllers import hostile

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.controllers import read_model
-from selector.controllers.guard import Mode
+from selector.controllers.guard.decided import Mode
 from selector.controllers.replay.macro_b_executed import MacroB, macro_b_called_at_most_once_a_second
 from selector.controllers.replay.parts import macro_corrections_um
 from selector.controllers.writers.fanuc import FILE, fanuc_export

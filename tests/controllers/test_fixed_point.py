@@ -14,7 +14,7 @@ from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, 
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import read_model
 from selector.controllers.replay.compiled import compiler
-from selector.controllers.replay.rows import Rows, reference_answers
+from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.fixed_point import (
     fixed_point_bound_um,

@@ -11,10 +11,10 @@ import pytest
 
 from selector.controllers import Input, Output, OutputLimits, Term, read_model
 from selector.controllers.evaluator import axes_of
-from selector.controllers.guard import decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.compiled import c_answers, compiler, python_answers
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.writers.c99 import c_export, c_files
 from selector.controllers.writers.python_module import python_export
 from selector.errors import NotExecutableError

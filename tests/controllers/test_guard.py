@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.controllers import Evaluator, Guard, OutputLimits
-from selector.controllers.guard import GuardedModel, Mode, SensorCode, decided_limits
-from selector.controllers.replay.rows import reference_answers
+from selector.controllers.guard.decided import Mode, SensorCode, decided_limits
+from selector.controllers.guard.guarded_model import GuardedModel
+from selector.controllers.replay.parts import reference_answers
 from tests.controllers import hostile
 from tests.controllers.model_builders import rich_model, rise_model
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from selector.controllers import PositionPart
-from selector.controllers.guard import GuardedModel, Mode, SensorCode, decided_limits
+from selector.controllers.guard.decided import Mode, SensorCode, decided_limits
+from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.compiled import compiler
+from selector.controllers.replay.parts import Answers, reference_answers
 from selector.controllers.replay.replayed import faulty_share
-from selector.controllers.replay.rows import Answers, reference_answers
 from tests.controllers import hostile
 from tests.controllers.model_builders import guarded
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, State, Term
-from selector.controllers.guard import GuardedModel, Mode, SensorCode
+from selector.controllers.guard.decided import Mode, SensorCode
+from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.macro_b_executed import MacroB
 from selector.controllers.writers.fanuc import FILE, fanuc_export, macro_variables

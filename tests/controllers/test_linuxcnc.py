@@ -15,8 +15,8 @@ import pytest
 
 from selector.controllers import Input, ModelFile, Output, PositionPart, Term, read_model
 from selector.controllers.evaluator import axes_of
-from selector.controllers.replay import halrun_executed
-from selector.controllers.replay.halrun_executed import (
+from selector.controllers.replay import compiled
+from selector.controllers.replay.compiled import (
     INSTALL,
     RESOLUTION_UM,
     environment,
@@ -27,7 +27,7 @@ from selector.controllers.replay.halrun_executed import (
     missing_program,
     single_session,
 )
-from selector.controllers.replay.rows import Rows, reference_answers
+from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.writers.linuxcnc import READY_PERIODS, component, linuxcnc_export
 from selector.errors import NotExecutableError, OptionError
 from tests.controllers import hostile
@@ -186,13 +186,13 @@ def test_positions_come_from_the_axis_or_are_told_as_missing():
 
 
 def test_without_linuxcnc_it_says_what_to_install(monkeypatch):
-    monkeypatch.setattr(halrun_executed.shutil, "which", lambda name: None)
+    monkeypatch.setattr(compiled.shutil, "which", lambda name: None)
     with pytest.raises(NotExecutableError, match="linuxcnc-uspace-dev"):
         halrun_answers(hostile.model(), hostile.rows(5, 0))
 
 
 def test_more_than_a_session_can_hold_is_refused(linuxcnc, monkeypatch):
-    monkeypatch.setattr(halrun_executed, "LARGEST_REPLAY", 4)
+    monkeypatch.setattr(compiled, "LARGEST_REPLAY", 4)
     with pytest.raises(OptionError, match="5 rows"):
         halrun_answers(hostile.model(), hostile.rows(5, 0))
 

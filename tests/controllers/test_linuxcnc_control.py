@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
-from selector.controllers.guard.codes import Mode, SensorCode
+from selector.controllers.guard.decided import Mode, SensorCode
 from selector.controllers.guard.guarded_model import GuardedModel
-from selector.controllers.replay.halrun_executed import INSTALL, environment, installed, missing_program, single_session
+from selector.controllers.replay.compiled import INSTALL, environment, installed, missing_program, single_session
 from selector.controllers.writers.linuxcnc import NAME, linuxcnc_export
 from selector.errors import NotExecutableError
 from tests.patience import PATIENCE_S

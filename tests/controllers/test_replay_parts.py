@@ -10,13 +10,11 @@ import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
 from selector.controllers.evaluator import axes_of
-from selector.controllers.guard import with_decided_limits
+from selector.controllers.guard.decided import with_decided_limits
 from selector.controllers.model_file import read_model
-from selector.controllers.replay.compiled import compiler
-from selector.controllers.replay.halrun_executed import INSTALL, missing_program
-from selector.controllers.replay.parts import places_m, straight_line_um
+from selector.controllers.replay.compiled import INSTALL, compiler, missing_program
+from selector.controllers.replay.parts import places_m, reference_answers, straight_line_um
 from selector.controllers.replay.replayed import executed
-from selector.controllers.replay.rows import reference_answers
 from selector.controllers.writers.targets import TARGETS
 from tests.controllers import hostile
 from tests.controllers.model_builders import PATENT

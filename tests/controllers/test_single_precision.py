@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
 from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import read_model
-from selector.controllers.replay.rows import Rows, reference_answers
+from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.single_precision import (
     WORTH_A_WARNING_UM,
     largest_reading,

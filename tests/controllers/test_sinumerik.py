@@ -11,7 +11,7 @@ import pytest
 
 from selector.controllers import OutputLimits
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.replay.rows import reference_answers
+from selector.controllers.replay.parts import reference_answers
 from selector.controllers.replay.structured_text_executed import executable
 from selector.controllers.writers.sinumerik import (
     LARGEST_SLOPE,

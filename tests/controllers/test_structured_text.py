@@ -16,7 +16,7 @@ from selector.controllers import Guard, Input, Output, State, Term, read_model
 from selector.controllers.evaluator import axes_of
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Negative, Real, Variable
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import (
     executable,
     parser_name,

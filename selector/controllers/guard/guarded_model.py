@@ -6,28 +6,346 @@ same bits.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from selector.controllers.evaluator import Equations, polynomial
-from selector.controllers.guard.codes import (
+from selector.controllers.guard.decided import (
+    ANCHOR_S,
+    CODE_SLACK,
+    FORGIVEN_S,
     GAP_STEPS_LOG2,
     LARGEST_NUMBER,
+    LEAST_GOOD_SAMPLES,
     LONGEST_S,
     LONGEST_STEP_S,
+    RANGE_SLACK,
     SAMPLE_S,
+    DecidedLimits,
     Mode,
     SensorCode,
+    decided_limits,
+    is_turned,
+    longest_test_s,
+    valid_positions_m,
 )
-from selector.controllers.guard.correction import AxisPosition, Correction
-from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
-from selector.controllers.guard.sensor_watch import SensorWatch
-from selector.controllers.model_file import Input, ModelFile, State
+from selector.controllers.model_file import Guard, Input, ModelFile, Output, State
 
 Number = Callable[[float], Any]
+
+
+class SensorWatch:
+    """State of one sensor. All numbers are of the type `number`.
+
+    `x` is what the model gets (a rise or a reading, inside its valid range), as last believed `since_s` ago; `start` is
+    taken with the first good reading, and again until it is believed. `has_memory`: believed since its start; `begins`:
+    memory begins with the x of this sample; `is_new`: not believed since the control started.
+    """
+
+    def __init__(self, item: Input, guard: Guard, number: Number, start: float | None) -> None:
+        self._number = number
+        self._zero = number(0.0)
+        self._item = item
+        self._lowest, self._highest = number(item.valid_min), number(item.valid_max)
+        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
+        self._below, self._above = number(item.valid_min - slack), number(item.valid_max + slack)
+        codes = guard.break_codes if item.unit == "degC" else ()
+        slacks = [CODE_SLACK * abs(code) for code in codes]
+        self._codes = [(number(code - s), number(code + s)) for code, s in zip(codes, slacks, strict=True)]
+        self._reading_min = None if item.reading_min is None else number(item.reading_min)
+        self._reading_max = None if item.reading_max is None else number(item.reading_max)
+        rate = item.rate_limit_per_min
+        self._rate_per_s = None if rate is None else number(rate / 60.0)
+        stuck = guard.stuck_after_s if item.unit == "degC" else None
+        self._stuck_after_s = None if stuck is None else number(stuck)
+        self._limits_input = guard.outside_valid_range == "limit-input"
+        self._recover_after_s = number(guard.recover_after_s)
+        self._most_credit_s = number(guard.recover_after_s / LEAST_GOOD_SAMPLES)
+        self._largest, self._longest_s = number(LARGEST_NUMBER), number(LONGEST_S)
+        self._anchor_s, self._forgiven_s = number(ANCHOR_S), number(FORGIVEN_S)
+        self.start = None if start is None else number(start)
+        self.code = SensorCode.MISSING
+        self.x = self._zero
+        self.since_s = self._zero
+        self._anchor: Any = None
+        self._anchor_age_s = self._zero
+        self._last: Any = None
+        self._unchanged_s = self._zero
+        self._width = number(item.valid_max - item.valid_min)
+        self._good_for_s: Any = None
+        self._has_start = start is not None
+        self.has_memory = False
+        self.begins = False
+        self.is_new = True
+
+    @property
+    def is_believed(self) -> bool:
+        """Whether the model may use x."""
+        return self.code <= SensorCode.LIMITED
+
+    def sample(self, elapsed_s: Any, reading: Any) -> None:
+        """Judges the next reading; `elapsed_s` since the sample before."""
+        self._anchor_age_s = min(self._anchor_age_s + min(elapsed_s, self._anchor_s), self._forgiven_s)
+        self._unchanged_s = min(self._unchanged_s + elapsed_s, self._longest_s)
+        self.since_s = min(self.since_s + elapsed_s, self._longest_s)
+        self.begins = False
+        self.code = self._verdict(reading)
+        if not self.is_believed:
+            self._good_for_s = None
+            return
+        if not self._has_start and self.start is not None and self._is_elsewhere(reading - self.start):
+            self._good_for_s = None
+        if self._good_for_s is not None:
+            self._good_for_s = min(self._good_for_s + min(elapsed_s, self._most_credit_s), self._longest_s)
+        else:
+            self._good_for_s = self._zero
+            self._begin(reading)
+        if self._good_for_s < self._recover_after_s:
+            self.code = SensorCode.RECOVERING
+            return
+        self._believe(reading)
+
+    @property
+    def start_believed(self) -> Any:
+        """The start reading, None before it is believed."""
+        return self.start if self._has_start else None
+
+    def forget_start(self) -> None:
+        """The next good reading is the start reading once it is believed, and memory begins with it."""
+        self.has_memory = self._has_start = False
+
+    def check_kept(self, levels: Iterable[Any]) -> None:
+        """Drops what was kept over a restart and cannot be: a start that is no reading, a level out of range."""
+        low = -self._largest if self._reading_min is None else self._reading_min
+        high = self._largest if self._reading_max is None else self._reading_max
+        if self._has_start and not (low <= self.start <= high):
+            self.forget_start()
+        if not all(self._below <= level <= self._above for level in levels):
+            self.has_memory = False
+
+    def remember(self) -> None:
+        """X was believed, and memory has gone on with it."""
+        self.has_memory, self.is_new = True, False
+        self.since_s = self._zero
+
+    def passed(self, standstill_s: Any) -> None:
+        """Time went by without samples; what the reading did meanwhile is not judged."""
+        self.since_s = min(self.since_s + standstill_s, self._longest_s)
+        self._anchor = None
+        self._last = None
+        self._good_for_s = None
+        self.is_new = True
+
+    def _verdict(self, reading: Any) -> SensorCode:
+        # written so that NaN fails
+        if not (-self._largest <= reading <= self._largest):
+            return SensorCode.MISSING
+        for low, high in self._codes:
+            if low <= reading <= high:
+                return SensorCode.BREAK_CODE
+        if self._reading_min is not None and reading < self._reading_min:
+            return SensorCode.OUT_OF_LIMITS
+        if self._reading_max is not None and reading > self._reading_max:
+            return SensorCode.OUT_OF_LIMITS
+        if self._rate_per_s is not None and self._jumps(reading):
+            return SensorCode.JUMP
+        if self._stuck_after_s is not None and self._is_stuck(reading):
+            return SensorCode.STUCK
+        if not self._limits_input:
+            x = self._x(reading)
+            if x < self._below or x > self._above:
+                return SensorCode.OUTSIDE_VALID_RANGE
+        return SensorCode.OK
+
+    def _jumps(self, reading: Any) -> bool:
+        if self._anchor is None:
+            self._anchor, self._anchor_age_s = reading, self._zero
+            return False
+        allowed = self._rate_per_s * max(self._anchor_age_s, self._anchor_s)
+        change = reading - self._anchor
+        if change > allowed or change < -allowed:
+            if self.is_new:
+                self._anchor, self._anchor_age_s = reading, self._zero
+            return True
+        if self._anchor_age_s >= self._anchor_s:
+            self._anchor, self._anchor_age_s = reading, self._zero
+        return False
+
+    def _is_stuck(self, reading: Any) -> bool:
+        if self._last is None or reading != self._last:
+            self._last, self._unchanged_s = reading, self._zero
+        return bool(self._unchanged_s > self._stuck_after_s)
+
+    def _x(self, reading: Any) -> Any:
+        if self._item.reference == "absolute":
+            return reading
+        return reading - self.start if self._has_start else self._zero
+
+    def _is_elsewhere(self, change: Any) -> bool:
+        """The first reading and this one cannot both be good: the model has never seen so large a rise."""
+        return bool(change > self._width or change < -self._width)
+
+    def _begin(self, reading: Any) -> None:
+        """The first good reading is what a rise and memory begin with, if it is still believed at the end."""
+        if self.has_memory:
+            return
+        x = reading
+        if self._item.reference == "rise":
+            if not self._has_start:
+                self.start = reading
+            x = reading - self.start
+        self.x = min(max(x, self._lowest), self._highest)
+        self.since_s = self._zero
+        self.begins = True
+
+    def _believe(self, reading: Any) -> None:
+        self._has_start = self._item.reference == "rise"
+        x = self._x(reading)
+        if x < self._below or x > self._above:
+            self.code = SensorCode.LIMITED
+        self.x = min(max(x, self._lowest), self._highest)
+
+
+class Correction:
+    """From the displacement of one output to its correction: sign, clamp, dead band, slew."""
+
+    def __init__(self, output: Output, limits: DecidedLimits, number: Number) -> None:
+        self.name = output.name
+        self._is_turned = is_turned(output)
+        self._zero = number(0.0)
+        self._largest = number(LARGEST_NUMBER)
+        self._clamp, self._slope_clamp = number(limits.clamp_um), number(limits.slope_clamp_um_per_m)
+        self.k0 = Slewed(number(limits.own_slew_um_per_s), self._zero)
+        self.slope = Slewed(number(limits.slope_slew_um_per_m_s), self._zero)
+        self._dead_band = number(limits.dead_band_um)
+        part = output.position
+        self._axis = None if part is None else part.axis
+        self._back = Slewed(number(limits.slew_um_per_s), self._zero)
+        self._is_back = False
+        if part is not None:
+            self._reach = number(limits.reach_m)
+            self._where = number(part.reference_m)
+            self._reference = number(part.reference_m)
+            self._from, self._to = number(part.valid_min_m), number(part.valid_max_m)
+        self.stop()
+
+    def stop(self) -> None:
+        """The control was off: the correction begins at zero."""
+        self._off()
+        self._aim = self._slope_aim = self._zero
+
+    def aim(self, displacement: Any, slope: Any) -> None:
+        """What the model, or a fallback, gives is where it moves to from now on."""
+        own, steep = (displacement, slope) if self._is_turned else (-displacement, -slope)
+        if not (-self._largest <= own <= self._largest) or not (-self._largest <= steep <= self._largest):
+            return
+        own = min(max(own, -self._clamp), self._clamp)
+        change = own - self._aim
+        if change >= self._dead_band or change <= -self._dead_band:
+            self._aim = own
+        if self._axis is not None and self._reach > self._zero:
+            # the straight line keeps the clamp at the far end of the axis, too
+            size = -self._aim if self._aim < self._zero else self._aim
+            most = min((self._clamp - size) / self._reach, self._slope_clamp)
+            self._slope_aim = min(max(steep, -most), most)
+
+    def aim_at_zero(self) -> None:
+        """Whatever comes, it goes to zero."""
+        self._aim = self._slope_aim = self._zero
+
+    def move(self, mode: int, slewed_s: Any, axes: Mapping[str, AxisPosition], test: Any) -> None:
+        """One call goes by; `test` is what is commanded by hand."""
+        if mode == Mode.OFF:
+            self._off()
+            return
+        if self._axis is not None:
+            self._carry(axes[self._axis])
+        own, steep = self._aim, self._slope_aim
+        if mode == Mode.SWITCHED_OFF:
+            own = steep = self._zero
+        if mode == Mode.TEST:
+            own, steep = min(max(test, -self._clamp), self._clamp), self._zero
+        self.k0.move(own, slewed_s)
+        if self._axis is None:
+            self.correction = self.k0.now
+            return
+        self.slope.move(steep, slewed_s)
+        whole = self.k0.now + self.slope.now * (self._where - self._reference)
+        whole = min(max(whole, -self._clamp), self._clamp)
+        if self._is_back:
+            self._back.now = self.correction
+            self._back.move(whole, slewed_s)
+            self.correction = self._back.now
+            self._is_back = bool(self.correction != whole)
+        else:
+            self.correction = whole
+
+    def _carry(self, position: AxisPosition) -> None:
+        """The correction moves with its axis; after its position was lost, no faster than the slew limit."""
+        where = min(max(position.at, self._from), self._to)
+        if position.is_back:
+            self._is_back = True
+        else:
+            moved = self.correction + self.slope.now * (where - self._where)
+            self.correction = min(max(moved, -self._clamp), self._clamp)
+        self._where = where
+
+    def _off(self) -> None:
+        self.k0.stop()
+        self.slope.stop()
+        self._back.stop()
+        self._is_back = False
+        self.correction = self._zero
+
+
+class AxisPosition:
+    """Where an axis stands, or stood when that was last known."""
+
+    def __init__(self, reference: Any, low: Any, high: Any, largest: Any) -> None:
+        self.at = reference
+        self.code = SensorCode.MISSING
+        self.is_back = False
+        self._low, self._high, self._largest = low, high, largest
+
+    def take(self, position: Any) -> None:
+        """What is no position leaves it where it was last."""
+        if not (-self._largest <= position <= self._largest):
+            self.code, self.is_back = SensorCode.MISSING, False
+            return
+        self.is_back = self.code == SensorCode.MISSING
+        self.at = position
+        self.code = SensorCode.LIMITED if position < self._low or position > self._high else SensorCode.OK
+
+
+class Slewed:
+    """A number that follows its aim no faster than its limit a second.
+
+    What rounding gives or takes of a step is made up for in the next: else single precision at 1 ms would be a quarter
+    too slow at 0.003 µm/s, and stand still below.
+    """
+
+    def __init__(self, limit: Any, zero: Any) -> None:
+        self._limit, self._zero = limit, zero
+        self.stop()
+
+    def stop(self) -> None:
+        """It is zero at once."""
+        self.now = self._rest = self._zero
+
+    def move(self, aim: Any, slewed_s: Any) -> None:
+        """One call goes by."""
+        most = self._limit * slewed_s + self._rest
+        reach = max(most, self._zero)
+        low, high = self.now - reach, self.now + reach
+        self._rest = self._zero
+        if aim < low:
+            aim, self._rest = low, most - (self.now - low)
+        elif aim > high:
+            aim, self._rest = high, most - (high - self.now)
+        self.now = aim
 
 
 @dataclass(frozen=True)

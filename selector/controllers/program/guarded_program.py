@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from selector.controllers.evaluator import Equations, axes_of
-from selector.controllers.guard.codes import (
+from selector.controllers.guard.decided import (
     GAP_STEPS_LOG2,
     LARGEST_NUMBER,
     LONGEST_S,
@@ -13,8 +13,10 @@ from selector.controllers.guard.codes import (
     SAMPLE_S,
     Mode,
     SensorCode,
+    decided_limits,
+    longest_test_s,
+    valid_positions_m,
 )
-from selector.controllers.guard.decided import decided_limits, longest_test_s, valid_positions_m
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
 from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor

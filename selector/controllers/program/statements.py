@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from selector.controllers.guard.codes import (
+from selector.controllers.guard.decided import (
     ANCHOR_S,
+    CODE_SLACK,
     FORGIVEN_S,
     LARGEST_NUMBER,
     LEAST_GOOD_SAMPLES,
     LONGEST_S,
+    RANGE_SLACK,
+    DecidedLimits,
     Mode,
     SensorCode,
+    is_turned,
 )
-from selector.controllers.guard.decided import DecidedLimits, is_turned
 from selector.controllers.model_file import Guard, Input, Output, PositionPart, Term
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
-from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 
 NO_READING = 1e30
 """What an input holds that nobody has wired or read yet: missing, never a temperature of 0."""

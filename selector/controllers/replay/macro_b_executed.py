@@ -16,8 +16,7 @@ import numpy as np
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.parts import held, rows_at, sampled_rows
-from selector.controllers.replay.rows import Answers, Rows
+from selector.controllers.replay.parts import Answers, Rows, held, rows_at, sampled_rows
 from selector.controllers.writers.fanuc import (
     ABSOLUTE_OR_NOT,
     FILE,
@@ -58,11 +57,6 @@ class MacroB:
 
     `modal` has #4003 (90 or 91) and #4006 (20 or 21), unless the control has no such group; `offsets` per axis what G10
     wrote to the external work offset [mm, or inch].
-
-    Raises
-    ------
-    MacroError
-        A block is not in the subset.
     """
 
     def __init__(self, text: str) -> None:
@@ -76,13 +70,7 @@ class MacroB:
         self._labels = {int(block["label"]): k for k, block in enumerate(self._blocks) if block["label"]}
 
     def call(self) -> None:
-        """One call, to M99.
-
-        Raises
-        ------
-        MacroError
-            It does not end, jumps to a label that is not there, ends in an alarm, or has G90 where there is none.
-        """
+        """One call, to M99."""
         at = 0
         for _ in range(MOST_BLOCKS):
             block, at = self._blocks[at], at + 1

@@ -9,20 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.controllers.application import (
+    SLIGHT_SHARE,
     Accuracy,
     displacement_of,
     displacement_starts,
     position_channels,
     require_channels,
+    unit_of_difference,
 )
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import Mode, SensorCode
-from selector.controllers.guard.decided import is_turned
+from selector.controllers.guard.decided import Mode, SensorCode, is_turned
 from selector.controllers.model_file import Input, ModelFile
-from selector.controllers.replay.parts import TIME_STEP_S, Part
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
-from selector.controllers.sensor_check import SLIGHT_SHARE, unit_of_difference
+from selector.controllers.replay.parts import TIME_STEP_S, Answers, Part, Rows, reference_answers
 from selector.findings import Finding, Where
 from selector.recording import Recording
 from selector.types import Array
@@ -151,15 +150,7 @@ def replayed(
     parts: Sequence[Part],
     progress: Callable[[str], None] | None = None,
 ) -> Replay:
-    """Every run of a recording from its own start through the written files; the first part is the main program.
-
-    Raises
-    ------
-    RecordingError
-        An input, or an axis position that the model needs, is missing in every run.
-    OptionError
-        A file cannot be executed on this machine.
-    """
+    """Every run of a recording from its own start through the written files; the first part is the main program."""
     require_channels(model, recording)
     written = [part for part in parts if part.file in files]
     starts = displacement_starts(model, recording)

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from fractions import Fraction
 
-from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.language import plain
 from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test_of_block
@@ -30,13 +30,7 @@ _LINE = re.compile(r"lr_param\.temp_comp(_\w+)?\s+(-?\d+)\s*(#.*)?")
 
 
 def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
-    """An axis list per output, the table of what the PLC writes by ADS, and the function block that it comes from.
-
-    Raises
-    ------
-    ExportRefusedError
-        An output has no axis, two outputs share one, or a position does not fit into the list.
-    """
+    """An axis list per output, the table of what the PLC writes by ADS, and the function block that it comes from."""
     axes = _axes(model)
     head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     files = {

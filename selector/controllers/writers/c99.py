@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Language, Program, Variable, plain

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from selector import __version__
 from selector.controllers.evaluator import formula_text
-from selector.controllers.guard.codes import Mode
-from selector.controllers.guard.decided import decided_limits, is_turned, longest_test_s
+from selector.controllers.guard.decided import Mode, decided_limits, is_turned, longest_test_s
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.language import plain
 from selector.errors import InputError

@@ -7,13 +7,23 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
 
+from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import LARGEST_NUMBER, LEAST_GOOD_SAMPLES, LONGEST_S, LONGEST_STEP_S, Mode
-from selector.controllers.guard.decided import DecidedLimits, decided_limits, is_turned, longest_test_s
+from selector.controllers.guard.decided import (
+    CODE_SLACK,
+    LARGEST_NUMBER,
+    LEAST_GOOD_SAMPLES,
+    LONGEST_S,
+    LONGEST_STEP_S,
+    RANGE_SLACK,
+    DecidedLimits,
+    Mode,
+    decided_limits,
+    is_turned,
+    longest_test_s,
+)
 from selector.controllers.model_file import Input, ModelFile, Output, kept_sha256
 from selector.controllers.program.language import plain
-from selector.controllers.self_check import output_bound_um
-from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
 from selector.findings import Finding
 
@@ -27,13 +37,7 @@ LITERAL_ROUNDOFF = 5e-12
 
 
 def literal(value: float) -> str:
-    """A number without an exponent, in `SIGNIFICANT_DIGITS`: ``6.0476``, ``10.``, ``[1.5/100000.]``.
-
-    Raises
-    ------
-    ExportRefusedError
-        It is too large or too small to be written.
-    """
+    """A number without an exponent, in `SIGNIFICANT_DIGITS`: ``6.0476``, ``10.``, ``[1.5/100000.]``."""
     if value == 0.0:
         return "0."
     if not 1e-20 <= abs(value) < 1e20:
@@ -208,13 +212,7 @@ class MacroVariables:
 
 
 def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
-    """``O9100.nc``.
-
-    Raises
-    ------
-    ExportRefusedError
-        Too many variables, an output without a linear axis, two outputs of one axis, or a number out of reach.
-    """
+    """``O9100.nc``."""
     names = macro_variables(model)
     left_out = list(left_out_of_macro(model))
     first, tests, corrections = model.outputs[0].name, list(names.tests.values()), list(names.corrections.values())
@@ -264,13 +262,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
 
 
 def macro_variables(model: ModelFile) -> MacroVariables:
-    """Which common variables the program of a model uses.
-
-    Raises
-    ------
-    ExportRefusedError
-        There are not so many.
-    """
+    """Which common variables the program of a model uses."""
     volatile = iter(range(TIME + 1, 10_000))
     kept = iter(range(_GOOD_FOR + 1, 10_000))
     taus = sorted({(state.source, state.tau_s) for state in model.states})

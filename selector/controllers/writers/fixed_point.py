@@ -8,9 +8,13 @@ from fractions import Fraction
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import LONGEST_S, LONGEST_STEP_S, SAMPLE_S, Mode, SensorCode
 from selector.controllers.guard.decided import (
+    LONGEST_S,
+    LONGEST_STEP_S,
+    SAMPLE_S,
     DecidedLimits,
+    Mode,
+    SensorCode,
     decided_limits,
     is_turned,
     longest_test_s,
@@ -433,13 +437,7 @@ def _check_limits(output: Output, limits: DecidedLimits) -> None:
 
 
 def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, str]:
-    """``thermal_correction_i.h`` and ``.c``.
-
-    Raises
-    ------
-    ExportRefusedError
-        Something does not fit into 32 or 64 bits; the message says what.
-    """
+    """``thermal_correction_i.h`` and ``.c``."""
     source = Source(model)
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *_about(model, source.fixed)]]
     return {

@@ -128,13 +128,7 @@ class Fixed:
 
 
 def fixed(model: ModelFile) -> Fixed:
-    """The model in whole numbers (its fallbacks are left out).
-
-    Raises
-    ------
-    ExportRefusedError
-        Something does not fit into 64 bits.
-    """
+    """The model in whole numbers (its fallbacks are left out)."""
     inputs = {item.name: _counted(item) for item in model.inputs}
     taus = sorted({(state.source, state.tau_s) for state in model.states})
     taus_ms = {key: _tau_ms(*key) for key in taus}

@@ -6,10 +6,17 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from selector.controllers.guard.codes import ANCHOR_S, FORGIVEN_S, LEAST_GOOD_SAMPLES, LONGEST_S, SensorCode
+from selector.controllers.guard.decided import (
+    ANCHOR_S,
+    CODE_SLACK,
+    FORGIVEN_S,
+    LEAST_GOOD_SAMPLES,
+    LONGEST_S,
+    RANGE_SLACK,
+    SensorCode,
+)
 from selector.controllers.model_file import Guard
 from selector.controllers.program.language import plain
-from selector.controllers.sensor_check import CODE_SLACK, RANGE_SLACK
 from selector.controllers.writers.fixed_point_numbers import LARGEST_INT32, MS, ONE, Counted
 
 INT_NAME = "thermal_correction_i"

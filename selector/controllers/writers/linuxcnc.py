@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain

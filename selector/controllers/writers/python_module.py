@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.controllers.guard.codes import Mode
+from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Language, Program, Variable, plain

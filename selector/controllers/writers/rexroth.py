@@ -40,13 +40,7 @@ class DriveParameters:
 
 
 def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
-    """``indradrive_axis_correction.txt``.
-
-    Raises
-    ------
-    ExportRefusedError
-        The model is not a straight line in one temperature, or not zero at one reference temperature.
-    """
+    """``indradrive_axis_correction.txt``."""
     found = {output.name: drive_parameters(model, output) for output in model.outputs}
     lines = [f"; {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     for output in model.outputs:
@@ -83,13 +77,7 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
 
 
 def drive_parameters(model: ModelFile, output: Output) -> DriveParameters:
-    """The drive's formula for one output of a model.
-
-    Raises
-    ------
-    ExportRefusedError
-        The model is not a straight line in one temperature, or not zero at one reference temperature.
-    """
+    """The drive's formula for one output of a model."""
     item = _only_temperature(model, output)
     own = _line(output, item, physical_coefficients(model)[output.name])
     part = output.position

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.codes import Mode
-from selector.controllers.guard.decided import decided_limits
+from selector.controllers.guard.decided import Mode, decided_limits
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain

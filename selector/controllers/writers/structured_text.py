@@ -170,13 +170,7 @@ def head_lines(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
 def declaration_lines(
     program: Program, language: StructuredText, block: str, sections: Mapping[Place, str] = SECTIONS
 ) -> list[str]:
-    """``FUNCTION_BLOCK`` and its variables.
-
-    Raises
-    ------
-    ValueError
-        Two names differ in nothing but capital letters, or one is too long.
-    """
+    """``FUNCTION_BLOCK`` and its variables."""
     names = [language.name(one).lower() for one in program.variables]
     if len(set(names)) < len(names) or max(map(len, names)) > LONGEST_NAME:
         raise ValueError(f"names that no control takes: {names}")

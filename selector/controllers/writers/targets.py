@@ -13,19 +13,24 @@ import numpy as np
 from selector import __version__
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import (
+    RESOLUTION_UM,
     c_answers,
     compiler,
     compiler_version,
     fixed_point_answers,
+    halrun_answers,
+    linuxcnc_version,
     python_answers,
 )
-from selector.controllers.replay.halrun_executed import RESOLUTION_UM, halrun_answers, linuxcnc_version
 from selector.controllers.replay.macro_b_executed import macro_b_called_at_most_once_a_second
 from selector.controllers.replay.parts import (
+    Answers,
     Execution,
     Part,
+    Rows,
     at_most,
     macro_corrections_um,
+    reference_answers,
     rounding_um,
     straight_line_um,
     tenths_um,
@@ -34,14 +39,16 @@ from selector.controllers.replay.parts import (
     whole_numbers_um,
     without_fallbacks,
 )
-from selector.controllers.replay.rows import Answers, Rows, reference_answers
-from selector.controllers.replay.straight_line import (
+from selector.controllers.replay.structured_text_executed import (
     drive_answers,
+    parser_name,
     printed_parameters_um,
+    scl_answers,
     setting_data_answers,
+    st_answers,
+    tcpou_answers,
     temp_comp_answers,
 )
-from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers, tcpou_answers
 from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported

@@ -49,13 +49,7 @@ class _Element:
 
 
 def readable_variables(data: bytes, where: str) -> tuple[list[str], list[str]] | None:
-    """Names of the readable variables and of the opaque objects; None for MAT v4, which has no nested parts.
-
-    Raises
-    ------
-    ReadError
-        A variable is damaged or cut off, or unpacked they would not fit into memory.
-    """
+    """Names of the readable variables and of the opaque objects; None for MAT v4, which has no nested parts."""
     if not data.startswith(b"MATLAB 5.0"):
         return None
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
@@ -207,13 +201,7 @@ _UNIT_FIELDS = ("units", "unit")
 
 
 def read_mat(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
-    """The vectors, matrices and structures of a MAT or HDF5 file: one table, or one per structure with its own length.
-
-    Raises
-    ------
-    ReadError
-        The file is damaged, holds only opaque objects (timetable, table, datetime), or no vectors of one length.
-    """
+    """Vectors, matrices and structures of a MAT or HDF5 file: one table, or one per structure with its own length."""
     where = path.name
     try:
         with quiet():

@@ -19,13 +19,7 @@ from selector.readers.tables import Column, Overrides, Table, checked_size, chec
 
 
 def read_parquet(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
-    """The one table of a Parquet or Feather file.
-
-    Raises
-    ------
-    ReadError
-        The file is damaged or cut off.
-    """
+    """The one table of a Parquet or Feather file."""
     try:
         return [_table(path, data)]
     except (InputError, MemoryError):

@@ -20,13 +20,7 @@ from selector.readers.tables import Column, Overrides, Table, checked_size, chec
 
 
 def read_tdms(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
-    """The groups of a TDMS file.
-
-    Raises
-    ------
-    ReadError
-        The file is damaged or has no channel of numbers.
-    """
+    """The groups of a TDMS file."""
     nptdms = optional_module("nptdms", "a TDMS file", path.name)
     try:
         with quiet():
@@ -148,13 +142,7 @@ def _text(value: Any) -> str | None:
 
 
 def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
-    """The channels of all groups on one clock.
-
-    Raises
-    ------
-    ReadError
-        The file is damaged or has no channel of numbers.
-    """
+    """The channels of all groups on one clock."""
     asammdf = optional_module("asammdf", "an MDF file", path.name)
     try:
         with quiet(), silent(), asammdf.MDF(io.BytesIO(data)) as file:

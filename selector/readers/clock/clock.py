@@ -50,13 +50,7 @@ class Clock:
 
 
 def clock(table: Table, options: TimeOptions) -> Clock:
-    """The clock of a table.
-
-    Raises
-    ------
-    ReadError
-        A time column was named that the table does not have or that holds no times.
-    """
+    """The clock of a table."""
     known: _Known = {}
     if options.columns:
         columns = [_named(table, name) for name in options.columns]

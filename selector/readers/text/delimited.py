@@ -94,13 +94,7 @@ class _Sheet:
 
 
 def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
-    """The one table of a text file.
-
-    Raises
-    ------
-    ReadError
-        The text holds no table of numbers, or the header and the lines do not fit together.
-    """
+    """The one table of a text file."""
     where = path.name
     text = decoded(data, where, overrides.encoding)
     _refuse_markup(text.utf8, where)

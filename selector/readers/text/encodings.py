@@ -58,11 +58,6 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> Decoded:
 
     The order of evidence: what the user says, a byte order mark, zero bytes at every other place (UTF-16), strict
     UTF-8, and otherwise the candidate whose decoding of the non-ASCII lines looks most like a recording's header.
-
-    Raises
-    ------
-    ReadError
-        The file is binary, or it is not text in the encoding that the user named.
     """
     if encoding is not None:
         return _forced(data, encoding, where)

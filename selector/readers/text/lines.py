@@ -50,11 +50,6 @@ def body(
 
     `text` is UTF-8 from the first sample on, which is line `first_line` of the file, from 1; `headings` are left out
     where they are met again. `remarks_last`: the last column holds free text, in which the separator may stand.
-
-    Raises
-    ------
-    ReadError
-        More than half of the lines do not have the right number of cells.
     """
     cut_off = bool(text) and not text.endswith(b"\n")
     separator, n_columns = dialect.separator, dialect.n_columns

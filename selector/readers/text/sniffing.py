@@ -64,11 +64,6 @@ def dialect(
 
     `body` are lines from inside the file, without comments and empty lines; of the first lines, `head`, one of words
     with the same count of cells speaks for a separator. `separator` and `decimal` are what the user named.
-
-    Raises
-    ------
-    ReadError
-        No dialect gives a table with numbers.
     """
     named = _named_separator(separator, where)
     if decimal is not None and decimal not in (".", ","):
