@@ -8,13 +8,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from selector.controllers.evaluator import Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LONGEST_S
 from selector.controllers.model_file import CheckVector, Input, ModelFile, OutputLimits, read_model
 from selector.findings import Finding
+from selector.types import Vector
 
 DAY_S = 86_400.0
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
@@ -172,11 +173,7 @@ def check_vectors(
 
 
 def _vector(
-    model: ModelFile,
-    name: str,
-    time_s: list[float],
-    rows: list[dict[str, float]],
-    start: Mapping[str, float] | None,
+    model: ModelFile, name: str, time_s: list[float], rows: list[dict[str, float]], start: Mapping[str, float] | None
 ) -> CheckVector:
     axes = {item.position.axis: item.position for item in model.outputs if item.position is not None}
     # to and fro between the ends of the valid positions, so that the slope is seen at both
@@ -240,7 +237,7 @@ def _ramp(model: ModelFile) -> tuple[list[float], list[dict[str, float]]]:
     return _increasing(time_s), rows
 
 
-def _increasing(time_s: NDArray[np.float64]) -> list[float]:
+def _increasing(time_s: Vector) -> list[float]:
     return [round(float(value) + 0.001 * k, 3) for k, value in enumerate(time_s)]
 
 

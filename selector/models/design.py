@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from selector.errors import OptionError
 from selector.recording import RunSource
+from selector.types import Array, Indices, Mask
 
 MAX_DEGREE = 3
 
@@ -103,7 +103,7 @@ class Scaling:
     centre: tuple[float, ...]
     scale: tuple[float, ...]
 
-    def scaled(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def scaled(self, values: Array) -> Array:
         """Z for samples x of shape (n_samples, n_variables)."""
         return (values - np.asarray(self.centre)) / np.asarray(self.scale)
 
@@ -118,7 +118,7 @@ class Scaling:
         )
 
 
-def design_matrix(scaled: NDArray[np.float64], variables: Sequence[str], terms: Sequence[Term]) -> NDArray[np.float64]:
+def design_matrix(scaled: Array, variables: Sequence[str], terms: Sequence[Term]) -> Array:
     """One column per term, shape (n_samples, n_terms), without the intercept.
 
     `variables` names the columns of `scaled`, shape (n_samples, n_variables), which are centred and scaled.
@@ -139,10 +139,10 @@ def design_matrix(scaled: NDArray[np.float64], variables: Sequence[str], terms: 
 def _product(
     powers: tuple[tuple[str, int], ...],
     made: Mapping[tuple[tuple[str, int], ...], int],
-    columns: NDArray[np.float64],
-    scaled: NDArray[np.float64],
+    columns: Array,
+    scaled: Array,
     position: Mapping[str, int],
-) -> NDArray[np.float64]:
+) -> Array:
     if powers in made:
         return columns[:, made[powers]]
     product = np.ones(len(scaled))
@@ -151,7 +151,7 @@ def _product(
     return product
 
 
-def physical_transform(terms: Sequence[Term], scaling: Scaling) -> tuple[tuple[Term, ...], NDArray[np.float64]]:
+def physical_transform(terms: Sequence[Term], scaling: Scaling) -> tuple[tuple[Term, ...], Array]:
     """How coefficients of z become coefficients of x.
 
     Expanding Π((x − c)/s)^p gives every product of lower powers, so for a hierarchical list of terms the expansion
@@ -204,13 +204,7 @@ class Lag:
         return f"{self.source}.lag{self.tau_s:.6g}s"
 
 
-def lagged(
-    values: NDArray[np.float64],
-    time_s: NDArray[np.float64],
-    tau_s: NDArray[np.float64],
-    state: NDArray[np.float64],
-    last_s: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def lagged(values: Array, time_s: Array, tau_s: Array, state: Array, last_s: Array) -> tuple[Array, Array, Array]:
     """Lagged samples, the states after the last one and their time stamps, so that a run can be fed in pieces.
 
     Backward Euler, s_k = s_{k−1} + Δt/(τ + Δt)·(x_k − s_{k−1}): stable for any step, and the control can compute it
@@ -243,7 +237,7 @@ def _lag_kernel(values, time_s, tau_s, state, last_s, result):  # type: ignore[n
             result[k, j] = state[j]
 
 
-def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> NDArray[np.float64]:
+def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> Array:
     """Time constants worth trying [s], evenly spaced in their logarithm.
 
     From three sampling periods (a faster lag is noise) to the length of the longest run (a slower one is a straight
@@ -261,7 +255,7 @@ SMALL_BEND = 0.7
 sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7)."""
 
 
-def start_reading(time_s: NDArray[np.float64], samples: NDArray[np.float64]) -> tuple[float, float]:
+def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     """Level at the start of a run and its standard error, from the first samples.
 
     One sample carries the whole noise of the gauge into every later rise of the run. A straight line or a parabola
@@ -305,9 +299,9 @@ class _StartFit:
     `gain` is the standard error of the start for a noise of 1, `next_power @ samples` the next coefficient.
     """
 
-    basis: NDArray[np.float64]
-    solver: NDArray[np.float64]
-    next_power: NDArray[np.float64]
+    basis: Array
+    solver: Array
+    next_power: Array
     gain: float
     limit: float
 
@@ -334,8 +328,8 @@ def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[st
     wanted = tuple(dict.fromkeys(names))
     starts: dict[str, dict[str, tuple[float, float]]] = {}
     for run in source.runs:
-        times: list[NDArray[np.float64]] = []
-        parts: list[NDArray[np.float64]] = []
+        times: list[Array] = []
+        parts: list[Array] = []
         for time_s, values in source.chunks(run, wanted):
             times.append(time_s[: 4 * NOISE_SAMPLES])
             parts.append(values[: 4 * NOISE_SAMPLES])
@@ -366,7 +360,7 @@ def gauge_start(level: float, standard_error: float) -> float:
     return level
 
 
-def _quantum(found: NDArray[np.float64]) -> float:
+def _quantum(found: Array) -> float:
     steps = np.abs(np.diff(np.unique(found)))
     steps = steps[steps > 1e-9 * max(1.0, float(np.abs(found).max()))]
     return float(steps.min()) if len(steps) and len(np.unique(found)) <= len(found) // 2 else 0.0
@@ -407,9 +401,9 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
 class Piece:
     """Some consecutive samples of a run."""
 
-    time_s: NDArray[np.float64]  #: (n_samples,)
-    variables: NDArray[np.float64]  #: (n_samples, n_variables): Rises (or absolute readings), then lags; NaN = missing
-    responses: NDArray[np.float64]  #: (n_samples, n_responses): Displacements [µm]
+    time_s: Array  #: (n_samples,)
+    variables: Array  #: (n_samples, n_variables): Rises (or absolute readings), then lags; NaN = missing
+    responses: Array  #: (n_samples, n_responses): Displacements [µm]
 
 
 @dataclass(frozen=True)
@@ -457,7 +451,7 @@ class Columns:
     scaling: Scaling
     terms: tuple[Term, ...]
 
-    def matrix(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
+    def matrix(self, variables: Array) -> Array:
         """Column per term, shape (n_samples, n_terms), from unscaled variables in the order of `scaling`."""
         return design_matrix(self.scaling.scaled(variables), self.scaling.variables, self.terms)
 
@@ -467,16 +461,16 @@ class Rows:
     """Complete samples of some runs, one after the other."""
 
     runs: tuple[str, ...]
-    run: NDArray[np.int64]  #: (n_samples,): Position in `runs`
-    time_s: NDArray[np.float64]  #: (n_samples,)
-    variables: NDArray[np.float64]  #: (n_samples, n_variables)
-    responses: NDArray[np.float64]  #: (n_samples, n_responses)
+    run: Indices  #: (n_samples,): Position in `runs`
+    time_s: Array  #: (n_samples,)
+    variables: Array  #: (n_samples, n_variables)
+    responses: Array  #: (n_samples, n_responses)
 
-    def only(self, keep: NDArray[np.bool_]) -> Rows:
+    def only(self, keep: Mask) -> Rows:
         """The samples for which `keep` is true."""
         return Rows(self.runs, self.run[keep], self.time_s[keep], self.variables[keep], self.responses[keep])
 
-    def blocks(self, n_blocks: int) -> NDArray[np.int64]:
+    def blocks(self, n_blocks: int) -> Indices:
         """Block of each sample within its run, −1 = purged at an edge; shape (n_samples,)."""
         labels = np.full(len(self.run), -1, dtype=np.int64)
         for r in range(len(self.runs)):
@@ -504,8 +498,8 @@ def block_bounds(n: int, n_blocks: int) -> list[tuple[int, int]]:
 
 def rows_of(source: RunSource, design: Design, runs: Sequence[str]) -> Rows:
     """The complete samples of some runs."""
-    number: list[NDArray[np.int64]] = []
-    parts: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
+    number: list[Indices] = []
+    parts: list[tuple[Array, Array, Array]] = []
     for r, run in enumerate(runs):
         for piece in design.pieces(source, run):
             parts.append((piece.time_s, piece.variables, piece.responses))

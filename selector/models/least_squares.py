@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
 from selector.errors import OptionError
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Scaling, Term, design_matrix, physical_transform
+from selector.types import Array, Indices
 
 if TYPE_CHECKING:
     from statsmodels.regression.linear_model import RegressionResultsWrapper
@@ -47,12 +47,12 @@ class FittedModel:
     scaling: Scaling  #: Centre and scale of the variables; fitted in z = (x − centre)/scale
     terms: tuple[Term, ...]
     has_intercept: bool
-    coefficients: NDArray[np.float64]  #: (1 + n_terms,): Intercept [µm], then one per term in z [µm]
+    coefficients: Array  #: (1 + n_terms,): Intercept [µm], then one per term in z [µm]
     #: (1 + n_terms, 1 + n_terms): Robust to autocorrelation within runs (HAC, Newey–West per run)
-    covariance: NDArray[np.float64]
+    covariance: Array
     #: (1 + n_terms, 1 + n_terms): σ²(X'X)⁻¹, right for independent residuals only: what other programs print
-    classical_covariance: NDArray[np.float64]
-    vif: NDArray[np.float64]  #: (n_terms,): Variance inflation of each column
+    classical_covariance: Array
+    vif: Array  #: (n_terms,): Variance inflation of each column
     valid_range: tuple[tuple[float, float], ...]  #: Smallest and largest value met while fitting, in x
     n_samples: int
     #: r2 and adjusted_r2: About the mean; about zero without an intercept: never rank the two together
@@ -67,13 +67,13 @@ class FittedModel:
         for array in (self.coefficients, self.covariance, self.classical_covariance, self.vif):
             array.setflags(write=False)
 
-    def predicted(self, variables: NDArray[np.float64]) -> NDArray[np.float64]:
+    def predicted(self, variables: Array) -> Array:
         """Displacement [µm] for variables x of shape (n_samples, n_variables), in the order of `scaling`."""
         scaled = self.scaling.scaled(variables)
         columns = design_matrix(scaled, self.scaling.variables, self.terms)
         return columns @ self.coefficients[1:] + self.coefficients[0]
 
-    def physical(self, *, robust: bool = True) -> tuple[tuple[Term, ...], NDArray[np.float64], NDArray[np.float64]]:
+    def physical(self, *, robust: bool = True) -> tuple[tuple[Term, ...], Array, Array]:
         """Terms in x, coefficients (intercept first) and their standard errors: what people read.
 
         E.g. µm per K for a linear term. The control gets the scaled form: it keeps its digits in 32 bits. With
@@ -85,12 +85,7 @@ class FittedModel:
         return terms, matrix @ self.coefficients, errors
 
     def statsmodels_results(
-        self,
-        variables: NDArray[np.float64],
-        response: NDArray[np.float64],
-        runs: NDArray[np.int64] | None = None,
-        *,
-        robust: bool = True,
+        self, variables: Array, response: Array, runs: Indices | None = None, *, robust: bool = True
     ) -> RegressionResultsWrapper:
         """The same fit in statsmodels, in physical units: `summary()`, p values, tests of hypotheses, influence.
 
@@ -126,13 +121,13 @@ class FittedModel:
 
 
 def fit(
-    variables: NDArray[np.float64],
-    response: NDArray[np.float64],
+    variables: Array,
+    response: Array,
     *,
     scaling: Scaling,
     terms: Sequence[Term],
     name: str,
-    runs: NDArray[np.int64] | None = None,
+    runs: Indices | None = None,
     intercept: bool = True,
     ridge: float = 0.0,
 ) -> FittedModel:
@@ -207,7 +202,7 @@ def fit(
     )
 
 
-def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) -> NDArray[np.float64]:
+def variance_inflation(columns: Array, *, intercept: bool = True) -> Array:
     """1/(1 − R²_j) of each column on the others, shape (n_terms,); inf for a column that the others make up."""
     if columns.shape[1] == 0:
         return np.zeros(0)
@@ -224,7 +219,7 @@ def variance_inflation(columns: NDArray[np.float64], *, intercept: bool = True) 
     return result
 
 
-def long_run_covariance(scores: NDArray[np.float64], runs: NDArray[np.int64], width: int) -> NDArray[np.float64]:
+def long_run_covariance(scores: Array, runs: Indices, width: int) -> Array:
     """Newey–West sum of the lagged products of scores within each run, shape (k, k): the filling of the sandwich.
 
     `scores` have shape (n_samples, k), `runs` is the run of each row, non-decreasing; `width` is that of the Bartlett
@@ -239,9 +234,7 @@ def long_run_covariance(scores: NDArray[np.float64], runs: NDArray[np.int64], wi
     return meat
 
 
-def _solution(
-    stacked: NDArray[np.float64], right: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _solution(stacked: Array, right: Array) -> tuple[Array, Array]:
     """Least-squares solution and (X'X)⁻¹ by orthogonal factors; minimum norm where columns depend on each other.
 
     The normal equations are never formed: they have the square of the condition number.
@@ -262,19 +255,13 @@ def _solution(
     return beta / norm, root @ root.T
 
 
-def _largest_lag(groups: NDArray[np.int64]) -> int:
+def _largest_lag(groups: Indices) -> int:
     lengths = [rows.stop - rows.start for rows in _run_slices(groups)]
     # 4(n/100)^(2/9) is the textbook bandwidth; thermal residuals stay correlated for much longer
     return max(min(int(np.sqrt(len(groups) / len(lengths))), min(lengths) - 1), 0)
 
 
-def _diagnostics(
-    exogenous: NDArray[np.float64],
-    columns: NDArray[np.float64],
-    residuals: NDArray[np.float64],
-    groups: NDArray[np.int64],
-    intercept: bool,
-) -> Diagnostics:
+def _diagnostics(exogenous: Array, columns: Array, residuals: Array, groups: Indices, intercept: bool) -> Diagnostics:
     from statsmodels.stats.stattools import durbin_watson
 
     n, k = exogenous.shape
@@ -302,7 +289,7 @@ def _diagnostics(
     )
 
 
-def _ljung_box_p(residuals: NDArray[np.float64], lags: int) -> float:
+def _ljung_box_p(residuals: Array, lags: int) -> float:
     from statsmodels.tsa.stattools import acf, q_stat
 
     # acorr_ljungbox correlates at all lags: its cost grows with the square of the run
@@ -310,7 +297,7 @@ def _ljung_box_p(residuals: NDArray[np.float64], lags: int) -> float:
     return float(q_stat(correlation, len(residuals))[1][-1])
 
 
-def _run_slices(groups: NDArray[np.int64]) -> list[slice]:
+def _run_slices(groups: Indices) -> list[slice]:
     starts = np.flatnonzero(np.r_[True, groups[1:] != groups[:-1]])
     stops = np.r_[starts[1:], len(groups)]
     return [slice(int(a), int(b)) for a, b in zip(starts, stops, strict=True)]
@@ -324,13 +311,13 @@ MAX_SAMPLES = 4000
 class ValidityHull:
     """The convex hull of recorded inputs, held as points in units of `scale`."""
 
-    points: NDArray[np.float64]  #: (n_points, n_variables)
-    scale: NDArray[np.float64]  #: (n_variables,): Standard deviation of each input
+    points: Array  #: (n_points, n_variables)
+    scale: Array  #: (n_variables,): Standard deviation of each input
     #: low and high: (n_variables,): The box around the hull, in the unit of the inputs
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Array
+    high: Array
 
-    def distance(self, inputs: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distance(self, inputs: Array) -> Array:
         """Euclidean distance of each input to the hull, in standard deviations; 0 inside. Shape (n_samples,).
 
         The nearest point of the hull is a convex combination of its points, found by non-negative least squares with
@@ -347,7 +334,7 @@ class ValidityHull:
         return np.where(found < 1e-6, 0.0, found)
 
 
-def validity_hull(inputs: NDArray[np.float64]) -> ValidityHull:
+def validity_hull(inputs: Array) -> ValidityHull:
     """The hull of samples of shape (n_samples, n_variables), thinned to its outermost points.
 
     Extreme samples in many directions span the hull; what they leave out are slivers.
@@ -364,7 +351,7 @@ def validity_hull(inputs: NDArray[np.float64]) -> ValidityHull:
     return ValidityHull(scaled[extreme], scale, inputs.min(axis=0), inputs.max(axis=0))
 
 
-def _whitening(scaled: NDArray[np.float64]) -> NDArray[np.float64]:
+def _whitening(scaled: Array) -> Array:
     """Turns random directions into those that see every width of a cloud alike, shape (n_variables, n_variables).
 
     Temperatures of one machine rise together: their cloud is a needle, and in a random direction it is always one of
@@ -396,12 +383,7 @@ class FaultGain:
 
 
 def fault_gains(
-    model: FittedModel,
-    variables: NDArray[np.float64],
-    sensors: Sequence[str],
-    lag_source: dict[str, str],
-    *,
-    rise: bool,
+    model: FittedModel, variables: Array, sensors: Sequence[str], lag_source: dict[str, str], *, rise: bool
 ) -> tuple[FaultGain, ...]:
     """The gain of a fault of each sensor, over recorded samples of shape (n_samples, n_variables).
 
@@ -411,7 +393,7 @@ def fault_gains(
     healthy = model.predicted(variables)
     names = model.scaling.variables
 
-    def change(columns: Sequence[int], reading: float | NDArray[np.float64]) -> float:
+    def change(columns: Sequence[int], reading: float | Array) -> float:
         faulty = variables.copy()
         faulty[:, columns] = reading
         return float(np.abs(model.predicted(faulty) - healthy).max())

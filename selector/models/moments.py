@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.models.design import Columns, Design, Scaling, block_bounds
 from selector.models.least_squares import long_run_covariance
 from selector.recording import RunSource
+from selector.types import Array, Indices, Mask
 
 _ROWS = 20_000
 
@@ -30,15 +30,15 @@ class Moments:
     """Cross-products of (1, columns, responses) in each fold."""
 
     #: (n_folds, 1 + n_columns + n_responses, same): W'W of the fold's rows, W = [1, columns, responses]
-    products: NDArray[np.float64]
+    products: Array
     folds: tuple[Fold, ...]
     n_columns: int
     n_responses: int
     #: (k, k): The same over all rows of these folds; with blocks, rows purged between them are in here only
-    whole: NDArray[np.float64]
+    whole: Array
 
     @property
-    def n_samples(self) -> NDArray[np.float64]:
+    def n_samples(self) -> Array:
         """Samples in each fold, shape (n_folds,)."""
         return self.products[:, 0, 0]
 
@@ -51,7 +51,7 @@ class Moments:
         return Moments(products, names, self.n_columns, self.n_responses, products.sum(axis=0))
 
 
-def centred(total: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def centred(total: Array) -> tuple[Array, float]:
     """Cross-products about the mean, from those of [1, ...]; and the number of samples.
 
     A column that rests gets exact zeros: what centring leaves of it is rounding.
@@ -92,7 +92,7 @@ def moments(source: RunSource, design: Design, columns: Columns, *, n_blocks: in
     """
     size = 1 + len(columns.terms) + len(design.responses)
     folds: list[Fold] = []
-    products: list[NDArray[np.float64]] = []
+    products: list[Array] = []
     whole = np.zeros((size, size))
     for run in source.runs:
         if n_blocks == 1:
@@ -113,8 +113,8 @@ def moments(source: RunSource, design: Design, columns: Columns, *, n_blocks: in
 
 
 def _block_products(
-    source: RunSource, design: Design, columns: Columns, run: str, whole: NDArray[np.float64], n_blocks: int
-) -> list[NDArray[np.float64]]:
+    source: RunSource, design: Design, columns: Columns, run: str, whole: Array, n_blocks: int
+) -> list[Array]:
     n = sum(len(piece.time_s) for piece in design.pieces(source, run))
     bounds = block_bounds(n, n_blocks)
     totals = [np.zeros_like(whole) for _ in bounds]
@@ -127,9 +127,7 @@ def _block_products(
     return totals
 
 
-def _slices(
-    source: RunSource, design: Design, run: str
-) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+def _slices(source: RunSource, design: Design, run: str) -> Iterator[tuple[int, Array, Array]]:
     """(position of the first row in the run, variables, responses) of at most `_ROWS` rows at a time."""
     first = 0
     for piece in design.pieces(source, run):
@@ -139,9 +137,7 @@ def _slices(
         first += len(piece.time_s)
 
 
-def _add(
-    total: NDArray[np.float64], columns: Columns, variables: NDArray[np.float64], responses: NDArray[np.float64]
-) -> None:
+def _add(total: Array, columns: Columns, variables: Array, responses: Array) -> None:
     rows = np.empty((len(variables), total.shape[0]), order="F")
     rows[:, 0] = 1.0
     rows[:, 1 : 1 + len(columns.terms)] = columns.matrix(variables)
@@ -149,7 +145,7 @@ def _add(
     total += rows.T @ rows
 
 
-def coefficients(total: NDArray[np.float64], columns: Sequence[int], responses: Sequence[int]) -> NDArray[np.float64]:
+def coefficients(total: Array, columns: Sequence[int], responses: Sequence[int]) -> Array:
     """(intercept, coefficients) of the least-squares fit on some columns, shape (..., 1 + len(columns), n_responses).
 
     `total` has shape (..., k, k): cross-products of [1, columns, responses], in which `columns` and `responses` are
@@ -173,9 +169,7 @@ def coefficients(total: NDArray[np.float64], columns: Sequence[int], responses: 
     return solution / diagonal[..., :, None]
 
 
-def squared_error(
-    product: NDArray[np.float64], columns: Sequence[int], responses: Sequence[int], beta: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def squared_error(product: Array, columns: Sequence[int], responses: Sequence[int], beta: Array) -> Array:
     """Σ (y − ŷ)² of coefficients on rows that are known by their cross-products only, shape (..., n_responses).
 
     `product` has shape (..., k, k) and `beta` (..., 1 + len(columns), n_responses), as `coefficients` gives it.
@@ -198,32 +192,32 @@ class Batches:
     """Cross-products of W = [1, scaled variables, responses about their means] over batches of complete samples."""
 
     #: (n_batches, k, k): W'W of every batch, the batches of a run together and in order of time
-    products: NDArray[np.float64]
-    run: NDArray[np.int64]  #: (n_batches,): Position in `runs`
+    products: Array
+    run: Indices  #: (n_batches,): Position in `runs`
     runs: tuple[str, ...]
     scaling: Scaling  #: Of the variables
-    responses_at_um: NDArray[np.float64]  #: (n_responses,): What is subtracted from each response [µm]
+    responses_at_um: Array  #: (n_responses,): What is subtracted from each response [µm]
     #: low and high: (n_variables,): Smallest and largest value of each variable, in its own unit
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
+    low: Array
+    high: Array
     width: int  #: Batches in the bandwidth of a robust covariance
 
     @cached_property
-    def whole(self) -> NDArray[np.float64]:
+    def whole(self) -> Array:
         """W'W over all samples, shape (k, k)."""
         return np.asarray(self.products.sum(axis=0))
 
-    def of_run(self, run: str) -> NDArray[np.float64]:
+    def of_run(self, run: str) -> Array:
         """W'W over the samples of one run, shape (k, k)."""
         return np.asarray(self.products[self.run == self.runs.index(run)].sum(axis=0))
 
-    def about_means(self, total: NDArray[np.float64]) -> NDArray[np.float64]:
+    def about_means(self, total: Array) -> Array:
         """Cross-products of [1, scaled variables, responses] as they would be with responses about their means."""
         shift = np.eye(total.shape[-1])
         shift[-len(self.responses_at_um) :, 0] = -self.responses_at_um
         return np.asarray(shift @ total @ shift.T)
 
-    def meat(self, columns: Sequence[int], response: int, beta: NDArray[np.float64]) -> NDArray[np.float64]:
+    def meat(self, columns: Sequence[int], response: int, beta: Array) -> Array:
         """Long-run covariance of the scores of a fit, summed over all samples; the filling of the sandwich.
 
         Newey–West as `selector.models.least_squares.fit` has it, but that lags are counted in batches, not in samples.
@@ -234,9 +228,7 @@ class Batches:
         return long_run_covariance(scores, self.run, self.width)
 
 
-def batches(
-    source: RunSource, design: Design, scaling: Scaling, responses_at_um: NDArray[np.float64], *, most_rows: int
-) -> Batches:
+def batches(source: RunSource, design: Design, scaling: Scaling, responses_at_um: Array, *, most_rows: int) -> Batches:
     """Read every run once and add up.
 
     A fit on more than `most_rows` samples would be made on every second, third, …; its bandwidth is that many longer.
@@ -246,7 +238,7 @@ def batches(
     size = 1 + len(design.variables) + len(design.responses)
     length, width = _batch_length([lengths[run] for run in runs], size, most_rows)
     low, high = np.full(len(design.variables), np.inf), np.full(len(design.variables), -np.inf)
-    products: list[NDArray[np.float64]] = []
+    products: list[Array] = []
     for run in runs:
         of_run = np.zeros((-(-lengths[run] // length), size, size))
         for first, variables, responses in _batches_slices(source, design, run, length):
@@ -274,9 +266,7 @@ def _batch_length(lengths: Sequence[int], size: int, most_rows: int) -> tuple[in
     return length, max(1, round(wide / length))
 
 
-def _batches_slices(
-    source: RunSource, design: Design, run: str, length: int
-) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+def _batches_slices(source: RunSource, design: Design, run: str, length: int) -> Iterator[tuple[int, Array, Array]]:
     """(position of the first row in the run, variables, responses), a few thousand rows at a time."""
     first, most = 0, length * max(1, 4096 // length)
     for piece in design.pieces(source, run):
@@ -289,7 +279,7 @@ def _batches_slices(
         first += len(piece.time_s)
 
 
-def _batches_add(products: NDArray[np.float64], first: int, rows: NDArray[np.float64], length: int) -> None:
+def _batches_add(products: Array, first: int, rows: Array, length: int) -> None:
     """Add the products of consecutive rows, of which the first is row `first` of its run, to those of their batches."""
     head = min(-first % length, len(rows))
     if head:
@@ -312,16 +302,16 @@ Grouping = tuple[tuple[int, ...], ...]
 class HeldOut:
     """Errors on folds that a fit has not seen."""
 
-    sse: NDArray[np.float64]  #: (n_groups, n_responses): Sum of squared prediction errors [µm²] in each group left out
-    n_samples: NDArray[np.float64]  #: (n_groups,)
+    sse: Array  #: (n_groups, n_responses): Sum of squared prediction errors [µm²] in each group left out
+    n_samples: Array  #: (n_groups,)
 
     @property
-    def mse(self) -> NDArray[np.float64]:
+    def mse(self) -> Array:
         """Mean squared error [µm²] per group and response."""
         return self.sse / np.maximum(self.n_samples, 1.0)[:, None]
 
     @property
-    def rmse_um(self) -> NDArray[np.float64]:
+    def rmse_um(self) -> Array:
         """√ of the error pooled over all samples [µm], per response."""
         return np.sqrt(self.sse.sum(axis=0) / max(float(self.n_samples.sum()), 1.0))
 
@@ -360,8 +350,8 @@ def _grouped(m: Moments, key: Callable[[tuple[str, ...]], str]) -> Grouping:
 class LeaveOneOut:
     """Cross-products with each group left out, made once and used for every candidate."""
 
-    training: NDArray[np.float64]  #: (n_groups, k, k)
-    left_out: NDArray[np.float64]  #: (n_groups, k, k)
+    training: Array  #: (n_groups, k, k)
+    left_out: Array  #: (n_groups, k, k)
     n_columns: int
 
     @classmethod
@@ -378,7 +368,7 @@ class LeaveOneOut:
         return HeldOut(squared_error(self.left_out, at, responses, beta), self.left_out[:, 0, 0])
 
 
-def response_power(m: Moments) -> NDArray[np.float64]:
+def response_power(m: Moments) -> Array:
     """Variance of each response over all folds [µm²], shape (n_responses,): what errors are compared to."""
     total = m.whole
     n = max(float(total[0, 0]), 1.0)
@@ -391,7 +381,7 @@ WORTH_OF_A_SENSOR = 0.05
 MOST_ABOVE_BEST = 0.10
 
 
-def within_one_standard_error(errors: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.bool_]:
+def within_one_standard_error(errors: Array, weights: Array) -> Mask:
     """Which candidates predict unseen groups as well as the best one does, as far as the groups can tell.
 
     The differences to the best are taken group by group, which removes what makes a group hard for everyone; a
@@ -432,8 +422,5 @@ def error_curve_point(n_sensors: int, held_out: HeldOut) -> ErrorCurvePoint:
     # standard error of the mean square, carried through the root
     error = held_out.mse.std(axis=0, ddof=1) / np.sqrt(n) / (2.0 * np.maximum(rmse, 1e-300)) if n > 1 else rmse * np.nan
     return ErrorCurvePoint(
-        n_sensors,
-        tuple(map(float, rmse)),
-        tuple(map(float, error)),
-        tuple(tuple(map(float, row)) for row in per_group),
+        n_sensors, tuple(map(float, rmse)), tuple(map(float, error)), tuple(tuple(map(float, row)) for row in per_group)
     )

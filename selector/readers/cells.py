@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -13,7 +14,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from selector.readers.tables import BreakWord
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS
+from selector.readers.tables import BreakWord, listed, shown_lines
+from selector.types import Indices, Vector
 from selector.units import parse_unit
 
 _MISSING = (
@@ -120,10 +124,7 @@ def plain_digits(text: str) -> str:
 
 Text: TypeAlias = Any  # pyarrow.Array or pyarrow.ChunkedArray of strings; pyarrow has no types
 
-_ORDINARY = {
-    ".": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$",
-    ",": r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d{1,3})?$",
-}
+_ORDINARY = {".": r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$", ",": r"^[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d{1,3})?$"}
 
 
 @dataclass
@@ -139,7 +140,7 @@ class ColumnNotes:
     breaks: tuple[BreakWord, ...] = ()
 
 
-def numbers_or_text(cells: Text, decimal: str) -> tuple[NDArray[np.float64] | NDArray[np.object_], ColumnNotes]:
+def numbers_or_text(cells: Text, decimal: str) -> tuple[Vector | NDArray[np.object_], ColumnNotes]:
     """float64 values with NaN = missing if the column holds numbers (or ON/OFF words), otherwise its text.
 
     A column counts as numbers when at least half of the cells that say anything are numbers.
@@ -157,18 +158,18 @@ def numbers_or_text(cells: Text, decimal: str) -> tuple[NDArray[np.float64] | ND
     return _word_by_word(plain, decimal, notes)
 
 
-def _cast(cells: Text) -> NDArray[np.float64] | None:
+def _cast(cells: Text) -> Vector | None:
     try:
         values = pc.cast(cells, pa.float64())
     except pa.ArrowInvalid:
         return None
     if isinstance(values, pa.ChunkedArray):
         values = values.combine_chunks()
-    out: NDArray[np.float64] = np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
+    out: Vector = np.array(values.to_numpy(zero_copy_only=False), dtype=np.float64)
     return out
 
 
-def _finite(values: NDArray[np.float64], notes: ColumnNotes) -> NDArray[np.float64]:
+def _finite(values: Vector, notes: ColumnNotes) -> Vector:
     infinite = np.isinf(values)
     if infinite.any():
         notes.infinite = int(infinite.sum())
@@ -176,9 +177,7 @@ def _finite(values: NDArray[np.float64], notes: ColumnNotes) -> NDArray[np.float
     return values
 
 
-def _word_by_word(
-    plain: Text, decimal: str, notes: ColumnNotes
-) -> tuple[NDArray[np.float64] | NDArray[np.object_], ColumnNotes]:
+def _word_by_word(plain: Text, decimal: str, notes: ColumnNotes) -> tuple[Vector | NDArray[np.object_], ColumnNotes]:
     """The slow path: ordinary numbers at once, every other distinct cell is judged once."""
     if isinstance(plain, pa.ChunkedArray):
         plain = pa.concat_arrays(plain.chunks) if plain.num_chunks else pa.array([], pa.string())
@@ -212,7 +211,7 @@ def _word_by_word(
         words_only: NDArray[np.object_] = np.array(plain.to_pylist(), dtype=np.object_)
         return words_only, notes
 
-    def rows_of(code: int) -> NDArray[np.int64]:
+    def rows_of(code: int) -> Indices:
         return np.flatnonzero(codes == code).astype(np.int64)
 
     breaks: list[BreakWord] = []
@@ -270,3 +269,61 @@ def _judged(word: str, decimal: str) -> tuple[float, str]:
 def _value(cell: str, decimal: str) -> float:
     text = cell.replace(",", ".") if decimal == "," else cell
     return float(text.lower().replace("d", "e"))
+
+
+def column_findings(header: str, notes: ColumnNotes, lines: Indices | None, where: str) -> Iterator[Finding]:
+    """What the cells of one column gave cause to say."""
+    place, column = Where(channel=header), f"Column {header!r} of {where}"
+    if notes.unreadable:
+        rows = [row for rows in notes.unreadable.values() for row in rows]
+        at = sorted(row + 1 if lines is None else int(lines[row]) for row in rows)
+        words = ", ".join(repr(word[:30]) for word in list(notes.unreadable)[:4])
+        yield FINDINGS.finding(
+            "unreadable-cells",
+            f"{column} has cells that are no numbers ({words}; {shown_lines(at)}); they are missing values.",
+            place,
+            {"words": [word[:60] for word in notes.unreadable], "lines": at[:50]},
+        )
+    if notes.grouped:
+        example, count = notes.grouped
+        yield FINDINGS.finding(
+            "grouped-thousands",
+            f"{column} has {count} number(s) such as {example!r}, read as whole numbers with grouped thousands.",
+            place,
+            {"example": example, "count": count},
+        )
+    if notes.other_decimal:
+        example, count = notes.other_decimal
+        yield FINDINGS.finding(
+            "mixed-decimal",
+            f"{column} has {count} number(s) with another decimal mark than the rest of the file, such as {example!r}; "
+            "the mark was taken as a decimal mark.",
+            place,
+            {"example": example, "count": count},
+        )
+    if notes.unit:
+        yield FINDINGS.finding(
+            "unit-in-cells",
+            f"The cells of column {header!r} of {where} carry a unit: {notes.unit!r}.",
+            place,
+            {"unit": notes.unit},
+        )
+    if notes.infinite:
+        yield FINDINGS.finding(
+            "infinite-values",
+            f"{column} has {notes.infinite} infinite value(s); they are missing values.",
+            place,
+            {"count": notes.infinite},
+        )
+    if notes.words:
+        shown = ", ".join(f"{word} = {value:g}" for word, value in notes.words.items())
+        yield FINDINGS.finding("words-as-numbers", f"{column} holds words: {shown}.", place, notes.words)
+
+
+def no_header_finding(where: str, headers: list[str]) -> Finding:
+    """The file names no channels."""
+    return FINDINGS.finding(
+        "no-header",
+        f"{where} has no row of channel names; the columns are called {listed(headers, 3)}.",
+        evidence={"columns": len(headers)},
+    )

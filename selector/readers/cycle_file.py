@@ -14,7 +14,7 @@ from selector.readers.layout import is_time_name
 from selector.readers.roles.inferred import role_guess
 from selector.readers.roles.names import name_and_unit, printable_name
 from selector.readers.text.encodings import decoded
-from selector.readers.text.sniffing import cells_of
+from selector.readers.text.lines import cells_of
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.errors import OptionError, ReadError
 from selector.findings import Finding, Where
@@ -25,6 +24,7 @@ from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
 from selector.recording import Channel, Recording
+from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
 
@@ -33,7 +33,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
     channels = [channel_of(p) for p in planned.channels]
     names = [c.name for c in channels]
     findings: list[Finding] = []
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Vector] = []
     provenance: dict[str, Any] = {}
     for run in runs:
         by_header = {column.header: column.values for column in run.columns}

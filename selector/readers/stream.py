@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError, RecordingError
 from selector.findings import Finding, Where
@@ -27,6 +26,7 @@ from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import TimedRun, timed_run, uniquely_named
 from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
 from selector.recording import Channel
+from selector.types import Mask, Vector
 from selector.units import convert
 
 LARGE_BYTES = 400_000_000
@@ -122,7 +122,7 @@ class ParquetSource:
         """Number of rows in the file of a run."""
         return int(pq.read_metadata(self._runs[run].file).num_rows)
 
-    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Vector, Vector]]:
         """(time_s, values) pieces of a run in order, at most `CHUNK_ROWS` rows each, canonical units, NaN = missing.
 
         Raises
@@ -192,7 +192,7 @@ class _Ticker:
         self.missing = 0
         self.repeated = 0
 
-    def time_s(self, batch: pa.RecordBatch, asked: Sequence[str]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def time_s(self, batch: pa.RecordBatch, asked: Sequence[str]) -> tuple[Vector, Mask]:
         """Time of the rows that are kept, and which rows these are."""
         told = self._run.clock
         n_rows = batch.num_rows

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from selector.csv_text import as_written
 from selector.errors import ReadError
 from selector.findings import Finding
 from selector.readers.finding_table import FINDINGS
+from selector.types import Indices, Vector
 
 MAX_COLUMNS = 10_000
 """A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round."""
@@ -49,7 +50,7 @@ class BreakWord:
     """A word such as ``OPEN`` that stood where a number was due: which rows."""
 
     word: str
-    rows: NDArray[np.int64]
+    rows: Indices
 
 
 @dataclass(frozen=True)
@@ -78,9 +79,9 @@ class Table:
     #: How the file was read: format, encoding, separator, decimal, skipped_rows, unit_row, ..
     reading: Mapping[str, Any]
     findings: tuple[Finding, ...] = ()  #: What was noticed; `where.run` is filled in by the assembly
-    lines: NDArray[np.int64] | None = None  #: (n_rows,): Line or row number in the file of every row, for messages
+    lines: Indices | None = None  #: (n_rows,): Line or row number in the file of every row, for messages
     #: Seconds of the file's own clock, if the format has one outside of its columns (TDMS, MDF)
-    time_s: NDArray[np.float64] | None = None
+    time_s: Vector | None = None
     start: np.datetime64 | None = None  #: Absolute time of ``time_s == 0`` in that case
 
     def __len__(self) -> int:
@@ -152,6 +153,15 @@ def listed(names: Iterable[str], most: int) -> str:
     """The names in one line; of more than so many the first, and dots."""
     told = list(names)
     return ", ".join(told[:most]) + (" …" if len(told) > most else "")
+
+
+def shown_lines(lines: Sequence[int]) -> str:
+    """``"lines 3, 7, 9"`` or, when there are many, the first five and the last."""
+    if len(lines) == 1:
+        return f"line {lines[0]}"
+    if len(lines) <= 6:
+        return "lines " + ", ".join(map(str, lines))
+    return "lines " + ", ".join(map(str, lines[:5])) + f", … {lines[-1]}"
 
 
 def clean_name(text: str) -> str:

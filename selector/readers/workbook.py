@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError
 from selector.findings import Finding
-from selector.readers.cell_findings import column_findings, no_header_finding
-from selector.readers.cells import numbers_or_text
+from selector.readers.cells import column_findings, no_header_finding, numbers_or_text
 from selector.readers.finding_table import FINDINGS
 from selector.readers.layout import column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers

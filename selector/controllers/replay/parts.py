@@ -26,9 +26,9 @@ from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.single_precision import SINGLE, rounding_errors
 from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
 from selector.controllers.writers.fixed_point import fixed_point_bound_um
-from selector.types import Array
+from selector.types import Array, Indices, Mask
 
-Flags = NDArray[np.bool_]
+Flags = Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +68,9 @@ class Answers:
     correction_um: Array
     k0_um: Array
     slope_um_per_m: Array
-    mode: NDArray[np.int64]  #: (n_rows,)
-    sensors: NDArray[np.int64]  #: (n_rows, n_inputs)
-    axes: NDArray[np.int64]  #: (n_rows, n_axes): Codes of the positions; 0 where a control has none
+    mode: Indices  #: (n_rows,)
+    sensors: Indices  #: (n_rows, n_inputs)
+    axes: Indices  #: (n_rows, n_axes): Codes of the positions; 0 where a control has none
 
     @classmethod
     def empty(cls, n_rows: int, n_outputs: int, n_inputs: int, n_axes: int) -> Answers:
@@ -176,7 +176,7 @@ def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
     return held(reference_answers(small, called).correction_um, calls, len(rows))
 
 
-def sampled_rows(rows: Rows) -> NDArray[np.int64]:
+def sampled_rows(rows: Rows) -> Indices:
     """Rows in which readings are looked at, at most once a second; without restarts."""
     sampled, since = [], np.inf
     for k, dt_s in enumerate(rows.dt_s.tolist()):
@@ -187,14 +187,14 @@ def sampled_rows(rows: Rows) -> NDArray[np.int64]:
     return np.array(sampled, dtype=np.int64)
 
 
-def rows_at(rows: Rows, calls: NDArray[np.int64]) -> Rows:
+def rows_at(rows: Rows, calls: Indices) -> Rows:
     """These rows alone, with the time from one to the next."""
     tables: dict[str, Any] = {field.name: getattr(rows, field.name) for field in dataclasses.fields(Rows)}
     chosen: dict[str, Any] = {name: None if table is None else table[calls] for name, table in tables.items()}
     return Rows(**chosen | {"dt_s": np.diff(np.cumsum(rows.dt_s)[calls], prepend=0.0)})
 
 
-def held(answers: NDArray[Any], calls: NDArray[np.int64], n_rows: int) -> NDArray[Any]:
+def held(answers: NDArray[Any], calls: Indices, n_rows: int) -> NDArray[Any]:
     """The answer of each call, until the next."""
     return answers[np.searchsorted(calls, np.arange(n_rows), side="right") - 1]
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.controllers.application import (
     SLIGHT_SHARE,
@@ -24,7 +23,7 @@ from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.replay.parts import TIME_STEP_S, Answers, Part, Rows, reference_answers
 from selector.findings import Finding, Where
 from selector.recording import Recording
-from selector.types import Array
+from selector.types import Array, Mask
 
 
 @dataclass(frozen=True)
@@ -243,7 +242,7 @@ def faulty_share(telling: Answers, whole: Answers) -> float:
     return float(np.sum(telling.mode[begun:] != Mode.MODEL)) / len(telling.mode)
 
 
-def _is_new(whole: Answers) -> NDArray[np.bool_]:
+def _is_new(whole: Answers) -> Mask:
     """At which calls the whole guard only waited for readings to be good for long enough."""
     return (whole.mode != Mode.MODEL) & (whole.sensors <= SensorCode.RECOVERING).all(axis=1)
 

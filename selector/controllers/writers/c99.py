@@ -79,11 +79,7 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             FINDINGS.finding("no-single-precision", f"No single precision: {error.found}.", suggestion=error.advice),
         )
     return Exported(
-        files={
-            **c_files(model, is_sign_verified=is_sign_verified),
-            **in_single,
-            **fixed,
-        },
+        files={**c_files(model, is_sign_verified=is_sign_verified), **in_single, **fixed},
         findings=findings,
         sign_test=sign_test(
             model,

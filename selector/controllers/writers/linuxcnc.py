@@ -74,10 +74,7 @@ restore)
     ;;
 esac
 """
-    return {
-        f"{NAME}_memory.sh": script,
-        f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n",
-    }
+    return {f"{NAME}_memory.sh": script, f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n"}
 
 
 @dataclass(frozen=True)

@@ -87,11 +87,7 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
             "Beyond the positions that the model has seen, the NC goes on along the straight line, whereas the model "
             "stops there; and it clamps neither the sum of both parts nor K0.",
         ),
-        findings=(
-            *_limit_findings(model),
-            *_axis_findings(model),
-            *single_precision_findings(model, f"{NAME}.scl"),
-        ),
+        findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
     )
 
 

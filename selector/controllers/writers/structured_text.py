@@ -210,10 +210,7 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     program = guarded_program(model)
     language = StructuredText()
     declaration = joined(
-        [
-            *head_lines(model, is_sign_verified=is_sign_verified),
-            *declaration_lines(program, language, BLOCK, _SECTIONS),
-        ]
+        [*head_lines(model, is_sign_verified=is_sign_verified), *declaration_lines(program, language, BLOCK, _SECTIONS)]
     )
     text = (
         '<?xml version="1.0" encoding="utf-8"?>\n'

@@ -156,23 +156,13 @@ TARGETS: Mapping[str, Target] = {
         sinumerik_export,
         (
             Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um, is_single=True),
-            Part(
-                SETTING_DATA,
-                setting_data_answers,
-                parser_name,
-                _line_of_sinumerik,
-                units_in_single_um,
-                _NO_CLAMP,
-            ),
+            Part(SETTING_DATA, setting_data_answers, parser_name, _line_of_sinumerik, units_in_single_um, _NO_CLAMP),
         ),
     ),
     "beckhoff": Target(
         "Beckhoff TwinCAT CNC TF5200",
         beckhoff_export,
-        (
-            _BLOCK_OF_TWINCAT,
-            Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), _line, tenths_um, _NO_CLAMP),
-        ),
+        (_BLOCK_OF_TWINCAT, Part(ADS_TABLE, temp_comp_answers, _own("formula of TF5200"), _line, tenths_um, _NO_CLAMP)),
         not_always=("temp_comp_*.lis",),
     ),
     "fanuc": Target(

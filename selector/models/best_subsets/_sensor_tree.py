@@ -181,15 +181,7 @@ def superset_rss(
 
 @kernel
 def search_sensors(
-    gram: Any,
-    cross: Any,
-    owners: Any,
-    ranked: Any,
-    choose: int,
-    path: Any,
-    best_rss: Any,
-    best_state: Any,
-    work: int,
+    gram: Any, cross: Any, owners: Any, ranked: Any, choose: int, path: Any, best_rss: Any, best_state: Any, work: int
 ) -> bool:
     """Try every way to add `choose` of the `ranked` sensors to those inside, until done or the work is used up.
 

@@ -49,15 +49,7 @@ def swept(gram: Any, cross: Any, state: Any, v: Any) -> None:
 
 @kernel
 def descend(
-    gram: Any,
-    cross: Any,
-    root: Any,
-    state: Any,
-    v: Any,
-    best_rss: Any,
-    best_state: Any,
-    a: Any,
-    order: Any,
+    gram: Any, cross: Any, root: Any, state: Any, v: Any, best_rss: Any, best_state: Any, a: Any, order: Any
 ) -> int:
     """Swap one column in the set for one outside it while that lowers the RSS; record the set (and its neighbours).
 

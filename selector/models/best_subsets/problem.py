@@ -107,13 +107,7 @@ class Problem:
 
     @classmethod
     def of(
-        cls,
-        cross: ArrayLike,
-        n_samples: float,
-        must: Iterable[int],
-        intercept: bool,
-        n_best: int,
-        max_size: int | None,
+        cls, cross: ArrayLike, n_samples: float, must: Iterable[int], intercept: bool, n_best: int, max_size: int | None
     ) -> Problem:
         """Checked and scaled; see `best_subsets` for the arguments."""
         matrix = checked_cross(cross)

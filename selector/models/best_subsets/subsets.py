@@ -29,14 +29,8 @@ from selector.models.best_subsets.problem import (
     rss_from_factor,
     valid_diagonal,
 )
-from selector.models.best_subsets.results import (
-    Coverage,
-    SensorSet,
-    SensorSetSearch,
-    Statistics,
-    Subset,
-    SubsetSearch,
-)
+from selector.models.best_subsets.results import Coverage, SensorSet, SensorSetSearch, Statistics, Subset, SubsetSearch
+from selector.types import Array
 
 MAX_OPEN_NODES = 200_000
 """Open nodes of one size held in memory; beyond it the search goes depth first."""
@@ -56,7 +50,7 @@ def best_subsets(
     n_best: int = 1,
     must: Iterable[int] = (),
     intercept: bool = True,
-    factor: NDArray[np.float64] | None = None,
+    factor: Array | None = None,
     time_limit_s: float | None = None,
 ) -> SubsetSearch:
     """The exact `n_best` subsets of least residual sum of squares of every size.
@@ -160,9 +154,9 @@ class _SizeSearch:
     def run(
         self,
         problem: Problem,
-        diagonal: NDArray[np.float64],
+        diagonal: Array,
         scratch: Scratch,
-        best_rss: NDArray[np.float64],
+        best_rss: Array,
         best_state: NDArray[np.int8],
         work: int,
     ) -> bool:
@@ -186,11 +180,7 @@ class _SizeSearch:
 
 
 def _subset(
-    problem: Problem,
-    statistics: Statistics,
-    state: NDArray[np.int8],
-    rss: float,
-    factor: NDArray[np.float64] | None,
+    problem: Problem, statistics: Statistics, state: NDArray[np.int8], rss: float, factor: Array | None
 ) -> Subset:
     columns = tuple(np.flatnonzero(state == KEPT).tolist())
     total = float(rss) * problem.sst if factor is None else rss_from_factor(factor, columns)
@@ -344,13 +334,13 @@ class _House:
         state[list(self.columns(sensors))] = KEPT
         return float(set_rss(self.problem.gram, self.problem.cross, state, self._flat, self._order))
 
-    def offer(self, sensors: Iterable[int], best_rss: NDArray[np.float64], best_state: States) -> None:
+    def offer(self, sensors: Iterable[int], best_rss: Array, best_state: States) -> None:
         """Record a set of sensors if it is among the best."""
         state = np.full(self.n_sensors, DROPPED, np.int8)
         state[sorted(sensors)] = KEPT
         insert(best_rss, best_state, state, self.rss(sensors))
 
-    def extend(self, smaller: States, candidates: list[int], best_rss: NDArray[np.float64], best_state: States) -> None:
+    def extend(self, smaller: States, candidates: list[int], best_rss: Array, best_state: States) -> None:
         """Record every set of one sensor more than a given one."""
         inside = {int(s) for s in np.flatnonzero(smaller == KEPT)}
         for s in candidates:

@@ -14,7 +14,7 @@ from selector.errors import InputError, ReadError
 from selector.findings import Finding
 from selector.readers.binary.optional import collect_quietly, optional_module, quiet, silent
 from selector.readers.cells import numbers_or_text
-from selector.readers.clock.rates import Rate, one_clock
+from selector.readers.clock.ticking import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 

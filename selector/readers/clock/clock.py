@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
@@ -18,6 +17,7 @@ from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.roles.inferred import known_unit, role_guess
 from selector.readers.roles.names import closest, found_column, name_and_unit
 from selector.readers.tables import Column, Table, listed
+from selector.types import Vector
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
 
@@ -39,7 +39,7 @@ class TimeOptions:
 class Clock:
     """Stamps of a table."""
 
-    seconds: NDArray[np.float64]  #: (n_rows,): Since `base_s`; NaN = no readable stamp
+    seconds: Vector  #: (n_rows,): Since `base_s`; NaN = no readable stamp
     base_s: float | None  #: Absolute time of ``seconds == 0`` [s since 1970-01-01], None for a clock without a date
     zone_s: float | None  #: Offset of the file's zone from UTC [s]; then `base_s` is UTC, otherwise local time
     columns: tuple[str, ...]  #: Headers of the time columns; empty for a clock outside of the columns or none at all
@@ -305,7 +305,7 @@ def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions
     return Clock(seconds, day.base_s, day.zone_s, headers, "datetime", False, (), findings)
 
 
-def _milliseconds(table: Table, read: Stamps) -> NDArray[np.float64] | float:
+def _milliseconds(table: Table, read: Stamps) -> Vector | float:
     """Fractions of a second that a logger writes into a column of their own."""
     if np.any(read.seconds[np.isfinite(read.seconds)] % 1.0):
         return 0.0

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.readers.finding_table import FINDINGS
+from selector.types import Vector
 from selector.units import convert, parse_unit, same_dimension
 
 _MONTHS = (
@@ -41,7 +42,7 @@ class Stamps:
     """Times read from text."""
 
     #: (n_rows,): Since `base_s` if `kind` has a date, otherwise since midnight or of elapsed time; NaN = not a time
-    seconds: NDArray[np.float64]
+    seconds: Vector
     #: Midnight of the first date, since 1970-01-01 UTC or in the local time of the file; exact. 0 without a date
     base_s: float
     kind: str  #: {"datetime", "date", "time"}: What the text holds
@@ -98,7 +99,7 @@ def _has(parts: pa.StructArray, name: str) -> bool:
     return _field(parts, name).null_count < len(parts)
 
 
-def _number(parts: pa.StructArray, name: str) -> NDArray[np.float64]:
+def _number(parts: pa.StructArray, name: str) -> Vector:
     """The field as numbers; names of months become 1 to 12, anything else NaN."""
     value = _field(parts, name)
     try:
@@ -119,7 +120,7 @@ def _month_or_number(text: str | None) -> float:
     return np.nan
 
 
-def _time_of_day(parts: pa.StructArray) -> NDArray[np.float64]:
+def _time_of_day(parts: pa.StructArray) -> Vector:
     hour, minute = _number(parts, "h"), _number(parts, "m")
     second = np.nan_to_num(_number(parts, "s"))
     digits = _field(parts, "f")
@@ -133,11 +134,11 @@ def _time_of_day(parts: pa.StructArray) -> NDArray[np.float64]:
         before = pc.fill_null(pc.match_substring_regex(mark, "^([Aa]|上午|午前)"), False).to_numpy(zero_copy_only=False)
         hour = np.where(after & (hour < 12), hour + 12, np.where(before & (hour == 12), 0.0, hour))
     seconds = np.nan_to_num(_number(parts, "days")) * 86400 + hour * 3600 + minute * 60 + second + part
-    out: NDArray[np.float64] = np.where((minute < 60) & (second <= 60), seconds, np.nan)
+    out: Vector = np.where((minute < 60) & (second <= 60), seconds, np.nan)
     return out
 
 
-def _zone(parts: pa.StructArray) -> NDArray[np.float64]:
+def _zone(parts: pa.StructArray) -> Vector:
     texts = _field(parts, "zone")
     if texts.null_count == len(texts):
         return np.full(len(texts), np.nan)
@@ -155,7 +156,7 @@ def _zone_offset_s(text: str | None) -> float:
     return (1 if match[1] == "+" else -1) * (int(match[2]) * 3600.0 + int(match[3]) * 60.0)
 
 
-def _first(values: NDArray[np.float64]) -> float | None:
+def _first(values: Vector) -> float | None:
     known = values[np.isfinite(values)]
     return float(known[0]) if len(known) else None
 
@@ -201,7 +202,7 @@ def _with_date(parts: pa.StructArray, column: str, where: str, order: str | None
     return Stamps(seconds, base_s, kind, _first(zone), False, tuple(findings))
 
 
-def epoch_s(year: NDArray[np.float64], month: NDArray[np.float64], day: NDArray[np.float64]) -> NDArray[np.float64]:
+def epoch_s(year: Vector, month: Vector, day: Vector) -> Vector:
     """Seconds from 1970-01-01 to midnight of a day of the Gregorian calendar; NaN where there is no such day."""
     year = np.where(year < 70, year + 2000, np.where(year < 100, year + 1900, year))
     fine = (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (year >= 1600) & (year <= 2262)
@@ -209,20 +210,12 @@ def epoch_s(year: NDArray[np.float64], month: NDArray[np.float64], day: NDArray[
     months = ((y - 1970) * 12 + (m - 1)).astype("datetime64[M]")
     days = months.astype("datetime64[D]") + (d - 1)
     fine &= days.astype("datetime64[M]") == months
-    out: NDArray[np.float64] = np.where(fine, days.astype(np.int64) * 86400.0, np.nan)
+    out: Vector = np.where(fine, days.astype(np.int64) * 86400.0, np.nan)
     return out
 
 
 def _order(
-    a: NDArray[np.float64],
-    b: NDArray[np.float64],
-    c: NDArray[np.float64],
-    time: NDArray[np.float64],
-    separator: str,
-    noon: bool,
-    comma_file: bool,
-    column: str,
-    where: str,
+    a: Vector, b: Vector, c: Vector, time: Vector, separator: str, noon: bool, comma_file: bool, column: str, where: str
 ) -> tuple[str, list[Finding]]:
     """Which part is the day: by impossible dates, by the order in time of several dates, or by custom."""
     custom = "dmy" if separator == "." or comma_file or (separator == "-" and not noon) else "mdy"
@@ -278,7 +271,7 @@ _DOTNET_ZERO_S = -62135596800.0
 class NumericClock:
     """Seconds since `base_s` [s since 1970-01-01], or of a relative clock when `base_s` is None."""
 
-    seconds: NDArray[np.float64]
+    seconds: Vector
     base_s: float | None
     unit: str
     sure: bool
@@ -290,7 +283,7 @@ def time_unit(text: str | None) -> str | None:
     return known if known is not None and same_dimension(known, "s") else None
 
 
-def numeric_clock(values: NDArray[np.float64], unit: str | None) -> NumericClock:
+def numeric_clock(values: Vector, unit: str | None) -> NumericClock:
     """Numbers of a time column in seconds.
 
     Without a unit, ranges tell the absolute clocks apart (epoch in s, ms, µs, ns; FILETIME; .NET ticks; LabVIEW's 1904;
@@ -309,7 +302,7 @@ def numeric_clock(values: NDArray[np.float64], unit: str | None) -> NumericClock
     return NumericClock(values, None, "s", False)
 
 
-def _absolute(values: NDArray[np.float64], known: NDArray[np.float64]) -> NumericClock | None:
+def _absolute(values: Vector, known: Vector) -> NumericClock | None:
     low, high = float(known.min()), float(known.max())
 
     def within(a: float, b: float) -> bool:
@@ -343,17 +336,17 @@ def _absolute(values: NDArray[np.float64], known: NDArray[np.float64]) -> Numeri
     return None
 
 
-def _small_steps(known: NDArray[np.float64], limit: float) -> bool:
+def _small_steps(known: Vector, limit: float) -> bool:
     return len(known) > 1 and float(np.median(np.abs(np.diff(known)))) < limit
 
 
-def _days(values: NDArray[np.float64], known: NDArray[np.float64], zero_s: float, unit: str) -> NumericClock:
+def _days(values: Vector, known: Vector, zero_s: float, unit: str) -> NumericClock:
     # days as float64 resolve about 1 µs; writers round to a millisecond at best
     first = float(np.floor(known[0]))
     return NumericClock(np.round((values - first) * 86400.0, 4), first * 86400.0 + zero_s, unit, True)
 
 
-def _digits(values: NDArray[np.float64]) -> NumericClock | None:
+def _digits(values: Vector) -> NumericClock | None:
     """20261120080000 = 2026-11-20 08:00:00."""
     date, time = values // 1_000_000, values % 1_000_000
     midnight = epoch_s(date // 10000, date // 100 % 100, date % 100)
@@ -365,7 +358,7 @@ def _digits(values: NDArray[np.float64]) -> NumericClock | None:
     return NumericClock(seconds - base_s, base_s, "yyyymmddhhmmss", True)
 
 
-def _is_day_fraction(known: NDArray[np.float64]) -> bool:
+def _is_day_fraction(known: Vector) -> bool:
     """Times of day as a spreadsheet holds them: below 1, in steps of whole seconds that are no round numbers."""
     if len(known) < 3 or known.min() < 0 or known.max() >= 1.0:
         return False

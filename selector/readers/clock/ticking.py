@@ -1,16 +1,18 @@
-"""Stamps as they stand in the file → strictly increasing time; what was done to the rows is told."""
+"""Stamps as they stand in the file → strictly increasing time; channels on several clocks → one table."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import Table
+from selector.readers.tables import Column, Table, listed
+from selector.types import Indices, Mask, Matrix, Vector
 
 _DAY_S = 86400.0
 
@@ -19,22 +21,16 @@ _DAY_S = 86400.0
 class Ticks:
     """Rows in order of time."""
 
-    time_s: NDArray[np.float64]  #: (n_kept,): Strictly increasing, 0 at the first kept row
+    time_s: Vector  #: (n_kept,): Strictly increasing, 0 at the first kept row
     #: (n_rows_used,): Rows of the table in order of time; rows with the same stamp stand together
-    rows: NDArray[np.int64]
+    rows: Indices
     #: (n_rows_used,): For each of `rows` the kept sample that it belongs to; several rows of one group are averaged
-    groups: NDArray[np.int64]
+    groups: Indices
     first_s: float  #: The file's own clock at the first kept row [s]
     findings: tuple[Finding, ...]  #: Missing, repeated, unsorted stamps and clock jumps
 
 
-def ticks(
-    seconds: NDArray[np.float64],
-    table: Table,
-    values: NDArray[np.float64],
-    time_of_day: bool,
-    local_base_s: float | None,
-) -> Ticks:
+def ticks(seconds: Vector, table: Table, values: Matrix, time_of_day: bool, local_base_s: float | None) -> Ticks:
     """Rows in order of time, from their stamps, shape (n_rows,), NaN = none.
 
     Rows with the same stamp are compared by `values`, shape (n_rows, n_columns). A clock of `time_of_day` starts anew
@@ -67,7 +63,7 @@ def ticks(
     return Ticks(time_s, rows, groups, first_s, tuple(findings + told))
 
 
-def _missing_stamps(seconds: NDArray[np.float64], table: Table) -> Finding:
+def _missing_stamps(seconds: Vector, table: Table) -> Finding:
     missing = np.flatnonzero(~np.isfinite(seconds))
     at_end = bool(missing[0] == len(seconds) - len(missing))
     return FINDINGS.finding(
@@ -80,7 +76,7 @@ def _missing_stamps(seconds: NDArray[np.float64], table: Table) -> Finding:
     )
 
 
-def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) -> list[Finding]:
+def _unwrapped(t: Vector, rows: Indices, table: Table) -> list[Finding]:
     """Add a day (or twelve hours) from every step back over midnight on; `t` is changed in place."""
     steps = np.diff(t)
     wraps = np.flatnonzero(steps < -0.5 * _DAY_S)
@@ -106,13 +102,8 @@ def _unwrapped(t: NDArray[np.float64], rows: NDArray[np.int64], table: Table) ->
 
 
 def _in_order(
-    t: NDArray[np.float64],
-    usual: float,
-    rows: NDArray[np.int64],
-    values: NDArray[np.float64],
-    table: Table,
-    local_base_s: float | None,
-) -> tuple[NDArray[np.int64], list[Finding]]:
+    t: Vector, usual: float, rows: Indices, values: Matrix, table: Table, local_base_s: float | None
+) -> tuple[Indices, list[Finding]]:
     back = np.flatnonzero(np.diff(t) < 0) + 1
     order = np.argsort(t, kind="stable").astype(np.int64)
     ordered = np.diff(t[order])
@@ -164,22 +155,20 @@ def _in_order(
     return np.arange(len(t), dtype=np.int64), findings
 
 
-def _same_rows(values: NDArray[np.float64], repeated: NDArray[np.bool_]) -> bool:
+def _same_rows(values: Matrix, repeated: Mask) -> bool:
     """Whether every row with the stamp of the row before says the same as that row."""
     here, before = values[1:][repeated], values[:-1][repeated]
     return bool(np.all((here == before) | (np.isnan(here) & np.isnan(before))))
 
 
-def _overlapping(t: NDArray[np.float64], back: NDArray[np.int64]) -> bool:
+def _overlapping(t: Vector, back: Indices) -> bool:
     """Whether pieces of rising stamps cover the same time: then they cannot have been recorded in it one by one."""
     bounds = np.r_[0, back, len(t)]
     spans = sorted((float(t[a]), float(t[b - 1])) for a, b in itertools.pairwise(bounds))
     return any(left[1] >= right[0] for left, right in itertools.pairwise(spans))
 
 
-def _summer_time(
-    t: NDArray[np.float64], usual: float, rows: NDArray[np.int64], table: Table, local_base_s: float
-) -> list[Finding]:
+def _summer_time(t: Vector, usual: float, rows: Indices, table: Table, local_base_s: float) -> list[Finding]:
     """A step of one hour more than usual, in the small hours of a Sunday in spring: the clock was put forward."""
     findings: list[Finding] = []
     for i in np.flatnonzero(np.abs(np.diff(t) - usual - 3600.0) < 0.02 * usual + 1e-6):
@@ -202,9 +191,7 @@ def _summer_time(
     return findings
 
 
-def _without_repeats(
-    t: NDArray[np.float64], rows: NDArray[np.int64], values: NDArray[np.float64], table: Table
-) -> tuple[NDArray[np.float64], NDArray[np.int64], list[Finding]]:
+def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> tuple[Vector, Indices, list[Finding]]:
     new = np.r_[True, np.diff(t) > 0]
     groups = np.cumsum(new) - 1
     kept = t[new]
@@ -249,7 +236,7 @@ def _without_repeats(
     return kept, groups.astype(np.int64), findings
 
 
-def _spread(kept: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.float64]:
+def _spread(kept: Vector, sizes: Indices) -> Vector:
     """Stamps with equal steps between one distinct stamp and the next; the last ones go on with the step before."""
     usual = float(np.median(np.diff(kept) / np.maximum(sizes[:-1], 1)))
     lengths = np.r_[np.diff(kept), sizes[-1] * usual]
@@ -259,10 +246,74 @@ def _spread(kept: NDArray[np.float64], sizes: NDArray[np.int64]) -> NDArray[np.f
         # the recording began inside of its first stamp
         n = int(sizes[0])
         out[:n] = kept[1] - usual * np.arange(n, 0, -1)
-    spread: NDArray[np.float64] = out - out[0]
+    spread: Vector = out - out[0]
     return spread
 
 
-def _places(rows: NDArray[np.int64], table: Table) -> str:
+def _places(rows: Indices, table: Table) -> str:
     shown = ", ".join(table.line(int(row)) for row in rows[:5])
     return shown + (f", … {table.line(int(rows[-1]))}" if len(rows) > 5 else "")
+
+
+@dataclass(frozen=True)
+class Rate:
+    """Columns that share a clock [s]."""
+
+    time_s: Vector
+    columns: tuple[Column, ...]
+
+
+def one_clock(rates: Sequence[Rate], path: Path) -> tuple[Vector, tuple[Column, ...], list[Finding]]:
+    """Time, columns and findings: all come onto the clock of the most columns (in a tie the slower one).
+
+    Columns of other clocks are interpolated linearly, not beyond their ends and not over pauses of more
+    than ten of their periods; text is left out.
+    """
+    merged: list[Rate] = []
+    for rate in rates:
+        same = next((k for k, other in enumerate(merged) if np.array_equal(other.time_s, rate.time_s)), None)
+        if same is None:
+            merged.append(rate)
+        else:
+            merged[same] = Rate(rate.time_s, (*merged[same].columns, *rate.columns))
+    if len(merged) == 1:
+        return merged[0].time_s, merged[0].columns, []
+    leading = max(merged, key=lambda rate: (len(rate.columns), -len(rate.time_s)))
+    columns = list(leading.columns)
+    moved: list[str] = []
+    for rate in merged:
+        if rate is leading:
+            continue
+        for column in rate.columns:
+            if column.kind != "number":
+                continue
+            values = interpolated(rate.time_s, column.values, leading.time_s)
+            columns.append(Column(column.header, values, column.unit, (), column.description))
+            moved.append(column.header)
+    finding = FINDINGS.finding(
+        "several-clocks",
+        f"The channels of {path.name} are recorded on {len(merged)} clocks; {len(moved)} of them ({listed(moved, 6)}) "
+        "were interpolated onto the clock of the others.",
+        evidence={"clocks": len(merged), "channels": moved},
+    )
+    return leading.time_s, tuple(columns), [finding]
+
+
+def interpolated(time_s: Vector, values: Vector, at_s: Vector) -> Vector:
+    """Linear interpolation; NaN outside of the samples and inside long pauses."""
+    known = np.isfinite(values) & np.isfinite(time_s)
+    t, v = time_s[known], values[known]
+    if len(t) < 2 or np.any(np.diff(t) < 0):
+        order = np.argsort(t, kind="stable")
+        t, v = t[order], v[order]
+    if len(t) == 0:
+        return np.full(len(at_s), np.nan)
+    out: Vector = np.interp(at_s, t, v, left=np.nan, right=np.nan)
+    if len(t) > 2:
+        steps = np.diff(t)
+        usual = float(np.median(steps))
+        position = np.clip(np.searchsorted(t, at_s, side="left"), 1, len(t) - 1)
+        exact = t[np.clip(np.searchsorted(t, at_s), 0, len(t) - 1)] == at_s
+        own = max(usual, float(np.median(np.diff(at_s))) if len(at_s) > 1 else usual)
+        out[(steps[position - 1] > 10 * own) & ~exact] = np.nan
+    return out

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.cell_findings import column_findings, no_header_finding
-from selector.readers.cells import numbers_or_text
-from selector.readers.clock.rates import Rate, one_clock
+from selector.readers.cells import column_findings, no_header_finding, numbers_or_text
 from selector.readers.clock.stamps import numeric_clock
+from selector.readers.clock.ticking import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
 from selector.readers.layout import Layout, column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 from selector.readers.text.encodings import decoded
-from selector.readers.text.lines import body
-from selector.readers.text.sniffing import Dialect, cells_of, decimal_doubts, dialect, is_comment
+from selector.readers.text.lines import Dialect, body, cells_of, decimal_doubts, dialect, is_comment
 from selector.units import parse_unit
 
 _UNIT_LABELS = ("unit", "einheit")

@@ -1,19 +1,217 @@
-"""Which lines of the body are samples: comments, repeated headers, ragged and cut lines are set aside and told."""
+"""How lines are cut into cells, and which lines are samples: comments, repeated headers, cut lines are set aside."""
 
 from __future__ import annotations
 
+import csv
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.cells import cell_kind
+from selector.readers.cells import cell_kind, is_grouped_number
 from selector.readers.finding_table import FINDINGS
-from selector.readers.text.sniffing import Dialect, cells_of, is_comment
+from selector.readers.tables import MAX_COLUMNS, checked_width, shown_lines
+from selector.types import Indices
+
+SEPARATORS = (";", "\t", ",", "|", "blanks", "blank")
+"""Candidates; "blanks" = two or more blanks (or tabs), "blank" = one or more."""
+
+_NAMED = {"tab": "\t", "\\t": "\t", "blank": "blank", "space": "blank", " ": "blank", "semicolon": ";", "comma": ","}
+_COMMENT = re.compile(r"^\s*(#|%|//|!)")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How lines are cut into cells."""
+
+    separator: str  #: One character, or "blanks" / "blank", see `SEPARATORS`
+    decimal: str  #: ``"."`` or ``","``
+    n_columns: int  #: Cells of an ordinary line
+    quoted: bool  #: Whether double quotes enclose cells
+
+    @property
+    def shown_separator(self) -> str:
+        """The separator as contracts and messages show it."""
+        return {"\t": "tab", "blanks": "blank", "blank": "blank"}.get(self.separator, self.separator)
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line starts with a comment mark (``#``, ``%``, ``//``, ``!``)."""
+    return _COMMENT.match(line) is not None
+
+
+def cells_of(line: str, separator: str, quoted: bool) -> list[str]:
+    """The trimmed cells of one line."""
+    if separator == "blank":
+        parts = line.split()
+    elif separator == "blanks":
+        parts = re.split(r"\s{2,}|\t", line.strip())
+    elif quoted and '"' in line:
+        try:
+            parts = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+        except (csv.Error, StopIteration):
+            parts = line.split(separator)
+    else:
+        parts = line.split(separator)
+    return [part.strip() for part in parts]
+
+
+def dialect(
+    body: Sequence[str], head: Sequence[str], where: str, separator: str | None, decimal: str | None
+) -> Dialect:
+    """The dialect under which most cells of the sample lines are numbers and most lines have the same count.
+
+    `body` are lines from inside the file, without comments and empty lines; of the first lines, `head`, one of words
+    with the same count of cells speaks for a separator. `separator` and `decimal` are what the user named.
+    """
+    named = _named_separator(separator, where)
+    if decimal is not None and decimal not in (".", ","):
+        raise ReadError(f"decimal mark {decimal!r}", expected="'.' or ','", where=where, advice="correct the option")
+    widest = max((line.count(s) for line in (*body[:20], *head[:20]) for s in ";\t,|"), default=0)
+    widest = max(widest, max((len(line.split()) for line in body[:3]), default=0))
+    if widest > 4 * MAX_COLUMNS:
+        checked_width(widest + 1, where)
+    quoted = _has_quoted_cells(body, head)
+    best: tuple[float, Dialect] | None = None
+    for candidate in SEPARATORS if named is None else (named,):
+        if len(candidate) == 1 and named is None and not any(candidate in line for line in body):
+            continue
+        rows = [cells_of(line, candidate, quoted) for line in body]
+        counts = Counter(len(row) for row in rows)
+        n_columns, agreeing = max(counts.items(), key=lambda item: (item[1], item[0]))
+        for mark in (".", ",") if decimal is None else (decimal,):
+            if candidate == "," and mark == "," and not quoted:
+                continue
+            score = _score(rows, n_columns, agreeing / len(rows), head, candidate, mark, quoted)
+            if best is None or score > best[0] + 1e-9:
+                best = (score, Dialect(candidate, mark, n_columns, quoted))
+    single = _single_column(body, head, decimal, quoted)
+    if named is None and single is not None and (best is None or single[0] >= best[0] - 1e-9):
+        best = single
+    if best is None or best[0] < 0.1:
+        raise ReadError(
+            "no table of numbers"
+            + (f" when cut at {separator!r}" if separator else "")
+            + (f" in its {len(head)} line(s)" if len(head) < 60 else ""),
+            expected="a row of names above rows of numbers, the columns set apart by , ; tab | or blanks",
+            where=where,
+            advice="export the recording as CSV, or name the separator and the decimal mark (--separator, --decimal)",
+        )
+    checked_width(best[1].n_columns, where)
+    return best[1]
+
+
+def _score(
+    rows: list[list[str]],
+    n_columns: int,
+    agreement: float,
+    head: Sequence[str],
+    separator: str,
+    decimal: str,
+    quoted: bool,
+) -> float:
+    if n_columns < 2:
+        return 0.0
+    usual = [row for row in rows if len(row) == n_columns][:60]
+    trailing = all(not row[-1] for row in usual)
+    good = 0
+    filled = 0
+    grouped = 0
+    for position in range(min(n_columns, 200)):
+        kinds = [cell_kind(row[position], decimal) for row in usual if position < len(row)]
+        kinds = [kind for kind in kinds if kind != "empty"]
+        if not kinds:
+            continue
+        filled += 1
+        known = sum(kind != "text" for kind in kinds)
+        # a column of missing-value words alone is no evidence for a separator
+        if known >= 0.5 * len(kinds) and any(kind in ("number", "time") for kind in kinds):
+            good += 1
+        # 20,125 is rather a decimal than twenty thousand
+        grouped += any(is_grouped_number(row[position], decimal) for row in usual if position < len(row))
+    if good == 0 or filled == 0:
+        return 0.0
+    score = agreement * (good - 0.1 * min(grouped, good)) / filled
+    for line in head:
+        words = cells_of(line, separator, quoted)
+        fits = len(words) == n_columns or (trailing and len(words) == n_columns - 1)
+        if fits and len([w for w in words if w]) >= min(2, n_columns - trailing):
+            texts = sum(cell_kind(w, decimal) == "text" for w in words)
+            if texts >= 0.5 * len(words):
+                score += 0.3
+                break
+    # commas inside numbers must not win over a real separator that explains the same cells
+    preference = {",": 0.03, "blanks": 0.02, "blank": 0.0}.get(separator, 0.05)
+    return score + preference + (0.004 if decimal == "." else 0.0)
+
+
+def _single_column(
+    body: Sequence[str], head: Sequence[str], decimal: str | None, quoted: bool
+) -> tuple[float, Dialect] | None:
+    best: tuple[float, Dialect] | None = None
+    for mark in (".", ",") if decimal is None else (decimal,):
+        share = sum(cell_kind(line, mark) in ("number", "missing", "break") for line in body) / max(len(body), 1)
+        if not any(cell_kind(line, mark) == "number" for line in body):
+            continue
+        # a heading without the mark speaks for one column: "T1" above "20,5"
+        heading = next((line for line in head if cell_kind(line, mark) == "text"), None)
+        bonus = 0.34 if heading is not None and not any(s in heading for s in ";,\t|") else 0.0
+        score = share + bonus + (0.004 if mark == "." else 0.0)
+        if share > 0.5 and (best is None or score > best[0]):
+            best = (score, Dialect(",", mark, 1, quoted) if mark == "." else Dialect(";", mark, 1, quoted))
+    return best
+
+
+def _named_separator(separator: str | None, where: str) -> str | None:
+    if separator is None:
+        return None
+    named = _NAMED.get(separator.lower(), separator)
+    if named in SEPARATORS:
+        return named
+    # the text is cut as UTF-8 bytes, so a separator has to be one byte
+    if len(named) != 1 or not named.isascii() or named in '"\n\r\0' or named.isalnum():
+        raise ReadError(
+            f"separator {separator!r}",
+            expected="one ASCII character that is no letter, digit, quotation mark or line end, or 'tab' or 'blank'",
+            where=where,
+            advice="correct the option",
+        )
+    return named
+
+
+def _has_quoted_cells(body: Sequence[str], head: Sequence[str]) -> bool:
+    lines = [line for line in (*body, *head) if '"' in line]
+    return bool(lines) and sum(line.count('"') % 2 == 0 for line in lines) >= 0.8 * len(lines)
+
+
+def decimal_doubts(numbers: Sequence[str], chosen: Dialect, where: str) -> list[Finding]:
+    """A finding if every number that has the decimal mark could also be a whole number with grouped thousands.
+
+    ``1,234`` is 1.234 or 1234; ``0,234``, ``1,23`` and ``12345,678`` can only be decimals.
+    """
+    mark = chosen.decimal
+    if mark == "." and chosen.separator in (",", "blank", "blanks"):
+        return []
+    marked = [number for number in numbers if mark in number]
+    if not marked or any(re.fullmatch(rf"[+-]?[1-9]\d{{0,2}}\{mark}\d{{3}}", n) is None for n in marked):
+        return []
+    other = "." if mark == "," else ","
+    if any(other in number for number in numbers):
+        return []
+    example = marked[0]
+    return [
+        FINDINGS.finding(
+            "ambiguous-decimal",
+            f"In {where} every number with a {mark!r} has three digits behind it: {example} was read as "
+            f"{example.replace(',', '.')}, but it could be {example.replace(mark, '')} with grouped thousands.",
+            evidence={"decimal": mark, "example": example, "alternative": f"{mark!r} groups thousands"},
+            suggestion=f"if the numbers are 1000 times too small, name the other decimal mark (--decimal '{other}')",
+        )
+    ]
 
 
 @dataclass(frozen=True)
@@ -22,7 +220,7 @@ class Body:
 
     text: bytes  #: UTF-8, one sample a line, every line with the same number of cells
     separator: str  #: One character
-    lines: NDArray[np.int64]  #: (n_samples,): Line number in the file of every sample, from 1
+    lines: Indices  #: (n_samples,): Line number in the file of every sample, from 1
     findings: tuple[Finding, ...]  #: Ragged, repeated and cut lines
 
 
@@ -38,13 +236,7 @@ class _SetAside:
 
 
 def body(
-    text: bytes,
-    first_line: int,
-    dialect: Dialect,
-    headings: Sequence[str],
-    where: str,
-    *,
-    remarks_last: bool = False,
+    text: bytes, first_line: int, dialect: Dialect, headings: Sequence[str], where: str, *, remarks_last: bool = False
 ) -> Body:
     """The samples of a file.
 
@@ -135,9 +327,7 @@ def body(
     return Body(clean, separator, numbers[kept], tuple(findings))
 
 
-def _joined(
-    text: bytes, starts: NDArray[np.int64], ends: NDArray[np.int64], kept: NDArray[np.int64], replaced: dict[int, bytes]
-) -> bytes:
+def _joined(text: bytes, starts: Indices, ends: Indices, kept: Indices, replaced: dict[int, bytes]) -> bytes:
     if len(kept) == len(starts) and not replaced:
         return text
     pieces: list[bytes] = []
@@ -192,15 +382,6 @@ def _told(where: str, n_columns: int, aside: _SetAside, last_cut: bool) -> Itera
             f"{len(lines)} comment line(s) between the samples of {where} were left out ({shown_lines(lines)}).",
             evidence=evidence(lines),
         )
-
-
-def shown_lines(lines: Sequence[int]) -> str:
-    """``"lines 3, 7, 9"`` or, when there are many, the first five and the last."""
-    if len(lines) == 1:
-        return f"line {lines[0]}"
-    if len(lines) <= 6:
-        return "lines " + ", ".join(map(str, lines))
-    return "lines " + ", ".join(map(str, lines[:5])) + f", … {lines[-1]}"
 
 
 def _tabbed(text: bytes, separator: str) -> bytes:
