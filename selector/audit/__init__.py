@@ -23,10 +23,7 @@ def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
     `recording` is a table with the columns of the shipped reconstruction ``patent8/recording.csv``, which is the
     default.
 
-    Raises
-    ------
-    InputError
-        The reconstruction is missing or damaged.
+    Raises InputError: the reconstruction is missing or damaged.
     """
     path = shipped("patent8") / "recording.csv" if recording is None else recording
     table = _table(path)

@@ -75,10 +75,7 @@ def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> li
 def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vector) -> list[AuditLine]:
     """Every printed coefficient against a regression on the reconstruction, and the four models against each other.
 
-    Raises
-    ------
-    KeyError
-        `rises` lacks T1, T3 or T5.
+    Raises KeyError: `rises` lacks T1, T3 or T5.
     """
     key = (rises["T1"], rises["T3"], rises["T5"])
     lines = []

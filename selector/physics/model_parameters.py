@@ -79,10 +79,8 @@ class Number:
 def parameters_of(file: Any, numbers: Iterable[Number]) -> dict[str, Parameter]:
     """Name → parameter; ``[bounds]`` of the file goes before the bounds of a number.
 
-    Raises
-    ------
-    ModelFileError
-        ``[bounds]`` names what is no parameter, excludes the value of one, or allows what its key does not.
+    Raises ModelFileError: ``[bounds]`` names what is no parameter, excludes the value of one, or allows what its key
+    does not.
     """
     found: dict[str, Parameter] = {}
     for one in numbers:
@@ -113,12 +111,8 @@ def file_with(
     `values` are by the names of the parameters, `checked` makes a file of plain values; `plain` are those of the file,
     if they are more than it says.
 
-    Raises
-    ------
-    OptionError
-        There is no such parameter, or the value is outside the bounds that the file gives it.
-    ModelFileError
-        A value is impossible, e.g. a negative mass.
+    Raises OptionError: there is no such parameter, or the value is outside the bounds that the file gives it. Raises
+    ModelFileError: a value is impossible, e.g. a negative mass.
     """
     changed = copy.deepcopy(dict(plain_values(file) if plain is None else plain))
     paths = {one.called: one.path for one in numbers}

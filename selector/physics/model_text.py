@@ -51,10 +51,7 @@ def by_kind(*kinds: str) -> Discriminator:
 def printable(text: str) -> str:
     """The same text, if it may name something.
 
-    Raises
-    ------
-    ValueError
-        It is empty, longer than 100 characters, or has control characters.
+    Raises ValueError: it is empty, longer than 100 characters, or has control characters.
     """
     if not text.strip() or not text.isprintable() or len(text) > 100:
         raise ValueError("a name of 1 to 100 printable characters")
@@ -185,11 +182,9 @@ class ModelFamily(Generic[File]):
     def read(self, path: str | Path) -> File:
         """The model file at `path`.
 
-        Raises
-        ------
-        ModelFileError
-            The file cannot be read, is not TOML, has an unknown key (the nearest known one is named), a value of the
-            wrong kind or outside its limits, or two places that contradict each other; the message names file and key.
+        Raises ModelFileError: the file cannot be read, is not TOML, has an unknown key (the nearest known one is
+        named), a value of the wrong kind or outside its limits, or two places that contradict each other; the message
+        names file and key.
         """
         return self.parsed(self._text(Path(path)), where=str(path))
 
@@ -307,10 +302,7 @@ class ModelFamily(Generic[File]):
 def sections_of_text(text: str, *, where: str, is_array: Callable[[str], bool] = lambda name: False) -> dict[str, Any]:
     """The sections of a TOML text as plain values; `where` names it in messages, `is_array` is of `bracket_slip`.
 
-    Raises
-    ------
-    ModelFileError
-        It is not TOML, or made so that reading it would take very long.
+    Raises ModelFileError: it is not TOML, or made so that reading it would take very long.
     """
     long = _LONG_KEY.search(text)
     if long is not None:

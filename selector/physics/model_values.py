@@ -48,10 +48,7 @@ def entry_of(kind: type, *, called: str | None = None, **more: Any) -> type[Entr
 def value_of(kind: type[Value], section: Entry, **more: Any) -> Value:
     """The dataclass that a section of `entry_of` describes, with `more` fields that the section has not.
 
-    Raises
-    ------
-    InputError
-        The dataclass refuses a value; `where` is its field.
+    Raises InputError: the dataclass refuses a value; `where` is its field.
     """
     return kind(**given(kind, section), **more)
 

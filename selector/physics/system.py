@@ -39,10 +39,7 @@ class System(Protocol):
 class StateSpace:
     """The linear system x' = A·x + B·u, y = C·x + D·u.
 
-    Raises
-    ------
-    ValueError
-        If the shapes do not fit together.
+    Raises ValueError if the shapes do not fit together.
     """
 
     #: A, B, C and D: (n, n): Its matrices

@@ -66,10 +66,7 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
     ``swapped-channels``, ``duplicate-channel``, ``few-values``, ``constant-channel``, ``empty-channel``, ``short-run``,
     ``run-starts-warm``. O(samples · log samples of a run), and O(channels²) for the comparison of channels.
 
-    Raises
-    ------
-    RecordingError
-        A name in `channels` is not in the recording.
+    Raises RecordingError: a name in `channels` is not in the recording.
     """
     wanted = None if channels is None else {recording.channel(name).name for name in channels}
     survey = Survey(recording)

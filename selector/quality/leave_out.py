@@ -50,10 +50,7 @@ def without_faults(recording: Recording, findings: Iterable[Finding]) -> Recordi
     it is removed if it is left out of every run, or if no run is named. Others change nothing. O(samples) and
     O(findings · log samples).
 
-    Raises
-    ------
-    RecordingError
-        If nothing would be left.
+    Raises RecordingError if nothing would be left.
     """
     acting = [finding for finding in findings if finding.action != "none"]
     if not acting:

@@ -39,10 +39,7 @@ class ClosureChain:
 def max_min_composition(r: ArrayLike, s: ArrayLike) -> Matrix:
     """Composition with entries max_k min(r_ik, s_kj), shape (m, p), of relations of shape (m, n) and (n, p).
 
-    Raises
-    ------
-    InputError
-        The inner sizes differ or are 0, or an entry is not finite.
+    Raises InputError: the inner sizes differ or are 0, or an entry is not finite.
     """
     left, right = np.asarray(r, dtype=np.float64), np.asarray(s, dtype=np.float64)
     if left.ndim != 2 or right.ndim != 2 or left.shape[1] != right.shape[0] or left.shape[1] == 0:
@@ -60,10 +57,7 @@ def closure_chain(r: ArrayLike) -> ClosureChain:
 
     It has shape (n_sensors, n_sensors), is exactly symmetric with unit diagonal, its entries within [-1, 1].
 
-    Raises
-    ------
-    InputError
-        It is not. NaN is refused: an unknown similarity is neither 0 nor 1.
+    Anything else raises InputError, NaN too: an unknown similarity is neither 0 nor 1.
     """
     parts = _chain(_relation(r))
     for part in parts:

@@ -39,10 +39,7 @@ def f_statistic(similarity: ArrayLike, partition: Partition) -> FStatistic | Non
     from the same data, a sensor is a whole series rather than one number, and neighbouring sensors are not
     independent. With |r| as similarity there need not be such vectors, and F may even be negative.
 
-    Raises
-    ------
-    InputError
-        The partition is not one of these sensors, or as for `selector.sensors.fuzzy.closure_chain`.
+    Raises InputError: the partition is not one of these sensors, or as for `selector.sensors.fuzzy.closure_chain`.
     """
     s = np.asarray(similarity, dtype=np.float64)
     closure_chain(s)
@@ -250,12 +247,8 @@ def lambda_cut(similarity: ArrayLike, level: float, names: Sequence[str] = ()) -
     `similarity` of shape (n_sensors, n_sensors) may be the relation or its closure; the cut is the same. A cut
     exactly at a closure level is exact: nothing is computed but comparisons.
 
-    Raises
-    ------
-    InputError
-        As for `selector.sensors.fuzzy.closure_chain`.
-    OptionError
-        The level is not within [-1, 1].
+    Raises InputError as for `selector.sensors.fuzzy.closure_chain`. Raises OptionError: the level is not within [-1,
+    1].
     """
     _checked_level(level)
     chain = closure_chain(similarity)

@@ -52,12 +52,8 @@ def representatives(
     over several responses. Sensors in `must` represent their group whatever their relevance, also several in one
     group; those in `never` represent none, and a group of such sensors alone ends without a representative.
 
-    Raises
-    ------
-    InputError
-        Relevance is missing or not finite for a sensor (give 0 to a sensor that cannot be compared).
-    OptionError
-        A sensor is in both lists, or there is no such sensor.
+    Raises InputError: relevance is missing or not finite for a sensor (give 0 to a sensor that cannot be compared).
+    Raises OptionError: a sensor is in both lists, or there is no such sensor.
     """
     n = len(partition.labels)
     values = _checked_relevance(relevance, n)
@@ -90,10 +86,8 @@ def screen(
     `levels` are the λ of each round, `must` is as for `representatives`; sensors that do not move (`constant`)
     represent nothing and are dropped in the first round unless in `must`.
 
-    Raises
-    ------
-    InputError, OptionError
-        As for `representatives` and `selector.sensors.groups.lambda_cut`; or there is no level.
+    Raises InputError or OptionError as for `representatives` and `selector.sensors.groups.lambda_cut`; or there is no
+    level.
     """
     s = np.asarray(similarity, dtype=np.float64)
     n = len(closure_chain(s).order)

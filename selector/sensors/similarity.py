@@ -55,10 +55,7 @@ def correlation_similarity(samples: ArrayLike, *, absolute: bool = False) -> Sim
     `samples` have shape (n_samples, n_sensors), NaN = missing. With `absolute` |r| is used, so that sensors that move
     against each other count as alike.
 
-    Raises
-    ------
-    InputError
-        No sensors, fewer than three complete rows (two always give |r| = 1), or infinite values.
+    Raises InputError: no sensors, fewer than three complete rows (two always give |r| = 1), or infinite values.
     """
     values = np.asarray(samples, dtype=np.float64)
     if values.ndim != 2 or values.shape[1] == 0:
@@ -112,10 +109,8 @@ def similarity_from_cross_products(
     diagonal at or below which a sensor is constant, see `constant_limit`. The raw readings are not known here; without
     it, a sensor is constant when its spread is at most `CONSTANT_TOLERANCE` of the liveliest sensor's.
 
-    Raises
-    ------
-    InputError
-        Not square, empty, not finite, not symmetric, or not a matrix of sums of products (|r| > 1, negative square).
+    Raises InputError: not square, empty, not finite, not symmetric, or not a matrix of sums of products (|r| > 1,
+    negative square).
     """
     c = np.asarray(cross, dtype=np.float64)
     if c.ndim != 2 or c.shape[0] != c.shape[1] or c.shape[0] == 0:
@@ -159,10 +154,7 @@ def similarity_from_cross_products(
 def sensor_names(names: Sequence[str], n_sensors: int) -> tuple[str, ...]:
     """The names as given, or x0, x1, … when none are given.
 
-    Raises
-    ------
-    InputError
-        There are more or fewer names than sensors, or two sensors share a name.
+    Raises InputError: there are more or fewer names than sensors, or two sensors share a name.
     """
     checked = tuple(names) if len(names) else tuple(f"x{i}" for i in range(n_sensors))
     if len(checked) != n_sensors or len(set(checked)) != n_sensors:

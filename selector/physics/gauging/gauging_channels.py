@@ -43,11 +43,8 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
     """Kind, of `KINDS`, → channel: the one that ``[recorded]`` names, else the one of this name, else the only one left
     of its role; of several of a role none is. What is named may have any role of the same unit, which may be guessed.
 
-    Raises
-    ------
-    OptionError
-        The recording has no channel of a name that the file gives, or the file gives one name twice, or the channel is
-        held in another unit.
+    Raises OptionError: the recording has no channel of a name that the file gives, or the file gives one name twice, or
+    the channel is held in another unit.
     """
     by_name = {channel.name: channel for channel in recording.channels}
     found: dict[str, str] = {}

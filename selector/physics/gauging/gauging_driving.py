@@ -137,10 +137,7 @@ def driven_runs(
     the file, and falls as the file says of wheel and lag. The surface begins at angle 0. The stage is what the model's
     relay would have commanded, without its noise; nothing follows from it. Without a `seed` there is no noise.
 
-    Raises
-    ------
-    InputError
-        The recording cannot drive this model: nothing that drives it, values that no workpiece has.
+    Raises InputError: the recording cannot drive this model: nothing that drives it, values that no workpiece has.
     """
     found = recorded_channels(model.file, recording)
     drives = "allowance" if "allowance" in found else "feed"

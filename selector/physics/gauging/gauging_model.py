@@ -189,10 +189,7 @@ class GaugingModel:
         `run` is the name of the run if there is one; several are called ``"part 1"`` and so on, and ``"waveform"``.
         `seed` is of noise and spread; default: that of the file.
 
-        Raises
-        ------
-        InputError
-            The parts would take too many steps, or the probe reaches a core.
+        Raises InputError: the parts would take too many steps, or the probe reaches a core.
         """
         random = self.file.run.seed if seed is None else seed
         setup, parts = self.setup, self.file.run.parts
@@ -264,13 +261,9 @@ class GaugingModel:
 def gauging_model(file: GaugingFile) -> GaugingModel:
     """The gauging that a model file describes, ready to run.
 
-    Raises
-    ------
-    ModelFileError
-        ``[bounds]`` names what is no parameter or excludes the value of one, a stage ends or a threshold lies where the
-        gauge shows nothing.
-    InputError
-        The probe reaches a core, or the voltage falls nowhere.
+    Raises ModelFileError: ``[bounds]`` names what is no parameter or excludes the value of one, a stage ends or a
+    threshold lies where the gauge shows nothing. Raises InputError: the probe reaches a core, or the voltage falls
+    nowhere.
     """
     model = GaugingModel(file)
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them

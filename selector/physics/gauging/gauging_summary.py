@@ -338,12 +338,7 @@ def gauging_summary(
 
     `progress` is told how many parts of how many are done, and what is being done.
 
-    Raises
-    ------
-    ModelFileError
-        No part reaches its thresholds.
-    InputError
-        As `size_distribution` and `trade_off`.
+    Raises ModelFileError: no part reaches its thresholds. Raises InputError as `size_distribution` and `trade_off`.
     """
     setup, parts = model.setup, model.file.run.parts
     told = None if simulation is None else simulation.recording.provenance["simulated"]["seed"]

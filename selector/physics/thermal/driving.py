@@ -38,10 +38,7 @@ def driven_runs(
     with the same name; a displacement else those of the only one along its axis. `inputs` and `otherwise` are those of
     `schedule.driven`. Without a `seed` thermometers and gauges are free of noise and rounding.
 
-    Raises
-    ------
-    InputError
-        The recording cannot drive this model.
+    Raises InputError: the recording cannot drive this model.
     """
     matched = _matched(model.outputs, recording)
     findings: list[Finding] = []

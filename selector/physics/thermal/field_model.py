@@ -41,10 +41,7 @@ _LENGTHS = [length.name for length in dataclasses.fields(MachineGeometry)]
 def laws_of(file: FieldFile) -> Laws:
     """The shipped laws with what the file says in their place, key by key.
 
-    Raises
-    ------
-    ModelFileError
-        The machine has no such source or film, or a source without a lubricant is told to soften.
+    Raises ModelFileError: the machine has no such source or film, or a source without a lubricant is told to soften.
     """
     shipped = machine_laws(file.field.physics)
     _require_known(file.sources, [law.source for law in shipped.heat], "source", "sources")
@@ -85,11 +82,8 @@ def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
 def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
     """The reduced field with the thermometers of the file; takes ten seconds to a minute.
 
-    Raises
-    ------
-    ModelFileError
-        A thermometer is at a place that the machine does not have, a gauge reads a displacement that it does not
-        have, or a length is not one of its.
+    Raises ModelFileError: a thermometer is at a place that the machine does not have, a gauge reads a displacement that
+    it does not have, or a length is not one of its.
     """
     settings = file.field
     _require_known(settings.geometry, _LENGTHS, "length", "field", "geometry")
@@ -168,10 +162,7 @@ def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, .
 def with_candidates(file: FieldFile) -> FieldFile:
     """The file with a thermometer at every candidate place instead of its section on them; the file's own come first.
 
-    Raises
-    ------
-    ModelFileError
-        The machine has no such surface, the spacing leaves no place or too many, or a name is taken.
+    Raises ModelFileError: the machine has no such surface, the spacing leaves no place or too many, or a name is taken.
     """
     wanted = file.candidates
     if wanted is None:
@@ -222,10 +213,7 @@ class FieldMoment:
 def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldMoment:
     """The moment `at_s` [s] of the run that these conditions make of the machine; its stiffness is factorised anew.
 
-    Raises
-    ------
-    InputError
-        The time is outside the conditions.
+    Raises InputError: the time is outside the conditions.
     """
     laws = laws_of(file)
     full, basis, mesh = field_of(file, laws)

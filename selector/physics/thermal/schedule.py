@@ -78,10 +78,7 @@ def scheduled(
     (time_s, values) for every key whose course is a column of a file; the last value is held. A `cyclogram` takes the
     place of the file's spindle speed, and its last speed is held.
 
-    Raises
-    ------
-    InputError
-        A condition is outside what is physical, or `columns` lacks one.
+    Raises InputError: a condition is outside what is physical, or `columns` lacks one.
     """
     stepwise: dict[str, tuple[Vector, Vector]] = {}
     for name, about in CONDITIONS.items():
@@ -113,11 +110,8 @@ def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Con
     Spindle speed and hall temperature are known by their roles, anything else by its name, unless `inputs` names the
     channel. A condition that was not recorded has the value of `otherwise`, the conditions of the model file.
 
-    Raises
-    ------
-    OptionError
-        A channel that `inputs` names is not there or empty, more than one channel has the role, a value is outside
-        what is physical, or nothing tells the spindle speed.
+    Raises OptionError: a channel that `inputs` names is not there or empty, more than one channel has the role, a value
+    is outside what is physical, or nothing tells the spindle speed.
     """
     time_s = recording.time_s(run)
     if len(time_s) < 2:

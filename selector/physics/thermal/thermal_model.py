@@ -99,10 +99,8 @@ class FileModel:
         instruments' noise; default: that of the file. Without `instruments` there is neither noise nor resolution, only
         the lag of the thermometers.
 
-        Raises
-        ------
-        InputError
-            The spindle is faster than a model of thermal modes knows, or a time is outside the conditions.
+        Raises InputError: the spindle is faster than a model of thermal modes knows, or a time is outside the
+        conditions.
         """
         settings = self.file.run
         if time_s is None:
@@ -197,10 +195,7 @@ class FileModel:
 def thermal_model(file: ModelFile) -> FileModel:
     """The model that a model file describes, ready to run.
 
-    Raises
-    ------
-    ModelFileError
-        A part of the file contradicts the machine that it describes.
+    Raises ModelFileError: a part of the file contradicts the machine that it describes.
     """
     if isinstance(file, FieldFile) and file.candidates is not None:
         # scikit-fem comes in with the surfaces of the machine
@@ -215,10 +210,7 @@ def thermal_model(file: ModelFile) -> FileModel:
 def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
     """What is odd about a simulation: temperatures that no machine tool survives.
 
-    Raises
-    ------
-    InputError
-        The numbers left all bounds: heat that grows with the temperature it makes.
+    Raises InputError: the numbers left all bounds: heat that grows with the temperature it makes.
     """
     if not np.isfinite(simulated.frame.to_numpy()).all():
         raise InputError(

@@ -68,10 +68,7 @@ class Characteristic:
     def monotone_um(self) -> tuple[float, float]:
         """The longest range of allowances over which the voltage falls all the way [µm].
 
-        Raises
-        ------
-        InputError
-            If it falls nowhere.
+        Raises InputError if it falls nowhere.
         """
         first, last = self._monotone
         return float(self.allowance_um[first]), float(self.allowance_um[last])
@@ -94,10 +91,7 @@ class Characteristic:
     def allowance_at(self, voltage_v: ArrayLike) -> Vector:
         """Allowances that belong to voltages, in the monotone range [µm].
 
-        Raises
-        ------
-        InputError
-            If a voltage belongs to none.
+        Raises InputError if a voltage belongs to none.
         """
         first, last = self._monotone
         high, low = self.voltage_v[first], self.voltage_v[last]
@@ -128,10 +122,7 @@ def characteristic(transducer: Transducer, allowances_um: Vector | None = None) 
     Without increasing `allowances_um`: `POINTS` of them, from a little below the first touch to where the probe's rest
     position or the end of A = A0 − x is; they are closer where the swing begins to touch.
 
-    Raises
-    ------
-    InputError
-        If the free swing reaches a core.
+    Raises InputError if the free swing reaches a core.
     """
     free = steady_swing(transducer, None)
     rest_um, amplitude_um = 1e6 * transducer.rest_gap_m, 0.5 * free.stroke_um
@@ -168,10 +159,7 @@ def _usual_allowances(touch_um: float, amplitude_um: float, rest_um: float) -> V
 def linear_gauge(characteristic: Characteristic, at_um: float, time_constant_s: float) -> LinearGauge:
     """The line that touches the characteristic at an allowance (G eq. 20).
 
-    Raises
-    ------
-    InputError
-        If the voltage does not fall there.
+    Raises InputError if the voltage does not fall there.
     """
     low, high = characteristic.monotone_um
     gain = float(characteristic.slope_at(at_um))
@@ -257,10 +245,7 @@ def flux_harmonic_wb(generator: Generator, amplitude_m: float, centre_m: float =
 
     Φ·gap/(b − A·sin ψ), b = gap − centre, has the first harmonic B = 2·Φ·gap/A·(b/√(b² − A²) − 1) (G eq. 17).
 
-    Raises
-    ------
-    InputError
-        If the swing crosses the gap.
+    Raises InputError if the swing crosses the gap.
     """
     b = generator.gap_m - centre_m
     if not 0.0 < amplitude_m < b:
@@ -284,10 +269,7 @@ def published_gauge(transducer: Transducer, *, slow_coil: bool = True) -> Linear
     `slow_coil` the coil is taken for a pure integrator, as published; without, its answer at 2ω0 is exact:
     2ω0/√(1 + (2ω0·T_Γ)²) in place of 1/T_Γ.
 
-    Raises
-    ------
-    InputError
-        If the free swing reaches a core, or the coil is to be slow and has no time constant.
+    Raises InputError if the free swing reaches a core, or the coil is to be slow and has no time constant.
     """
     free = steady_swing(transducer, None)
     generator, pull_rad_per_s = transducer.generator, 4.0 * math.pi * transducer.electromagnet.frequency_hz

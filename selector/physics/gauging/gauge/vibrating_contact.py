@@ -81,10 +81,7 @@ def simulate_transducer(
     `allowance_um` is one number, or one a sample, straight between them [µm]. Without a `start` the probe is at rest,
     or pushed back to the surface, and the coil is switched on at the first sample.
 
-    Raises
-    ------
-    InputError
-        If the probe reaches a core, or nothing can follow contact or generator.
+    Raises InputError if the probe reaches a core, or nothing can follow contact or generator.
     """
     time = np.array(time_s, dtype=np.float64)
     allowance = np.broadcast_to(np.asarray(allowance_um, dtype=np.float64), time.shape)
@@ -194,10 +191,7 @@ def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: G
     Rounds are run until they repeat within 3e-7 of the free swing; Newton's method on the states of a round is tried
     where that takes long, and kept if the swing it finds is stable.
 
-    Raises
-    ------
-    InputError
-        If the probe reaches a core, or nothing can follow contact or generator.
+    Raises InputError if the probe reaches a core, or nothing can follow contact or generator.
     """
     plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
     p = packed(transducer, RELATIVE_TOLERANCE)

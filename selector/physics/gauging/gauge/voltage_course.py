@@ -41,10 +41,7 @@ def voltage_course(
 
     `voltage_at` is the characteristic, `filter_s` T_Φ [s].
 
-    Raises
-    ------
-    InputError
-        The grid would have more than 20 million points.
+    Raises InputError: the grid would have more than 20 million points.
     """
     span_s, intervals = float(time_s[-1] - time_s[0]), len(time_s) - 1
     finer = max(1, math.ceil(span_s / intervals / finest_s))

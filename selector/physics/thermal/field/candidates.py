@@ -88,10 +88,7 @@ def sensor_candidates(
     `spacing_m` is about the distance between neighbours on a face [m]; `surfaces` are named as `geometry.surfaces` has
     them, but for those inside.
 
-    Raises
-    ------
-    OptionError
-        If the machine has no such surface, or the spacing leaves no place, or too many.
+    Raises OptionError if the machine has no such surface, or the spacing leaves no place, or too many.
     """
     if not SMALLEST_SPACING_M <= spacing_m < np.inf:
         _refuse(f"{spacing_m:g} m between candidates", f"{SMALLEST_SPACING_M:g} m or more", f"use {SPACING_M:g}")

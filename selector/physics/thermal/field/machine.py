@@ -55,10 +55,7 @@ class FieldMachine:
     def deformation(self, temperature_degc: Vector, reference_degc: float = 20.0) -> Vector:
         """Displacement of every node, of shape (n_nodes, 3) [µm], for the temperatures of the nodes [°C].
 
-        Raises
-        ------
-        InputError
-            If there is not one finite temperature for every node.
+        Raises InputError if there is not one finite temperature for every node.
         """
         temperature = np.asarray(temperature_degc, dtype=np.float64)
         if temperature.shape != (self.system.size,) or not np.isfinite(temperature).all():
@@ -88,12 +85,8 @@ def field_machine(
     No cell is longer than 40 mm / refinement: 1 gives about 20 000 nodes, 0.2 8 000, 1.25 50 000. `probes` are places
     of virtual sensors [m], in the body or at most 30 mm outside.
 
-    Raises
-    ------
-    OptionError
-        If the lengths do not fit together or the refinement is not above 0.
-    InputError
-        If a sensor is too far from the body.
+    Raises OptionError if the lengths do not fit together or the refinement is not above 0. Raises InputError if a
+    sensor is too far from the body.
     """
     if not refinement > 0 or not np.isfinite(refinement):
         raise OptionError(
@@ -163,10 +156,7 @@ def write_vtu(
 ) -> None:
     """Write ``temperature`` [°C], ``displacement`` [µm] of the nodes and ``part`` (a number) of the cells.
 
-    Raises
-    ------
-    InputError
-        If the temperatures are not one finite number for every node, or the file cannot be written.
+    Raises InputError if the temperatures are not one finite number for every node, or the file cannot be written.
     """
     import meshio
     from skfem import ElementHex1

@@ -171,10 +171,7 @@ REACH_M = 0.03
 def probe_row(body: BlockMesh, place_m: Point, name: str = "probe") -> Vector:
     """Row of shape (n_nodes,) that reads the temperature at a place; outside, at the nearest point of the surface.
 
-    Raises
-    ------
-    InputError
-        If the place is more than `REACH_M` away from the body.
+    Raises InputError if the place is more than `REACH_M` away from the body.
     """
     place = np.asarray(place_m, dtype=np.float64)
     nearest = np.clip(place, body.low_m, body.high_m)

@@ -229,10 +229,7 @@ def virtual_machining_centre(
     `sensors` are places of virtual sensors [m]; left out: the 37 of `SENSORS`. `geometry` and `refinement` are those
     of `field_machine`, `tolerance` that of `reduced_basis`.
 
-    Raises
-    ------
-    InputError
-        If a sensor is not on the machine.
+    Raises InputError if a sensor is not on the machine.
     """
     laws = machine_laws(physics)
     places = {name: sensor.xyz_m for name, sensor in SENSORS.items()} if sensors is None else dict(sensors)

@@ -325,10 +325,7 @@ def columns_needed(file: ModelFile) -> dict[str, Column]:
 def require_few_samples(file: ModelFile, duration_s: float, where: str) -> None:
     """Refuses a run of this length [s] that the sampling and the steps of the file make too long to be held.
 
-    Raises
-    ------
-    ModelFileError
-        It has more than `MOST_SAMPLES` samples or steps.
+    Raises ModelFileError: it has more than `MOST_SAMPLES` samples or steps.
     """
     count = duration_s / min(file.run.period_s, file.run.step_s)
     if count > MOST_SAMPLES:

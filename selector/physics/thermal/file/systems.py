@@ -34,10 +34,7 @@ def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None
 
     `built` is the machine of a file that differs in its laws only; a field machine is then not built again.
 
-    Raises
-    ------
-    ModelFileError
-        The file names a source, film, place or length that the field machine does not have.
+    Raises ModelFileError: the file names a source, film, place or length that the field machine does not have.
     """
     if isinstance(file, NetworkFile):
         return network_machine(file)

@@ -164,10 +164,7 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
     those that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that
     lowers the error on left-out stretches; predictions are for a constant hall.
 
-    Raises
-    ------
-    InputError
-        If the tests cannot be used: none, none that turns, too few samples.
+    Raises InputError if the tests cannot be used: none, none that turns, too few samples.
     """
     with threadpool_limits(1, "blas"):  # thousands of small matrices: threads would only wait for each other
         return _chosen(tests, responses)

@@ -85,10 +85,7 @@ class ModalModel:
         `start` of shape (n_modes, n_terms) is the state at time 0 (e.g. the last one of another cyclogram); without it
         the machine begins at rest and cold.
 
-        Raises
-        ------
-        InputError
-            If a speed is outside the tests, or a time outside the cyclogram.
+        Raises InputError if a speed is outside the tests, or a time outside the cyclogram.
         """
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64))
         # sums of decimal minutes are off by roundings

@@ -29,10 +29,7 @@ class ThermalTest:
 def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[ThermalTest, ...]:
     """The tests in a recording.
 
-    Raises
-    ------
-    OptionError
-        If there is no spindle speed, or a response is no displacement of the recording.
+    Raises OptionError if there is no spindle speed, or a response is no displacement of the recording.
     """
     speeds = [channel.name for channel in recording.channels if channel.role == "spindle_speed"]
     if len(speeds) != 1:
@@ -116,10 +113,7 @@ class ModeData:
 def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
     """Block averages of the tests, with their speed levels.
 
-    Raises
-    ------
-    InputError
-        If there is no test, none in which the spindle turns, or one without enough readings.
+    Raises InputError if there is no test, none in which the spindle turns, or one without enough readings.
     """
     fastest = max((float(np.max(test.speed_rpm, initial=0.0)) for test in tests), default=0.0)
     if not np.isfinite(fastest) or fastest <= 0.0:

@@ -170,10 +170,7 @@ class Lubricants:
         Newton's method on the rises, its step halved until the disagreement shrinks. One lubricant alone is reached
         from the cold side without overshooting, because heat falls convexly with temperature.
 
-        Raises
-        ------
-        InputError
-            If it finds no agreement.
+        Raises InputError if it finds no agreement.
         """
         rise = without
         heat = self.heat_w(nominal_w, rise)

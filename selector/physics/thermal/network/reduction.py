@@ -37,10 +37,7 @@ def reduced_basis(
     `film_coefficients` are the sets [W/(m²·K)] that the machine works with, by film; a film that is not named has 0.
     `time_scales_s` are τ [s], infinite for the steady state. `tolerance` is the relative norm of what is left out.
 
-    Raises
-    ------
-    InputError
-        If a steady state is asked for where no film takes heat away.
+    Raises InputError if a steady state is asked for where no film takes heat away.
     """
     if np.isinf(max(time_scales_s)) and not all(any(one.values()) for one in film_coefficients):
         raise InputError(

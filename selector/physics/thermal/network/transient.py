@@ -98,10 +98,7 @@ def simulate_heat(
     `reference_degc` everywhere. `step_s` is the longest internal step [s]; the exact stepper needs steps only where
     heat depends on temperature, and is taken by "auto" where the eigenmodes of all film coefficients cost little.
 
-    Raises
-    ------
-    InputError
-        If a time is outside the conditions.
+    Raises InputError if a time is outside the conditions.
     """
     start = np.array(start_state, dtype=np.float64) if start_degc is None else start_degc * system.uniform
     read, keep = _times(time_s, conditions, "time_s"), _times(keep_states_at_s, conditions, "keep_states_at_s")
