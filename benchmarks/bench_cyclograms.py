@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.thermal.field.virtual_machine import VirtualMachine, virtual_machining_centre
+from selector.physics.thermal.field.machine import VirtualMachine, virtual_machining_centre
 from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest

@@ -25,8 +25,13 @@ from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.solvers import direct_solver
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, conduction_matrices, elastic_matrices, elasticity
+from selector.physics.thermal.field.thermoelasticity import (
+    MATERIALS,
+    conduction_matrices,
+    direct_solver,
+    elastic_matrices,
+    elasticity,
+)
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
 

@@ -15,13 +15,10 @@ import time
 from dataclasses import replace
 
 from selector.physics.gauging.gauge.characteristic import characteristic, linear_gauge
-from selector.physics.gauging.gauge.threshold import RippleCrest
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
-from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, RippleCrest
+from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding, finished_sizes
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
-from selector.physics.gauging.sizes.size_distribution import size_distribution
-from selector.physics.gauging.sizes.trade_off import trade_off
+from selector.physics.gauging.sizes.size_distribution import size_distribution, trade_off
 from tests.physics.gauging.examples import TRANSDUCER
 
 GAUGE = LinearGauge(-0.01, 3.0, 0.05)

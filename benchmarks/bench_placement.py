@@ -36,7 +36,7 @@ from bench_reduction import shift
 
 from selector.models.design import datum_of, lagged, rows_of
 from selector.physics.thermal.field.candidates import sensor_candidates
-from selector.physics.thermal.field.virtual_machine import Sensor, VirtualMachine, virtual_machining_centre
+from selector.physics.thermal.field.machine import Sensor, VirtualMachine, virtual_machining_centre
 from selector.recording import Channel, Recording
 from selector.selection import Options, Selection, select
 

@@ -20,7 +20,7 @@ import numpy as np
 from selector.cli import exit_status
 from selector.controllers import evaluate
 from selector.controllers.model_file import Input, ModelFile, Output, Term
-from selector.physics.thermal.field.virtual_machine import virtual_machining_centre
+from selector.physics.thermal.field.machine import virtual_machining_centre
 from selector.physics.thermal.network.laws import Conditions
 from selector.physics.vibration.file.model_file import read_model_file
 from selector.physics.vibration.motion.realisations import realisation_amounts, section_times
@@ -75,7 +75,7 @@ def shift_of_the_machine() -> Callable[[], object]:
 
 def hostile_name() -> Callable[[], object]:
     from selector.errors import ModelFileError
-    from selector.physics.thermal.file.model_file import parsed_model_file
+    from selector.physics.thermal.model_file import parsed_model_file
 
     def refused() -> None:
         try:

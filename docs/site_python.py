@@ -20,13 +20,12 @@ PARTS = {
     "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (
         "How the machine warms",
-        "physics.system physics.thermal.network.laws physics.thermal.network.network"
-        " physics.thermal.network.transient physics.thermal.file.systems"
-        " physics.thermal.network.reduction physics.thermal.field physics.thermal.modes.thermal_test"
+        "physics.system physics.thermal.network.laws physics.thermal.network.heat_system"
+        " physics.thermal.network.transient physics.thermal.field physics.thermal.modes.thermal_test"
         " physics.thermal.modes.modes physics.thermal.modes.choice physics.thermal.modes.cyclogram"
         " physics.thermal.prediction.characteristics physics.thermal.prediction.piecewise"
         " physics.thermal.prediction.prediction physics.thermal.prediction.correction_program"
-        " physics.thermal.file.model_file physics.thermal.thermal_model physics.thermal.driving",
+        " physics.thermal.model_file physics.thermal.thermal_model",
     ),
     "drives": (
         "How its axes follow",
@@ -46,10 +45,8 @@ PARTS = {
     "gauging": (
         "How it grinds to size",
         "physics.gauging.gauge.transducer physics.gauging.gauge.vibrating_contact"
-        " physics.gauging.gauge.characteristic physics.gauging.process physics.gauging.gauge.threshold"
-        " physics.gauging.grinding.gauged_grinding physics.gauging.grinding.finished_sizes"
-        " physics.gauging.sizes.size_distribution physics.gauging.sizes.capability physics.gauging.sizes.trade_off"
-        " physics.gauging.file.model_file physics.gauging.gauging_model",
+        " physics.gauging.gauge.characteristic physics.gauging.process physics.gauging.grinding.gauged_grinding"
+        " physics.gauging.sizes.size_distribution physics.gauging.model_file physics.gauging.gauging_model",
     ),
     "diagnosis": (
         "What the simulation left out",

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from selector.audit import audit_patent, audit_table_text, grouping, printed
-from selector.audit.regression import fewest_samples, r2_pair
+from selector.audit import audit_patent, audit_table_text, checks, printed
+from selector.audit.checks import fewest_samples, r2_pair
 from selector.errors import InputError
 from selector.shipped import shipped
 
@@ -62,8 +62,8 @@ def test_smallest_eigenvalue_is_the_known_one(lines):
 def test_a_wrong_printed_entry_is_found(monkeypatch):
     closure = printed.CLOSURE.copy()
     closure[2, 6] = 0.9988
-    monkeypatch.setattr(grouping, "CLOSURE", closure)
-    wrong = [line for line in grouping.closure_lines() if line.verdict == "contradicts"]
+    monkeypatch.setattr(checks, "CLOSURE", closure)
+    wrong = [line for line in checks.closure_lines() if line.verdict == "contradicts"]
     assert [(line.item, line.printed, line.ours) for line in wrong] == [
         ("t(3,7) and t(7,3)", "0.9988 and 0.9992", "0.9992")
     ]

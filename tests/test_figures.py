@@ -13,8 +13,7 @@ import pytest
 from selector import figures
 from selector.figures import style
 from selector.number_text import number_text
-from selector.sensors.fuzzy import transitive_closure
-from selector.sensors.groups import dendrogram
+from selector.sensors.groups import dendrogram, transitive_closure
 from tests.report import studies
 
 # drawn samples are float32: 2**-24 of values up to some hundred µm

@@ -20,10 +20,9 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_gauging import BASE, GRINDING
 from selector.figures import style
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
+from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Noise
-from selector.physics.gauging.sizes.size_distribution import size_distribution
-from selector.physics.gauging.sizes.trade_off import trade_off
+from selector.physics.gauging.sizes.size_distribution import size_distribution, trade_off
 from selector.telling.simulated.gauging_pictures import size_density
 
 PARTS, CHECKED = 4000, 7

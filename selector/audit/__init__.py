@@ -7,10 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.audit.effects import effect_lines, symbol_lines
-from selector.audit.grouping import closure_lines, group_lines, representative_lines, similarity_lines
+from selector.audit.checks import (
+    closure_lines,
+    effect_lines,
+    group_lines,
+    model_lines,
+    r2_lines,
+    representative_lines,
+    similarity_lines,
+    symbol_lines,
+)
 from selector.audit.printed import SENSORS, AuditLine, audit_table_text
-from selector.audit.regression import model_lines, r2_lines
 from selector.errors import ReadError
 from selector.shipped import shipped
 

@@ -12,8 +12,7 @@ from selector.figures.sensor_tree import add_step_marks, cut_of, level_at, level
 from selector.figures.style import changed
 from selector.number_text import number_text
 from selector.selection import Selection
-from selector.sensors.fuzzy import transitive_closure
-from selector.sensors.groups import dendrogram
+from selector.sensors.groups import dendrogram, transitive_closure
 
 _NUMBERS_UP_TO = 14
 _FOUR_DECIMALS_UP_TO = 9

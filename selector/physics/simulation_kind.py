@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     # names alone are needed for --help
     from selector.findings import Finding
     from selector.physics.channel_differences import ChannelDifference
-    from selector.physics.model_parameters import Parameter
+    from selector.physics.model_fields import Parameter
     from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
     from selector.types import Vector

@@ -152,7 +152,7 @@ class Selection:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form (`selector.selection/1`); numbers that do not exist are null."""
-        from selector.sensors.fuzzy import transitive_closure
+        from selector.sensors.groups import transitive_closure
 
         similarity = self.grouping.similarity.matrix
         screening = self.grouping.chosen

@@ -1,23 +1,21 @@
 """Which sensors: similarity, closure, groups and screening; plain arrays in, small frozen values out."""
 
-from selector.sensors.fuzzy import (
-    ClosureChain,
-    closure_chain,
-    max_min_composition,
-    transitive_closure,
-    transitive_closure_by_squaring,
-)
 from selector.sensors.groups import (
+    ClosureChain,
     Dendrogram,
     FStatistic,
     LambdaAxis,
     LambdaStep,
     Partition,
     chaining_findings,
+    closure_chain,
     dendrogram,
     f_statistic,
     lambda_axis,
     lambda_cut,
+    max_min_composition,
+    transitive_closure,
+    transitive_closure_by_squaring,
 )
 from selector.sensors.screening import Dropped, ScreeningRound, representatives, screen
 from selector.sensors.similarity import (

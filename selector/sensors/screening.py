@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS
-from selector.sensors.fuzzy import closure_chain, transitive_closure
-from selector.sensors.groups import Partition, lambda_cut
+from selector.sensors.groups import Partition, closure_chain, lambda_cut, transitive_closure
 from selector.sensors.similarity import sensor_names
 
 

@@ -58,7 +58,7 @@ QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "fee
 def few_sizes(monkeypatch) -> None:
     """A tenth of the parts, few filters: what is told is looked at here, how exact it is in tests/physics/gauging."""
     monkeypatch.setattr(gauging_summary, "FEWEST_SIZES", 200)
-    monkeypatch.setattr("selector.physics.gauging.sizes.trade_off.POINTS", 9)
+    monkeypatch.setattr("selector.physics.gauging.sizes.size_distribution.POINTS", 9)
 
 
 @pytest.fixture

@@ -13,9 +13,9 @@ from selector.diagnosis.open_model.refitting import refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import FunctionModel, OwnModel
 from selector.errors import InputError
 from selector.physics.drive.file.model_file import parsed_model_file
-from selector.physics.gauging.file.model_file import checked_model_file as gauging_file
 from selector.physics.gauging.gauging_model import gauging_model
-from selector.physics.model_parameters import Parameter
+from selector.physics.gauging.model_file import checked_model_file as gauging_file
+from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 from tests.diagnosis.ablated import (
     AXIS,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from selector.physics.gauging.file import model_file as schema
+from selector.physics.gauging import model_file as schema
 from selector.physics.model_fields import said_of, unit_in
 from selector.physics.model_text import Entry
 

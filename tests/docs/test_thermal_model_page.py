@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.physics.model_fields import said_of, unit_in
-from selector.physics.thermal.file import model_file as schema
+from selector.physics.thermal import model_file as schema
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "thermal-model.md"
 

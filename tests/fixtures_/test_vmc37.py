@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.thermal.field.virtual_machine import virtual_machining_centre
+from selector.physics.thermal.field.machine import virtual_machining_centre
 from selector.shipped import shipped
 
 ROOT = Path(__file__).parents[2]

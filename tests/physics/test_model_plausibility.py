@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import pytest
 
-from selector.physics.model_parameters import UsualRange, unlikely_numbers
+from selector.physics.model_fields import Unit, Usual, unlikely_values
+from selector.physics.model_text import Entry
 
-USUAL = {"probe.mass_kg": UsualRange(1e-4, 1.0, {"g": 1e-3}), "stages.feed": UsualRange(0.0, 10.0, {"mm": 1e3})}
+
+class Probe(Entry):
+    mass_kg: Annotated[float, Unit("kg"), Usual(1e-4, 1.0, {"g": 1e-3})]
+    stiffness: float = 1.0
+
+
+class Transducer(Entry):
+    probe: Probe
+
+
+class Stage(Entry):
+    feed: Annotated[float, Usual(0.0, 10.0, {"mm": 1e3})]
+
+
+class Grinding(Entry):
+    stages: tuple[Stage, ...]
+
+
+class File(Entry):
+    transducer: Transducer | None = None
+    grinding: Grinding | None = None
 
 
 def found(values):
-    return list(unlikely_numbers(values, USUAL, {"mass_kg": "kg", "feed": "1"}.__getitem__))
+    return list(unlikely_values(File.model_validate(values)))
 
 
 def test_the_unit_that_was_perhaps_meant_is_named():
@@ -23,7 +46,7 @@ def test_the_unit_that_was_perhaps_meant_is_named():
 
 @pytest.mark.parametrize("mass", [0.0, 1e-4, 1.0])
 def test_what_is_usual_and_what_is_switched_off_is_not_told(mass):
-    assert found({"probe": {"mass_kg": mass}}) == []
+    assert found({"transducer": {"probe": {"mass_kg": mass}}}) == []
 
 
 def test_entries_of_arrays_count_from_1_and_no_unit_may_fit():

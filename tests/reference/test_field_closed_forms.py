@@ -11,13 +11,14 @@ from scipy.linalg import expm
 from scipy.sparse.linalg import spsolve
 
 from selector.physics.thermal.field.mesh import Block, block_mesh
-from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
 from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
     conduction_matrices,
+    direct_solver,
     elastic_matrices,
     elasticity,
     film,
+    rigid_motions,
     surface_source,
 )
 

@@ -6,7 +6,7 @@ import pytest
 
 from selector.number_text import number_text
 from selector.physics.thermal.drift_quantities import largest_displacement
-from selector.physics.thermal.file.systems import slowest_time_constants
+from selector.physics.thermal.thermal_model import slowest_time_constants
 from selector.telling.page import account_page, write_account
 from selector.telling.simulated import account_of
 from selector.telling.simulated.thermal import largest_of, pictured_at

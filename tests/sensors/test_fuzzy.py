@@ -5,7 +5,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.sensors import closure_chain, max_min_composition, transitive_closure, transitive_closure_by_squaring
-from selector.sensors.fuzzy import _chain_loop, _closure_of_chain_loop
+from selector.sensors.groups import _chain_loop, _closure_of_chain_loop
 
 
 def test_composition_by_hand():

@@ -14,8 +14,7 @@ from scipy.signal import cont2discrete
 from selector.errors import InputError
 from selector.number_text import number_text
 from selector.physics.channel_differences import channel_differences
-from selector.physics.model_fields import Fit, Unit, Usual, numbers_of, unlikely_values
-from selector.physics.model_parameters import file_with, parameters_of
+from selector.physics.model_fields import Fit, Unit, Usual, file_with, numbers_of, parameters_of, unlikely_values
 from selector.physics.model_text import Bounds, Entry, ModelFamily, Name, Note, limited
 from selector.physics.simulation_kind import Simulated, SimulationKind
 from selector.recording import Channel, Recording

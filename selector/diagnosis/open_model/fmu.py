@@ -15,7 +15,7 @@ import pandas as pd
 
 from selector.diagnosis.open_model.runnable import Mode, simulation_at_recorded_times
 from selector.errors import InputError, OptionError, ReadError
-from selector.physics.model_parameters import Parameter
+from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 
 _REALS = ("Real", "Float64", "Float32")

@@ -18,7 +18,7 @@ from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.open_model.runnable import Runnable
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.physics.model_parameters import Parameter
+from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 from selector.types import Matrix, Vector
 

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from selector.errors import InputError
-from selector.physics.gauging.file.model_file import checked_model_file
+from selector.physics.gauging.model_file import checked_model_file
 from selector.physics.model_text import plain_values
 
 if TYPE_CHECKING:
     from selector.physics.gauging.gauging_model import GaugingModel
-    from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
-    from selector.physics.gauging.sizes.trade_off import TradeOff
+    from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
+    from selector.physics.gauging.sizes.size_distribution import TradeOff
 
 PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
 

@@ -25,14 +25,24 @@ from selector.physics.gauging.gauging_advice import (
     volts_text,
 )
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
-from selector.physics.gauging.grinding.finished_sizes import FinishedSizes, finished_sizes
-from selector.physics.gauging.grinding.part_plan import FEWEST_SIZES, feeds_s, longest_step_s, steps_in
+from selector.physics.gauging.grinding.gauged_grinding import (
+    FEWEST_SIZES,
+    FinishedSizes,
+    feeds_s,
+    finished_sizes,
+    longest_step_s,
+    steps_in,
+)
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
-from selector.physics.gauging.sizes.capability import Capability, capability
-from selector.physics.gauging.sizes.first_passage import relay_law
-from selector.physics.gauging.sizes.mean_course import on_line
-from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
-from selector.physics.gauging.sizes.trade_off import TradeOff, trade_off
+from selector.physics.gauging.sizes.first_passage import on_line, relay_law
+from selector.physics.gauging.sizes.size_distribution import (
+    Capability,
+    SizeDistribution,
+    TradeOff,
+    capability,
+    size_distribution,
+    trade_off,
+)
 from selector.physics.simulation_kind import Progress
 
 _TURNS = 2048

@@ -33,7 +33,7 @@ class GaugingKind(SimulationKind):
 
     def family(self) -> ModelFamily[Any]:
         """How its model files are read."""
-        from selector.physics.gauging.file.model_file import FAMILY
+        from selector.physics.gauging.model_file import FAMILY
 
         return FAMILY
 
@@ -69,7 +69,7 @@ class GaugingKind(SimulationKind):
 
     def roles_asked(self, file: Any, recording: Recording, unread: Sequence[str]) -> Mapping[str, str]:
         """Columns that the file names, and unread ones that are called as in a simulation."""
-        from selector.physics.gauging.gauging_channels import roles_asked
+        from selector.physics.gauging.gauging_model import roles_asked
 
         return roles_asked(file, recording, unread)
 

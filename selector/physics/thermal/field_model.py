@@ -15,20 +15,19 @@ from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.model_text import key_text, unknown_name
 from selector.physics.thermal.field.candidates import sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
-from selector.physics.thermal.field.machine import foot_springs
-from selector.physics.thermal.field.mesh import BlockMesh, probe_row
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
-from selector.physics.thermal.field.virtual_machine import (
+from selector.physics.thermal.field.machine import (
     SENSORS,
     Physics,
     film_sets,
+    foot_springs,
     machine_laws,
     virtual_machining_centre,
 )
-from selector.physics.thermal.file.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
-from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.physics.thermal.field.mesh import BlockMesh, probe_row
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
+from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
+from selector.physics.thermal.network.heat_system import HeatSystem, projected, reduced_basis
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
-from selector.physics.thermal.network.reduction import projected, reduced_basis
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
 from selector.types import Vector

@@ -54,13 +54,13 @@ class ThermalKind(SimulationKind):
 
     def family(self) -> ModelFamily[Any]:
         """How its model files are read."""
-        from selector.physics.thermal.file.model_file import FAMILY
+        from selector.physics.thermal.model_file import FAMILY
 
         return FAMILY
 
     def columns_needed(self, file: Any) -> Mapping[str, Any]:
         """Columns of conditions."""
-        from selector.physics.thermal.file.model_file import columns_needed
+        from selector.physics.thermal.model_file import columns_needed
 
         return columns_needed(file)
 
@@ -102,13 +102,13 @@ class ThermalKind(SimulationKind):
 
     def findings_before(self, model: Any) -> tuple[Finding, ...]:
         """Numbers that no machine has."""
-        from selector.physics.thermal.file.parameters import model_findings
+        from selector.physics.thermal.model_file import model_findings
 
         return tuple(model_findings(model.file))
 
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The conditions that the file describes, or a duty cycle."""
-        from selector.physics.thermal.file.model_file import require_few_samples
+        from selector.physics.thermal.model_file import require_few_samples
         from selector.physics.thermal.modes.cyclogram import Cyclogram
         from selector.physics.thermal.schedule import scheduled
         from selector.physics.thermal.thermal_model import simulation_findings
@@ -137,8 +137,8 @@ class ThermalKind(SimulationKind):
 
     def driven(self, model: Any, recording: Recording, how: RunSettings) -> Simulated:
         """The machine under recorded conditions; what was not recorded is as the file says."""
-        from selector.physics.thermal.driving import driven_runs
         from selector.physics.thermal.schedule import driven, scheduled
+        from selector.physics.thermal.thermal_model import driven_runs
 
         file = model.file
         longest_s = max(float(recording.time_s(run)[-1]) for run in recording.runs)

@@ -10,7 +10,7 @@ import numpy as np
 
 from selector.errors import InputError, OptionError
 from selector.physics.model_text import Column
-from selector.physics.thermal.file.model_file import ConditionsSection, InputsSection, Sine, SpeedOnly
+from selector.physics.thermal.model_file import ConditionsSection, InputsSection, Sine, SpeedOnly
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.network.laws import Conditions
 from selector.recording import Recording

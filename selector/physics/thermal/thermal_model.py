@@ -1,9 +1,9 @@
-"""A thermal model that runs: conditions in, a recording out, its parameters open to be fitted again."""
+"""A thermal model that runs, by its own conditions or those of recorded runs; its parameters are open to be fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,19 +11,144 @@ import pandas as pd
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.model_parameters import Parameter
-from selector.physics.thermal.file.model_file import FieldFile, Gauge, ModelFile, ModesFile, Sensor
-from selector.physics.thermal.file.parameters import parameters, with_parameters
-from selector.physics.thermal.file.systems import HeatMachine, heat_machine, modal_machine
+from selector.physics.model_fields import Parameter
+from selector.physics.simulation_kind import Progress
 from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.model_file import (
+    FieldFile,
+    Gauge,
+    InputsSection,
+    ModelFile,
+    ModesFile,
+    NetworkFile,
+    Sensor,
+    parameters,
+    with_parameters,
+)
 from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.physics.thermal.modes.modes import ModalModel
-from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
+from selector.physics.thermal.network.heat_system import HeatSystem, Network, time_constants_s
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
 from selector.physics.thermal.network.transient import simulate_heat
-from selector.physics.thermal.schedule import CONDITIONS, condensed, held_at, lagged, read_out
+from selector.physics.thermal.schedule import CONDITIONS, condensed, driven, held_at, lagged, read_out, seed_of_run
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class HeatMachine:
+    """A body with its laws, and where its probes sit."""
+
+    system: HeatSystem  #: The body
+    laws: Laws  #: How it is heated and cooled
+    probes: tuple[str, ...]  #: Probes that are read where the file names no thermometers
+    #: place_of_probe and xyz_of_probe: In words, and on the machine, where it is known
+    place_of_probe: Mapping[str, str] = field(default_factory=dict)
+    xyz_of_probe: Mapping[str, Point] = field(default_factory=dict)
+
+
+def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None) -> HeatMachine:
+    """The body and the laws of a network or of the field machine.
+
+    `built` is the machine of a file that differs in its laws only; a field machine is then not built again.
+
+    Raises ModelFileError: the file names a source, film, place or length that the field machine does not have.
+    """
+    if isinstance(file, NetworkFile):
+        return network_machine(file)
+    # scikit-fem comes in with the field machine, which most model files do not need
+    from selector.physics.thermal import field_model
+    from selector.physics.thermal.field.machine import SENSORS
+
+    laws = field_model.laws_of(file)
+    if built is not None:
+        return replace(built, laws=laws)
+    return HeatMachine(
+        field_model.system_of(file, laws),
+        laws,
+        tuple(SENSORS),
+        {name: sensor.place for name, sensor in SENSORS.items()},
+        {name: sensor.xyz_m for name, sensor in SENSORS.items()},
+    )
+
+
+def network_machine(file: NetworkFile) -> HeatMachine:
+    """The network of a model file: one probe a node, one displacement for every name among the expansions."""
+    network = Network(
+        {name: node.heat_capacity_j_per_k for name, node in file.nodes.items()},
+        [(*link.between, link.conductance_w_per_k) for link in file.links],
+        {name: film.area_m2 for name, film in file.films.items()},
+        {name: source.shares for name, source in file.sources.items()},
+        {name: node.expansion_um_per_k for name, node in file.nodes.items()},
+    )
+    laws = Laws(
+        tuple(
+            HeatLaw(source=name, at=source.at or "", **source.model_dump(exclude={"shares", "at"}))
+            for name, source in file.sources.items()
+        ),
+        tuple(FilmLaw(film=name, **film.model_dump(exclude={"area_m2"})) for name, film in file.films.items()),
+    )
+    return HeatMachine(
+        network.heat_system(),
+        laws,
+        tuple(file.nodes),
+        {name: node.place for name, node in file.nodes.items() if node.place is not None},
+        {name: node.xyz for name, node in file.nodes.items() if node.xyz is not None},
+    )
+
+
+def modal_machine(file: ModesFile) -> ModalModel:
+    """The modes of a model file; between tested speeds a gain is n^exponent times a factor that is interpolated."""
+    modes = file.modes
+    speed = np.array(modes.speed_rpm)
+    law = SpeedLaw((modes.exponent,), reference_rpm=float(speed[-1]), knots_rpm=tuple(modes.speed_rpm))
+    steady = np.stack([np.array(rows, dtype=np.float64) for rows in modes.gains_um.values()], axis=-1)
+    factor = (speed / speed[-1]) ** modes.exponent
+    return ModalModel(
+        responses=tuple(modes.gains_um),
+        tau_s=np.array(modes.tau_s),
+        gains_um=steady / factor[:, None, None],
+        law=law,
+        fastest_rpm=float(speed[-1]),
+        cooling_growth=np.zeros(len(modes.tau_s)),
+    )
+
+
+SLOWEST = 6
+
+
+def slowest_time_constants(machine: HeatMachine | ModalModel, conditions: Conditions) -> dict[str, Vector]:
+    """What is held → the slowest time constants [s] then, longest first; infinite for a part that no fluid reaches.
+
+    The machine stands without coolant, turns at the fastest speed of the conditions, and does so with coolant if that
+    is ever on; states that have the same films are told once. Those of a reduced system are its slowest ones, which the
+    reduction keeps. Thermal modes say theirs themselves.
+    """
+    if isinstance(machine, ModalModel):
+        return {"standing": machine.tau_s[::-1][:SLOWEST]}
+    fastest = float(conditions.spindle_speed.max())
+    corners = {"standing": (0.0, 0.0), f"at {fastest:g} r/min": (fastest, 0.0)}
+    if conditions.coolant_on.any():
+        corners[f"at {fastest:g} r/min with coolant"] = (fastest, 1.0)
+    found: dict[str, Vector] = {}
+    seen = []
+    for name, (speed, coolant) in corners.items():
+        films = _films(machine.laws, conditions, speed, coolant)
+        if films not in seen:
+            found[name] = time_constants_s(machine.system, films)[:SLOWEST]
+        seen.append(films)
+    return found
+
+
+def _films(laws: Laws, conditions: Conditions, speed_rpm: float, coolant_on: float) -> dict[str, float]:
+    """Film → coefficient [W/(m²·K)] while this is held."""
+    count = len(conditions.time_s)
+    held = replace(conditions, spindle_speed=np.full(count, speed_rpm), coolant_on=np.full(count, coolant_on))
+    return summed([law.film for law in laws.films], film_coefficients(laws, held)[0])
+
 
 ALWAYS_RECORDED = ("spindle_speed", "ambient")
 """Conditions that a simulated recording holds even if they do not change."""
@@ -250,3 +375,154 @@ def _axis(gauge: Gauge) -> str | None:
     letter = (gauge.of or gauge.name)[:1].upper()
     rest = (gauge.of or gauge.name)[1:2]
     return gauge.axis or (letter if letter in _AXES and not rest.isalnum() else None)
+
+
+_START_K = 1.0
+"""What a machine that stood for a night may differ from its hall."""
+
+_START_SAMPLES = 5
+
+
+def driven_runs(
+    model: FileModel,
+    recording: Recording,
+    *,
+    inputs: InputsSection,
+    otherwise: Conditions,
+    seed: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[Recording, tuple[Finding, ...]]:
+    """A simulation of every run of a recording, driven by what was recorded, and what is to be said about it.
+
+    Samples stand at the time stamps of the recording. An output has the name, place and axis of the recorded channel
+    with the same name; a displacement else those of the only one along its axis. `inputs` and `otherwise` are those of
+    `schedule.driven`. Without a `seed` thermometers and gauges are free of noise and rounding.
+
+    Raises InputError: the recording cannot drive this model.
+    """
+    matched = _matched(model.outputs, recording)
+    findings: list[Finding] = []
+    runs: dict[str, pd.DataFrame] = {}
+    told: dict[str, Any] = {}
+    provenance: dict[str, Any] = {}
+    used: dict[str, str] = {}
+    missing: dict[str, list[str]] = {}
+    for number, run in enumerate(recording.runs):
+        if progress is not None:
+            progress(number, len(recording.runs), run)
+        drive = driven(recording, run, inputs, otherwise)
+        names = {channel: name for channel, name in drive.channels.items() if name in model.inputs}
+        used |= names
+        for name in drive.not_recorded:
+            if name in model.inputs:
+                missing.setdefault(name, []).append(run)
+        time_s = recording.time_s(run)
+        simulated = model.simulate(
+            drive.conditions,
+            time_s=time_s,
+            run=run,
+            seed=None if seed is None else seed_of_run(seed, run),
+            instruments=seed is not None,
+        )
+        outputs = [channel.name for channel in model.outputs]
+        index = pd.Index(time_s, name="time_s")
+        table = pd.DataFrame(simulated.values(run, outputs), index, columns=[matched[n].name for n in outputs])
+        for channel, name in names.items():
+            table[channel] = held_at(drive.conditions, name, time_s)
+        runs[run] = table
+        told[run] = simulated.provenance.get("runs", {}).get(run, {})
+        provenance = {**simulated.provenance, "runs": told}
+    findings += [_not_recorded(name, lacking, recording, otherwise) for name, lacking in missing.items()]
+    inputs_as_recorded = [_as_recorded(recording.channel(channel), name) for channel, name in used.items()]
+    channels = (*inputs_as_recorded, *(matched[channel.name] for channel in model.outputs))
+    answer = Recording.from_runs(runs, channels, provenance)
+    findings += [*_not_compared(model, matched, recording), *_other_start(answer, recording)]
+    return answer, (*findings, *simulation_findings(answer))
+
+
+def _as_recorded(channel: Channel, name: str) -> Channel:
+    """The recorded channel; where it has no place, that of the condition."""
+    place = channel.place or input_channel(name).place
+    return Channel(channel.name, channel.role, channel.unit, place, channel.axis, channel.xyz_m)
+
+
+def _matched(outputs: tuple[Channel, ...], recording: Recording) -> dict[str, Channel]:
+    """Output → the channel of the recording that it is compared with, or itself."""
+    recorded = {channel.name: channel for channel in recording.channels}
+    matched = {
+        output.name: recorded[output.name]
+        for output in outputs
+        if output.name in recorded and recorded[output.name].role == output.role
+    }
+    for output in outputs:
+        if output.name in matched or output.role != "displacement" or output.axis is None:
+            continue
+        alike = [c for c in recording.channels if c.role == "displacement" and c.axis == output.axis]
+        rivals = [o for o in outputs if o.role == "displacement" and o.axis == output.axis]
+        if len(alike) == 1 and len(rivals) == 1 and alike[0] not in matched.values():
+            matched[output.name] = alike[0]
+    taken = set(recorded)
+    for output in outputs:
+        if output.name not in matched:
+            name = output.name
+            while name in taken:  # a name that the recording uses for something else
+                name += " (simulated)"
+            taken.add(name)
+            matched[output.name] = Channel(name, output.role, output.unit, output.place, output.axis, output.xyz_m)
+    return matched
+
+
+def _not_recorded(name: str, runs: list[str], recording: Recording, otherwise: Conditions) -> Finding:
+    course = held_at(otherwise, name, otherwise.time_s)
+    moves = float(course.max()) > float(course.min())
+    value = (
+        f"{course.min():g} to {course.max():g}, a course that says nothing of these runs" if moves else f"{course[0]:g}"
+    )
+    which = "any run" if len(runs) == len(recording.runs) else ", ".join(runs[:6])
+    return FINDINGS.finding(
+        "input-not-recorded",
+        f"{name} was not recorded in {which}; the value of the model file was used ({value}).",
+        Where(run=runs[0] if len(runs) == 1 else None),
+        {"input": name, "runs": runs},
+        f"record it, or name its channel under [inputs]: {name} = \"CHANNEL\"", level="warning" if moves else "info",
+    )  # fmt: skip
+
+
+def _other_start(answer: Recording, recording: Recording) -> Iterator[Finding]:
+    """Runs whose recorded thermometers began elsewhere than the model, which starts with one temperature."""
+    shared = [name for name in answer.with_role("temperature") if name in recording.with_role("temperature")]
+    off_k: dict[str, float] = {}
+    for run in answer.runs:
+        first = recording.values(run, shared)[:_START_SAMPLES] - answer.values(run, shared)[:_START_SAMPLES]
+        there = first[:, np.isfinite(first).any(axis=0)]
+        if there.size:
+            gaps = np.nanmedian(there, axis=0)
+            worst = float(gaps[np.argmax(np.abs(gaps))])
+            if abs(worst) > _START_K:
+                off_k[run] = worst
+    if off_k:
+        worst_run = max(off_k, key=lambda run: abs(off_k[run]))
+        yield FINDINGS.finding(
+            "start-differs",
+            f"{len(off_k)} of {len(answer.runs)} runs did not begin at the temperature at which the model starts: in "
+            f"{worst_run} a thermometer read {off_k[worst_run]:+.1f} K against it.",
+            Where(run=worst_run if len(off_k) == 1 else None),
+            {"largest_difference_k": off_k},
+        )
+
+
+def _not_compared(model: FileModel, matched: dict[str, Channel], recording: Recording) -> Iterator[Finding]:
+    """What of the simulation has no recorded counterpart, if anything."""
+    recorded = set(recording.channels)
+    alone = [output.name for output in model.outputs if matched[output.name] not in recorded]
+    if alone:
+        none = len(alone) == len(model.outputs)
+        yield FINDINGS.finding(
+            "output-not-recorded",
+            ("None" if none else f"{len(alone)}") + f" of the {len(model.outputs)} outputs of the model "
+            + ("has a recorded channel of its name or axis." if none else "have no recorded channel: ")
+            + ("" if none else ", ".join(alone[:8]) + ("…" if len(alone) > 8 else "") + "."),
+            evidence={"outputs": alone},
+            suggestion="call sensors and gauges of the model file as the channels of the recording are called",
+            level="warning" if none else "info",
+        )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding
-from selector.physics.model_parameters import Parameter
+from selector.physics.model_fields import Parameter
 from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.chain.chain import Chain
 from selector.physics.vibration.file.model_file import (

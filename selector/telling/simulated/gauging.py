@@ -9,10 +9,9 @@ from selector.number_text import number_text
 from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import GaugingSummary
-from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
+from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes.capability import CONFIDENCE, Capability
-from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.sizes.size_distribution import CONFIDENCE, Capability, SizeDistribution, size_distribution
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
 from selector.telling.numbers import NONE, listed, ms_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account

@@ -19,9 +19,9 @@ from selector.figures.simulated.gauging import (
 from selector.number_text import number_text
 from selector.physics.gauging.gauge.transducer import Transducer
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
-from selector.physics.gauging.gauging_channels import ALLOWANCE, GAUGE, MEASURED
+from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
-from selector.physics.gauging.grinding.finished_sizes import FinishedSizes
+from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text

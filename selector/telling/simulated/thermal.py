@@ -12,8 +12,8 @@ from selector.errors import OptionError
 from selector.number_text import number_text
 from selector.physics.model_text import plain_values
 from selector.physics.thermal.drift_quantities import largest_displacement
-from selector.physics.thermal.file.model_file import FieldFile
-from selector.physics.thermal.file.systems import slowest_time_constants
+from selector.physics.thermal.model_file import FieldFile
+from selector.physics.thermal.thermal_model import slowest_time_constants
 from selector.recording import Recording
 from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
 from selector.telling.numbers import NONE, span_text

@@ -10,7 +10,7 @@ import numpy as np
 from selector.figures.simulated.field import machine_field
 from selector.figures.simulated.thermal import heat_balance, inputs_and_displacements, temperatures
 from selector.number_text import number_text
-from selector.physics.thermal.file.model_file import FieldFile
+from selector.physics.thermal.model_file import FieldFile
 from selector.recording import Recording
 from selector.telling.account import Block, Drawing
 from selector.telling.numbers import span_text

@@ -22,7 +22,7 @@ from selector.physics.drive.file.model_file import (
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.model_text import plain_values
-from selector.physics.thermal.file.model_file import read_model_file as read_thermal_model_file
+from selector.physics.thermal.model_file import read_model_file as read_thermal_model_file
 from tests.work import counted_calls
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "drive"

@@ -14,12 +14,9 @@ from scipy.optimize import brentq
 
 from selector.errors import InputError
 from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.threshold import mean_allowance_um, mean_voltage_v
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, mean_allowance_um, mean_voltage_v
 from selector.physics.gauging.grinding import _part_kernel as kernel
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
-from selector.physics.gauging.grinding.part_course import part_course
-from selector.physics.gauging.grinding.part_plan import part_plan, steps_per_filter
+from selector.physics.gauging.grinding.gauged_grinding import finished_sizes, part_course, part_plan, steps_per_filter
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, smoothed_surface
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 

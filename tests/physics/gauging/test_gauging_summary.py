@@ -10,13 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.gauging.file.model_file import checked_model_file, read_model_file
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.gauging_summary import gauging_summary, threshold_findings
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
-from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.grinding.part_plan import FEWEST_SIZES
+from selector.physics.gauging.grinding.gauged_grinding import FEWEST_SIZES, GaugedGrinding, finished_sizes
+from selector.physics.gauging.model_file import checked_model_file, read_model_file
 from selector.physics.gauging.process import Grinding, Noise, Stage
 from selector.physics.gauging.sizes.size_distribution import size_distribution
 from selector.physics.model_text import plain_values
@@ -31,7 +29,7 @@ TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
 def _half_the_filters():
     """How finely filters are looked at is the subject of test_trade_off.py."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selector.physics.gauging.sizes.trade_off.POINTS", 12)
+        patch.setattr("selector.physics.gauging.sizes.size_distribution.POINTS", 12)
         yield
 
 

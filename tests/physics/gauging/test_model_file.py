@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
-from selector.physics.gauging.file.model_file import (
+from selector.physics.gauging.model_file import (
     checked_model_file,
     file_parts,
     finest_s,

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from selector.errors import ModelFileError
-from selector.physics.gauging.file.model_file import checked_model_file
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
-from selector.physics.gauging.grinding.part_plan import MOST_STEPS_OF_PART, steps_per_part
+from selector.physics.gauging.grinding.gauged_grinding import MOST_STEPS_OF_PART, finished_sizes, steps_per_part
+from selector.physics.gauging.model_file import checked_model_file
 from selector.physics.gauging.process import Grinding, Noise, Stage
 from tests.physics.gauging.set_ups import set_up
 from tests.physics.gauging.test_model_file import LINEAR, TRANSDUCER, changed

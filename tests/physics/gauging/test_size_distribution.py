@@ -16,10 +16,8 @@ from hypothesis import strategies as st
 from scipy.special import ndtri
 
 from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.threshold import RippleCrest, voltage_rate_sd_v_per_s
-from selector.physics.gauging.gauge.transducer import Relay
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
-from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.gauge.transducer import Relay, RippleCrest, voltage_rate_sd_v_per_s
+from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding, finished_sizes
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
 from selector.physics.gauging.sizes.first_passage import relay_law
 from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from scipy import integrate
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.threshold import (
+from selector.physics.gauging.gauge.transducer import (
+    LinearGauge,
+    Relay,
     mean_allowance_um,
     mean_voltage_v,
     removal_rate_um_per_s,
@@ -22,7 +24,6 @@ from selector.physics.gauging.gauge.threshold import (
     voltage_variance_v2,
     wear_share,
 )
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.process import Grinding, Noise, Stage
 
 GAUGE = LinearGauge(-0.012, 2.4, 0.15)

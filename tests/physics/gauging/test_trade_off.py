@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from selector.physics.gauging.gauge.transducer import Relay
-from selector.physics.gauging.grinding.finished_sizes import finished_sizes
+from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Grinding, Noise, Stage
-from selector.physics.gauging.sizes.size_distribution import size_distribution
-from selector.physics.gauging.sizes.trade_off import trade_off
+from selector.physics.gauging.sizes.size_distribution import size_distribution, trade_off
 from tests.physics.gauging.set_ups import set_up
 
 SETUP = set_up(Grinding(30.0, (Stage(20.0, 12.0), Stage(5.0, 2.0)), feed_sd=0.05), noise=Noise(0.5, 30.0))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.physics.thermal.network.heat_system import HeatSystem, solver_of
 from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, fluid_degc, heat_parts
-from selector.physics.thermal.network.stepping import Body, Interval, factorised
+from selector.physics.thermal.network.stepping import Body, Interval
 
 
 def rates(system: HeatSystem, laws: Laws, conditions: Conditions, x):
@@ -29,7 +29,7 @@ def steady_state(system: HeatSystem, laws: Laws, conditions: Conditions):
     datum = float(np.mean(fluids))
     body = Body(system, laws, datum)
     held = Interval(0.0, films, fluids - datum, firm, lubricant)
-    solve = factorised(body.conductance(held)).solve
+    solve = solver_of(body.conductance(held)).solve
     soft = body.soft
     rise = solve(body.film_loads @ (films * held.fluid_rise) + body.heat_loads @ body.steady_heat_w(held))
     if len(soft):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.network.heat_system import HeatSystem
-from selector.physics.thermal.network.reduction import factorised, projected, reduced_basis
+from selector.physics.thermal.network.heat_system import HeatSystem, factorised, projected, reduced_basis
 
 
 def reduced(system: HeatSystem, film_coefficients, **options) -> HeatSystem:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.network.heat_system import Contact, HeatSystem, joined
-from selector.physics.thermal.network.reduction import factorised
+from selector.physics.thermal.network.heat_system import Contact, HeatSystem, factorised, joined
 from tests.physics.thermal.reductions import reduced, reduction_error
 from tests.physics.thermal.voxels import voxel_machine
 

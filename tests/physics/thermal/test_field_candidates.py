@@ -10,7 +10,7 @@ from selector.physics.model_text import plain_values
 from selector.physics.thermal.field.candidates import sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field_model import with_candidates
-from selector.physics.thermal.file.model_file import checked_model_file
+from selector.physics.thermal.model_file import checked_model_file
 from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.thermal_model import thermal_model
 

@@ -10,7 +10,7 @@ from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import displacement_readings
 from selector.physics.thermal.field.mesh import probe_row
 from selector.physics.thermal.field_model import field_moment, field_of, laws_of
-from selector.physics.thermal.file.model_file import FieldFile, parsed_model_file
+from selector.physics.thermal.model_file import FieldFile, parsed_model_file
 from selector.physics.thermal.schedule import scheduled
 from selector.physics.thermal.thermal_model import thermal_model
 

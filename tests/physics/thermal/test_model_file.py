@@ -17,16 +17,17 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.model_text import plain_values
-from selector.physics.thermal.driving import driven_runs
-from selector.physics.thermal.field.virtual_machine import SENSORS, machine_laws
+from selector.physics.thermal.field.machine import SENSORS, machine_laws
 from selector.physics.thermal.field_model import laws_of
-from selector.physics.thermal.file.model_file import (
+from selector.physics.thermal.model_file import (
     InputsSection,
     checked_model_file,
+    model_findings,
+    parameters,
     parsed_model_file,
     read_model_file,
+    with_parameters,
 )
-from selector.physics.thermal.file.parameters import model_findings, parameters, with_parameters
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import (
@@ -39,7 +40,7 @@ from selector.physics.thermal.schedule import (
     read_out,
     scheduled,
 )
-from selector.physics.thermal.thermal_model import simulation_findings, thermal_model
+from selector.physics.thermal.thermal_model import driven_runs, simulation_findings, thermal_model
 from selector.recording import Channel, Recording
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "thermal"

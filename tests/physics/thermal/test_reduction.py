@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy import sparse
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import HeatSystem
-from selector.physics.thermal.network.reduction import projected, reduced_basis
+from selector.physics.thermal.network.heat_system import HeatSystem, projected, reduced_basis
 from tests.physics.thermal.reductions import reduced, reduction_error
 from tests.physics.thermal.voxels import implicit_history, voxel_machine
 

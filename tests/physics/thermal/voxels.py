@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
-from selector.physics.thermal.network.heat_system import HeatSystem
-from selector.physics.thermal.network.reduction import factorised
+from selector.physics.thermal.network.heat_system import HeatSystem, factorised
 
 K_W_PER_M_K, C_J_PER_M3_K = 48.0, 7200.0 * 500.0
 

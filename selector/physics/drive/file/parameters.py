@@ -10,8 +10,7 @@ from selector.physics.drive.file.model_axes import FileAxis, file_axis
 from selector.physics.drive.file.model_file import checked_model_file
 from selector.physics.drive.file.model_schema import DriveFile
 from selector.physics.drive.parts.mechanics import RigidMechanics
-from selector.physics.model_fields import Fit, numbers_of
-from selector.physics.model_parameters import Number, Parameter, file_with, parameters_of
+from selector.physics.model_fields import Fit, Number, Parameter, file_with, numbers_of, parameters_of
 from selector.physics.model_text import Key
 
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}

@@ -1,4 +1,9 @@
-"""Which sizes come out, by formula: as G eq. 25 has it, or with noise that reaches the threshold early."""
+"""Which sizes come out, by formula; how capable that makes the process (ISO 22514-2), and which filter is best.
+
+A quick filter lets noise through, a slow one turns the feed's spread into size. With the threshold of eq. 23, meant for
+the mean feed, noise that reaches it early makes parts too large: a bias that falls with T_Φ. Noise falls with it as
+well, D_x/(1 + β·T_Φ); what differs from part to part, (T_Φ + delay + lag)·(a − a_i), grows: the sum has a least value.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +13,26 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+from scipy.interpolate import CubicSpline
 from scipy.special import ndtr, ndtri
 
-from selector.physics.gauging.gauge.threshold import voltage_variance_v2, wear_share
+from selector.physics.gauging.gauge.transducer import voltage_variance_v2, wear_share
 from selector.physics.gauging.grinding._part_kernel import LEAST_FEED
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
-from selector.physics.gauging.process import mean_surface_um, smoothed_surface, surface_um
-from selector.physics.gauging.sizes.first_passage import is_settled, masses, passage_law, relay_law, weighted_quantiles
-from selector.physics.gauging.sizes.mean_course import last_stage, on_line, stage_courses, threshold_readings_um
+from selector.physics.gauging.process import Tolerance, mean_surface_um, smoothed_surface, surface_um
+from selector.physics.gauging.sizes.first_passage import (
+    is_settled,
+    last_stage,
+    masses,
+    on_line,
+    passage_law,
+    relay_law,
+    stage_courses,
+    threshold_readings_um,
+    weighted_quantiles,
+)
 from selector.types import Vector
 
 _TURNS, _HALVINGS = 61, 50
@@ -320,3 +336,179 @@ def _some_parts(parts: int, most: int) -> NDArray[np.int64]:
 def _ripple_rate(line: GaugedGrinding) -> float:
     _, rate = smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(4096) / 4096.0)
     return float(np.abs(rate).max()) / line.rates_um_per_s[-1]
+
+
+LOW_SHARE, HIGH_SHARE = 0.00135, 0.99865
+"""Quantiles of a normal distribution at ± 3 standard deviations, by which ISO 22514-2 measures any other."""
+
+CONFIDENCE = 0.95
+"""Of the intervals, two-sided."""
+
+LEAST_PARTS = 2
+LEAST_PARTS_OF_QUANTILES = math.ceil(1.0 / LOW_SHARE)
+"""Fewer have no quantile of 0.135 %."""
+
+
+@dataclass(frozen=True)
+class Capability:
+    """Capability of a process from a sample of its sizes."""
+
+    count: int  #: Parts
+    #: mean_um and sd_um: [µm]
+    mean_um: float
+    sd_um: float
+    #: cp, cp_low and cp_high: (U − L)/6·sd; its interval is that of the standard deviation of normal sizes (chi-square)
+    cp: float
+    cp_low: float
+    cp_high: float
+    #: cpk, cpk_low and cpk_high: Distance of the mean to the nearer limit over 3·sd; interval by Bissell (1990),
+    #: Applied Statistics 39, 331–340
+    cpk: float
+    cpk_low: float
+    cpk_high: float
+    #: cp_quantiles and cpk_quantiles: The same with the distances of the 0.135 % and 99.865 % quantiles from the median
+    #: in place of 3·sd, for sizes of any distribution; None of fewer than 741 parts, and where one of them is 0
+    cp_quantiles: float | None
+    cpk_quantiles: float | None
+    #: share_below and share_above: Expected out of tolerance, of normal sizes
+    share_below: float
+    share_above: float
+    #: share_outside, share_outside_low and share_outside_high: Counted out of tolerance, whatever the distribution;
+    #: interval by Clopper and Pearson
+    share_outside: float
+    share_outside_low: float
+    share_outside_high: float
+
+
+def capability(size_um: ArrayLike, tolerance: Tolerance) -> Capability | None:
+    """Capability from finished sizes, shape (n_parts,) [µm]; None where they do not differ, or are fewer than two."""
+    sizes = np.asarray(size_um, dtype=np.float64).ravel()
+    count = len(sizes)
+    mean, sd = (float(sizes.mean()), float(sizes.std(ddof=1))) if count >= LEAST_PARTS else (0.0, 0.0)
+    # the rounding of equal sizes is no spread
+    if sd <= 1e-12 * max(abs(mean), tolerance.upper_um - tolerance.lower_um):
+        return None
+    width = tolerance.upper_um - tolerance.lower_um
+    cp = width / (6.0 * sd)
+    cpk = min(tolerance.upper_um - mean, mean - tolerance.lower_um) / (3.0 * sd)
+    alpha = 1.0 - CONFIDENCE
+    chi_low, chi_high = (float(special.chdtri(count - 1, above)) for above in (1 - alpha / 2, alpha / 2))
+    half = float(special.ndtri(1 - alpha / 2)) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * (count - 1)))
+    outside = int(np.count_nonzero((sizes < tolerance.lower_um) | (sizes > tolerance.upper_um)))
+    low = float(special.betaincinv(outside, count - outside + 1, alpha / 2)) if outside > 0 else 0.0
+    high = float(special.betaincinv(outside + 1, count - outside, 1 - alpha / 2)) if outside < count else 1.0
+    by_quantiles = _by_quantiles(sizes, tolerance)
+    return Capability(
+        count, mean, sd,
+        cp, cp * math.sqrt(chi_low / (count - 1)), cp * math.sqrt(chi_high / (count - 1)),
+        cpk, cpk - half, cpk + half,
+        by_quantiles[0], by_quantiles[1],
+        float(special.ndtr((tolerance.lower_um - mean) / sd)), float(special.ndtr((mean - tolerance.upper_um) / sd)),
+        outside / count, low, high,
+    )  # fmt: skip
+
+
+def _by_quantiles(
+    sizes: np.ndarray[tuple[int], np.dtype[np.float64]], tolerance: Tolerance
+) -> tuple[float | None, ...]:
+    if len(sizes) < LEAST_PARTS_OF_QUANTILES:
+        return None, None
+    low, middle, high = (float(value) for value in np.quantile(sizes, [LOW_SHARE, 0.5, HIGH_SHARE]))
+    if not low < middle < high:
+        return None, None
+    cp = (tolerance.upper_um - tolerance.lower_um) / (high - low)
+    return cp, min((tolerance.upper_um - middle) / (high - middle), (middle - tolerance.lower_um) / (middle - low))
+
+
+POINTS = 33
+_SHARE_OF_STAGE, _DECADES, _ROUND_PRESENT = 0.3, 2.5, 3.0
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Error of the finished size against the time constant of the filter."""
+
+    time_constant_s: Vector  #: (n_filters,): T_Φ, increasing [s]
+    threshold_v: Vector  #: (n_filters,): Of the last stage by eq. 23, for the mean feed [V].
+    #: bias_um and sd_um: (n_filters,): Mean size less the wanted one, with that threshold; standard deviation [µm]
+    bias_um: Vector
+    sd_um: Vector
+    #: (n_filters,): Threshold of the last stage that makes the mean size the wanted one [V]
+    centred_threshold_v: Vector
+    #: best_s and best_rms_um: Where √(bias² + variance) is least with thresholds of eq. 23 [s], and how large it is
+    #: [µm]
+    best_s: float
+    best_rms_um: float
+    #: centred_s, centred_best_v and centred_rms_um: The same with centred thresholds: the least standard deviation
+    centred_s: float
+    centred_best_v: float
+    centred_rms_um: float
+    #: present_s, present_bias_um and present_sd_um: With the filter and the thresholds that there are [s], [µm], [µm]
+    present_s: float
+    present_bias_um: float
+    present_sd_um: float
+    at_edge: bool  #: Whether one of the two best T_Φ is an end of the range that was tried, and may lie beyond
+
+    @property
+    def present_rms_um(self) -> float:
+        """√(bias² + variance) as it is [µm]."""
+        return float(np.hypot(self.present_bias_um, self.present_sd_um))
+
+
+def trade_off(
+    setup: GaugedGrinding,
+    *,
+    time_constants_s: ArrayLike | None = None,
+    parts: int = 1,
+) -> TradeOff:
+    """Error of the size with other filters, by first passage on the line; the curve of a characteristic moves the mean.
+
+    `time_constants_s` increase [s]; None: up to a third of the last stage, which has to be long against its filter.
+    `parts` is the batch whose wear counts.
+    """
+    filters = _default_filters(setup) if time_constants_s is None else np.array(time_constants_s, dtype=np.float64)
+
+    def moments(filter_s: float | None) -> tuple[float, float]:
+        """Bias and standard deviation; None: as it is."""
+        other = setup if filter_s is None else setup.with_filter(filter_s)
+        mean, sd_um = size_moments_um(other, parts=parts)
+        return mean + curvature_um(other) - setup.wanted_um, sd_um
+
+    bias, sd = np.array([moments(float(one)) for one in filters]).T.copy()
+    threshold = np.array([setup.with_filter(float(one)).thresholds_v[-1] for one in filters])
+    centred = threshold - setup.gauge.gain_v_per_um * bias
+    best_s, steady_s = _least(filters, np.hypot(bias, sd)), _least(filters, sd)
+    best, steady, present = moments(best_s), moments(steady_s), moments(None)
+    for values in (filters, threshold, bias, sd, centred):
+        values.flags.writeable = False
+    ends = (float(filters[0]), float(filters[-1]))
+    return TradeOff(
+        filters, threshold, bias, sd, centred,
+        best_s, math.hypot(*best),
+        steady_s,
+        setup.with_filter(steady_s).thresholds_v[-1] - setup.gauge.gain_v_per_um * steady[0],
+        steady[1],
+        setup.gauge.time_constant_s, *present,
+        best_s in ends or steady_s in ends,
+    )  # fmt: skip
+
+
+def _default_filters(setup: GaugedGrinding) -> Vector:
+    """Time constants on an even logarithmic scale, around the present one."""
+    ends = [setup.grinding.allowance_um, *(stage.until_um for stage in setup.grinding.stages)]
+    lasts_s = (ends[-2] - ends[-1]) / setup.rates_um_per_s[-1]
+    present = setup.gauge.time_constant_s
+    high = max(_SHARE_OF_STAGE * lasts_s, _ROUND_PRESENT * present)
+    low = min(high * 10.0**-_DECADES, present / _ROUND_PRESENT)
+    return np.geomspace(low, high, POINTS)
+
+
+def _least(filters: Vector, values: Vector) -> float:
+    """Time constant at which a value is least, on the cubic through those that were tried, over the logarithm [s]."""
+    first = int(np.argmin(values))
+    if first in (0, len(filters) - 1):
+        return float(filters[first])
+    curve = CubicSpline(np.log(filters), values)
+    ends = np.log(filters[[first - 1, first + 1]])
+    inner = [float(at) for at in curve.derivative().roots(extrapolate=False) if ends[0] <= at <= ends[1]]
+    return math.exp(min(inner, key=lambda at: float(curve(at)), default=math.log(filters[first])))

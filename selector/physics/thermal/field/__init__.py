@@ -3,10 +3,8 @@
 ::
 
     geometry, mesh        boxes → hexahedra with parts; where it stands, meets fluids, is heated, is measured
-    thermoelasticity      materials → capacity, conduction, films, sources, displacements of the tool, deformation
-    solvers               how the large systems are solved
-    machine               all of it for the machining centre, and files for ParaView
-    virtual_machine       → the machine that can be run: reduced, with its laws and sensors
+    thermoelasticity      materials → capacity, conduction, films, sources, displacements, deformation; their solvers
+    machine               all of it for the machining centre, files for ParaView; reduced, with its laws and sensors
     candidates            where thermometers could sit, and the lines that draw the machine
 """
 

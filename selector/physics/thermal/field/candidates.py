@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from selector.errors import OptionError
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
 from selector.physics.thermal.field.geometry import surfaces as surfaces_of
+from selector.physics.thermal.field.machine import Sensor
 from selector.physics.thermal.field.mesh import BlockMesh, block_mesh
-from selector.physics.thermal.field.virtual_machine import Sensor
 from selector.types import Mask, Vector
 
 ACCESSIBLE = ("headstock", "motor", "column", "saddle", "bed")

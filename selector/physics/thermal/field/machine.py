@@ -1,13 +1,14 @@
-"""The finite-element model of the C-frame machining centre, and its fields for other programs."""
+"""The C-frame machining centre as a field, for other programs too, and reduced with its laws as a machine that runs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.field.geometry import (
@@ -30,7 +31,17 @@ from selector.physics.thermal.field.thermoelasticity import (
     surface_source,
     volume_source,
 )
-from selector.physics.thermal.network.heat_system import HeatSystem
+from selector.physics.thermal.network.heat_system import (
+    TOLERANCE,
+    Contact,
+    HeatSystem,
+    Network,
+    joined,
+    projected,
+    reduced_basis,
+)
+from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
+from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 from selector.types import Vector
 
 CELL_M = 0.04
@@ -182,3 +193,241 @@ def write_vtu(
             where="VTU file",
             advice="name a folder that exists and may be written to",
         ) from error
+
+
+Physics = Literal["linear", "convection", "everything"]
+"""What the machine has: constant films and lubricants; films that grow with the speed; lubricants that soften too."""
+
+MAX_RPM = 3000.0
+"""Highest speed of the spindle [r/min]."""
+
+LUBRICATED = ("lower bearing", "upper bearing", "gearbox")
+"""Parts whose mean temperature thins their lubricant; probes of the same names read it."""
+
+_CONSTANT_RPM = 1500.0
+_SOFTENING_PER_K = 0.012
+
+
+def machine_laws(physics: Physics = "everything") -> Laws:
+    """The laws of all sources and films.
+
+    ``"linear"`` keeps every film at its coefficient for 1500 r/min and every lubricant as thick as at 20 °C: then heat
+    is a function of the speed alone, and temperatures are linear in it.
+    """
+    softening = _SOFTENING_PER_K if physics == "everything" else 0.0
+    return Laws(heat=_heat(softening), films=_films(moving=physics != "linear"))
+
+
+def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
+    """Hydraulic unit and coolant tank as a network, and the contact of the hydraulic line with the headstock."""
+    network = Network(
+        {"hydraulic unit": 22e3, "coolant tank": 400e3},
+        area_m2={"hydraulic unit": {"hydraulic unit": 0.75}, "coolant tank": {"coolant tank": 1.0}},
+        shares={"hydraulic pump": {"hydraulic unit": 1.0}},
+    )
+    return network, (Contact("hydraulic line", "hydraulic unit", 3.0),)
+
+
+def _heat(softening_per_k: float) -> tuple[HeatLaw, ...]:
+    def friction(part: str, watts: float, exponent: float) -> HeatLaw:
+        return HeatLaw(
+            part,
+            speed_w=watts,
+            reference_rpm=MAX_RPM,
+            exponent=exponent,
+            softening_per_k=softening_per_k,
+            at=part,
+        )
+
+    return (
+        friction("lower bearing", 125.0, 1.5),
+        friction("upper bearing", 95.0, 1.5),
+        friction("gearbox", 95.0, 1.2),
+        # inner rings and, with a tool in the cut, its chips
+        HeatLaw("spindle", speed_w=25.0, reference_rpm=MAX_RPM, exponent=1.5, torque_share=0.01),
+        HeatLaw("motor", on_w=15.0, turning_w=40.0, speed_w=130.0, reference_rpm=MAX_RPM, torque_share=0.04),
+        HeatLaw("motor flange", speed_w=20.0, reference_rpm=MAX_RPM),
+        # the axes move while the spindle turns
+        HeatLaw("Z nut", turning_w=24.0),
+        HeatLaw("Z screw bearing", turning_w=14.0),
+        HeatLaw("Z guideways", turning_w=8.0),
+        HeatLaw("Y nut", turning_w=14.0),
+        HeatLaw("Y screw bearing", turning_w=6.0),
+        HeatLaw("Y guideways", turning_w=5.0),
+        HeatLaw("X nut", turning_w=16.0),
+        HeatLaw("X screw bearing", turning_w=7.0),
+        HeatLaw("X guideways", turning_w=5.0),
+        HeatLaw("hydraulic pump", on_w=55.0),
+    )
+
+
+def _films(*, moving: bool) -> tuple[FilmLaw, ...]:
+    def air(film: str, still: float, fast: float = 0.0) -> FilmLaw:
+        """Film of `fast` more at the highest speed; constant at that of 1500 r/min where films do not move."""
+        if moving:
+            return FilmLaw(film, still, fast, reference_rpm=MAX_RPM, exponent=0.8)
+        return FilmLaw(film, still + fast * (_CONSTANT_RPM / MAX_RPM) ** 0.8)
+
+    def washed(film: str, coefficient: float) -> FilmLaw:
+        return FilmLaw(film, coefficient, while_coolant=True, fluid="coolant")
+
+    return (
+        air("bed", 8.0),
+        air("bed inside", 2.0),
+        air("bed top", 7.0),
+        air("column", 8.5),
+        air("column inside", 2.0),
+        air("headstock", 8.5, 2.0),
+        air("headstock inside", 2.5, 2.5),
+        air("motor", 9.0, 30.0),  # its fan is on the shaft
+        air("spindle nose", 9.0, 35.0),
+        air("spindle inside", 3.0, 12.0),
+        air("saddle", 7.0),
+        air("table", 7.0),
+        air("table top", 8.5),
+        air("guideways", 5.0),
+        air("screws", 8.0, 6.0),
+        air("hydraulic unit", 8.0),
+        FilmLaw("coolant tank", 1500.0, fluid="coolant"),  # the tank is at the temperature of the coolant
+        washed("table top", 60.0),
+        washed("bed top", 30.0),
+        washed("saddle", 8.0),
+        washed("spindle nose", 80.0),
+    )
+
+
+STEP_S = 20.0
+"""Longest step of a simulation [s]: bearings need minutes to warm."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A thermometer: where it sits in words, and its place [m]."""
+
+    place: str
+    xyz_m: Point
+
+
+# fmt: off
+SENSORS: Mapping[str, Sensor] = {
+    "T01": Sensor("headstock, lower bearing seat, front", (0.00, 0.62, 0.98)),
+    "T02": Sensor("headstock, lower bearing seat, left", (-0.12, 0.55, 0.98)),
+    "T03": Sensor("headstock, lower bearing seat, right", (0.12, 0.55, 0.98)),
+    "T04": Sensor("headstock, between the bearings, front", (0.00, 0.62, 1.15)),
+    "T05": Sensor("headstock, upper bearing seat, front", (0.00, 0.62, 1.32)),
+    "T06": Sensor("headstock, upper bearing seat, left", (-0.12, 0.55, 1.32)),
+    "T07": Sensor("headstock, upper bearing seat, right", (0.12, 0.55, 1.32)),
+    "T08": Sensor("headstock, rear wall, low", (0.00, 0.30, 1.02)),
+    "T09": Sensor("headstock, rear wall, high", (0.00, 0.30, 1.30)),
+    "T10": Sensor("headstock, top cover", (0.00, 0.45, 1.46)),
+    "T11": Sensor("gearbox, casing", (0.00, 0.42, 1.40)),
+    "T12": Sensor("intermediate gear, bearing", (0.08, 0.45, 1.36)),
+    "T13": Sensor("main motor, casing", (0.00, 0.35, 1.70)),
+    "T14": Sensor("main motor, flange", (0.00, 0.40, 1.52)),
+    "T15": Sensor("hydraulic unit, oil", (-0.55, 0.10, 0.60)),
+    "T16": Sensor("hydraulic line at the headstock", (-0.15, 0.35, 1.20)),
+    "T17": Sensor("column, front wall, low", (0.00, 0.05, 0.45)),
+    "T18": Sensor("column, rear wall, low", (0.00, -0.35, 0.45)),
+    "T19": Sensor("column, front wall, middle", (0.00, 0.05, 0.90)),
+    "T20": Sensor("column, rear wall, middle", (0.00, -0.35, 0.90)),
+    "T21": Sensor("column, front wall, high", (0.00, 0.05, 1.35)),
+    "T22": Sensor("column, rear wall, high", (0.00, -0.35, 1.35)),
+    "T23": Sensor("column, left wall", (-0.30, -0.15, 0.90)),
+    "T24": Sensor("column, right wall", (0.30, -0.15, 0.90)),
+    "T25": Sensor("column guideway, left", (-0.22, 0.12, 1.10)),
+    "T26": Sensor("column guideway, right", (0.22, 0.12, 1.10)),
+    "T27": Sensor("Z ball screw, nut", (0.00, 0.15, 1.15)),
+    "T28": Sensor("Z ball screw, upper bearing", (0.00, 0.10, 1.75)),
+    "T29": Sensor("Y ball screw, nut", (0.00, 0.55, 0.42)),
+    "T30": Sensor("X ball screw, nut", (0.00, 0.55, 0.58)),
+    "T31": Sensor("bed, front", (0.00, 1.00, 0.20)),
+    "T32": Sensor("bed, under the column", (0.00, -0.10, 0.20)),
+    "T33": Sensor("bed, left", (-0.40, 0.50, 0.20)),
+    "T34": Sensor("bed, right", (0.40, 0.50, 0.20)),
+    "T35": Sensor("saddle", (0.00, 0.60, 0.50)),
+    "T36": Sensor("table", (0.00, 0.60, 0.68)),
+    "T37": Sensor("coolant tank", (0.70, 0.90, 0.25)),
+}
+"""The 37 thermometers of the recording `fixtures/vmc37`."""
+# fmt: on
+
+_IN_PARTS = {"T15": "hydraulic unit", "T37": "coolant tank"}
+
+
+@dataclass(frozen=True)
+class VirtualMachine:
+    """A machine that can be run."""
+
+    #: Reduced field: displacements X, Y, Z, Y_lower, Y_upper; probes: the sensors and the `LUBRICATED` parts
+    system: HeatSystem
+    laws: Laws  #: What heats and cools it
+    field: FieldMachine  #: The whole field, for pictures and for sensors anywhere
+    full: HeatSystem  #: The field joined with the parts beside it, before the reduction
+    #: (n_full, n_reduced): Temperatures of the states of `full` are ``basis @ state``; the first are the nodes of the
+    #: mesh
+    basis: Vector
+
+    def simulate(
+        self,
+        conditions: Conditions,
+        *,
+        time_s: ArrayLike,
+        step_s: float = STEP_S,
+        start_degc: float | None = None,
+        start_state: ArrayLike | None = None,
+        keep_states_at_s: ArrayLike = (),
+    ) -> HeatHistory:
+        """Temperatures and displacements; see `simulate_heat`. It starts at the hall's temperature if not told."""
+        if start_degc is None and start_state is None:
+            start_degc = float(conditions.ambient_degc[0])
+        return simulate_heat(
+            self.system,
+            self.laws,
+            conditions,
+            time_s=time_s,
+            step_s=step_s,
+            start_degc=start_degc,
+            start_state=start_state,
+            keep_states_at_s=keep_states_at_s,
+        )
+
+
+def virtual_machining_centre(
+    physics: Physics = "everything",
+    *,
+    geometry: MachineGeometry | None = None,
+    refinement: float = 1.0,
+    sensors: Mapping[str, Point] | None = None,
+    tolerance: float = TOLERANCE,
+) -> VirtualMachine:
+    """The machine meshed, assembled, joined with the parts beside it and reduced; takes some ten seconds.
+
+    `sensors` are places of virtual sensors [m]; left out: the 37 of `SENSORS`. `geometry` and `refinement` are those
+    of `field_machine`, `tolerance` that of `reduced_basis`.
+
+    Raises InputError if a sensor is not on the machine.
+    """
+    laws = machine_laws(physics)
+    places = {name: sensor.xyz_m for name, sensor in SENSORS.items()} if sensors is None else dict(sensors)
+    beside = _IN_PARTS if sensors is None else {}
+    machine = field_machine(geometry, refinement, {name: at for name, at in places.items() if name not in beside})
+    network, contacts = parts_beside()
+    parts = network.heat_system()
+    rows = {name: parts.probes[node] for name, node in beside.items()}
+    full = joined(machine.system, replace(parts, probes=rows), contacts)
+    lubricants = {part: full.sources[part] for part in LUBRICATED}
+    in_order = {name: full.probes[name] for name in places}
+    full = replace(full, probes=in_order | lubricants)
+    basis = reduced_basis(full, film_sets(laws), tolerance=tolerance)
+    return VirtualMachine(projected(full, basis), laws, machine, full, basis)
+
+
+def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:
+    """Film coefficients [W/(m²·K)] at rest and at full speed, each dry and with coolant."""
+    corners = Conditions.held(np.arange(4.0), spindle_speed=[0.0, MAX_RPM] * 2, coolant_on=[0.0, 0.0, 1.0, 1.0])
+    sets = []
+    for row in film_coefficients(laws, corners):
+        total = summed([law.film for law in laws.films], row)
+        if total not in sets:
+            sets.append(total)
+    return tuple(sets)

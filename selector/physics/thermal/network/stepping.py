@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from selector.physics.thermal.network.heat_system import HeatSystem, SystemMatrix, conductance, dense
+from selector.physics.thermal.network.heat_system import HeatSystem, Solve, SystemMatrix, conductance, dense, solver_of
 from selector.physics.thermal.network.laws import Laws, Lubricants, summed
 from selector.types import Array, Vector
 
@@ -279,8 +278,6 @@ def _at(rate: Vector, z: Vector, load: Vector, slope: Vector | None, at_s: Vecto
     return found
 
 
-Solve = Callable[[Vector], Vector]
-
 GAMMA = 1.0 - np.sqrt(0.5)
 
 _IMPLICIT_CACHE_BYTES = 1e9
@@ -346,32 +343,12 @@ class ImplicitStepper:
         # room is made before the next one is built
         while len(self._solvers) >= self._room:
             self._solvers.popitem(last=False)
-        solver = factorised(self._body.system.capacity + GAMMA * step * self._body.conductance(held))
+        solver = solver_of(self._body.system.capacity + GAMMA * step * self._body.conductance(held))
         self._room = int(np.clip(_IMPLICIT_CACHE_BYTES // solver.n_bytes, 2, _MOST))
         loads = GAMMA * step * self._body.heat_loads[:, self._body.soft]
         per_watt = np.array([solver.solve(column) for column in loads.T]).reshape(loads.T.shape).T
         self._solvers[key] = solver.solve, per_watt
         return self._solvers[key]
-
-
-@dataclass(frozen=True)
-class Solver:
-    """A factorised system of equations."""
-
-    solve: Solve  #: Right-hand side → solution
-    n_bytes: int  #: Memory that the factors take
-
-
-def factorised(matrix: SystemMatrix) -> Solver:
-    """Solver of a symmetric, positive definite system of equations, dense or sparse."""
-    if sparse.issparse(matrix):
-        from scipy.sparse.linalg import splu
-
-        options = {"SymmetricMode": True}
-        lu = splu(sparse.csc_array(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
-        return Solver(lu.solve, 12 * int(lu.nnz))
-    factor = linalg.cho_factor(matrix)
-    return Solver(lambda load: linalg.cho_solve(factor, load, check_finite=False), matrix.nbytes)
 
 
 def _parabola(at: Vector) -> Array:

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from selector.physics.model_fields import numbers_of
-from selector.physics.model_parameters import Number, Parameter, file_with, parameters_of
+from selector.physics.model_fields import Number, Parameter, file_with, numbers_of, parameters_of
 from selector.physics.model_text import Entry, Key
 from selector.physics.vibration.file.model_file import LineSection, VibrationFile, checked_model_file, file_shafts
 from selector.physics.vibration.structure.source import ShaftCourse

@@ -14,7 +14,7 @@ from selector.physics.thermal.field import machine_outline
 from selector.physics.thermal.field.candidates import ACCESSIBLE, FOOT_M, MOST_CANDIDATES, ROOM_M, sensor_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
 from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.file.model_file import MOST_SENSORS, CandidatesSection
+from selector.physics.thermal.model_file import MOST_SENSORS, CandidatesSection
 
 OUTWARD = {
     "left": (-1, 0, 0),

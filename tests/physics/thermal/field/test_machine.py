@@ -23,8 +23,7 @@ from selector.physics.thermal.field.geometry import (
 )
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.solvers import direct_solver, rigid_motions
-from selector.physics.thermal.field.thermoelasticity import MATERIALS
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, direct_solver, rigid_motions
 
 COARSE = 0.2
 ONE_ALPHA = {name: replace(material, expansion_per_k=11e-6) for name, material in MATERIALS.items()}

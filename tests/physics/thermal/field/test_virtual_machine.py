@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.thermal.field.virtual_machine import (
+from selector.physics.thermal.field.machine import (
     MAX_RPM,
     SENSORS,
     film_sets,
@@ -16,8 +16,8 @@ from selector.physics.thermal.field.virtual_machine import (
     parts_beside,
     virtual_machining_centre,
 )
+from selector.physics.thermal.network.heat_system import projected
 from selector.physics.thermal.network.laws import Conditions
-from selector.physics.thermal.network.reduction import projected
 from selector.physics.thermal.network.transient import simulate_heat
 from tests.physics.thermal.reductions import reduction_error
 

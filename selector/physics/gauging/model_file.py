@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from selector.errors import InputError
-from selector.physics.gauging.gauge.threshold import removal_rate_um_per_s, wear_share
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer
-from selector.physics.gauging.grinding.gauged_grinding import MOST_FEED_SD
-from selector.physics.gauging.grinding.part_plan import (
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, removal_rate_um_per_s, wear_share
+from selector.physics.gauging.grinding.gauged_grinding import (
     FEWEST_SIZES,
+    MOST_FEED_SD,
     STEPS_ADVICE,
     STEPS_PER_CORRELATION,
     STEPS_PER_FILTER,
@@ -27,7 +26,7 @@ from selector.physics.gauging.grinding.part_plan import (
     too_long,
 )
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
-from selector.physics.model_fields import Fit, Unit
+from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_of, parameters_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -467,3 +466,35 @@ FAMILY: ModelFamily[GaugingFile] = ModelFamily(
 )
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 """The model file at a path, of a text, and of plain values; see `ModelFamily`."""
+
+
+def parameters(file: GaugingFile) -> dict[str, Parameter]:
+    """The physics of gauging as named numbers, those that are switched off included: lag, wear, delay, run-out.
+
+    Names are the keys of the file, also where the file leaves them out, arrays counted from 1:
+    ``grinding.stages.1.feed_um_per_s``, ``transducer.contact.stiffness``, ``noise.sd_um``, ``thresholds.volts.2``.
+    Tolerances and whole numbers are none. Bounds are those of the fields, unless ``[bounds]`` says otherwise. Errors
+    as `parameters_of`.
+    """
+    return parameters_of(file, _numbers(file))
+
+
+def with_parameters(file: GaugingFile, values: Mapping[str, float]) -> GaugingFile:
+    """The model file with other values of some parameters, see `file_with`."""
+    return file_with(file, values, _numbers(file), checked_model_file)
+
+
+def _numbers(file: GaugingFile) -> Iterator[Number]:
+    parts = file_parts(file)
+    if parts.transducer is not None:
+        yield from numbers_of(parts.transducer, ("transducer",))
+    else:
+        yield from numbers_of(parts.linear, ("linear",))
+        yield from numbers_of(parts.relay, ("relay",))
+    yield from numbers_of(parts.grinding, ("grinding",))
+    for number in numbers_of(parts.surface, ("surface",)):
+        turns, grooved = parts.surface.workpiece_rpm > 0, parts.surface.grooves > 0
+        if turns and (grooved or not str(number.path[-1]).startswith("groove_")):
+            yield number
+    yield from numbers_of(parts.noise, ("noise",))
+    yield from numbers_of(file.thresholds, ("thresholds",))

@@ -1,1 +1,0 @@
-"""The model file of in-process gauging, and its parameters."""

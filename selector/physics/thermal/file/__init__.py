@@ -1,1 +1,0 @@
-"""The model file of a thermal machine, and its parameters."""
