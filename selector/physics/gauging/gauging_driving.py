@@ -202,7 +202,7 @@ class DrivenGauging:
     #: Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to
     simulation: GaugingSimulation
     inputs: tuple[str, ...]  #: Recorded channels that acted, so that they are no results
-    matched: Mapping[str, str]  #: Kind, of `gauging_channels.KINDS`, → recorded channel
+    matched: Mapping[str, str]  #: Kind, of `gauging_model.KINDS`, → recorded channel
     findings: tuple[Finding, ...]  #: What is odd about the model and the clock, and what could not be compared
 
 
@@ -215,7 +215,7 @@ def driven_runs(
 ) -> DrivenGauging:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
-    The recorded allowance, or size counted from the nominal one, drives it; `gauging_channels.recorded_channels` finds
+    The recorded allowance, or size counted from the nominal one, drives it; `recorded_channels` finds
     it. Where only the feed was recorded, the allowance begins at what the recorded gauge says, else at the mean one of
     the file, and falls as the file says of wheel and lag. The surface begins at angle 0. The stage is what the model's
     relay would have commanded, without its noise; nothing follows from it. Without a `seed` there is no noise.

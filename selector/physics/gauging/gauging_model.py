@@ -161,7 +161,7 @@ WAVEFORM_RUN = "waveform"
 class GaugingSimulation:
     """A simulation of one or more parts, or of recorded runs."""
 
-    recording: Recording  #: What a measurement would hold, see `gauging_channels`
+    recording: Recording  #: What a measurement would hold
     courses: Mapping[str, PartCourse]  #: Run → what happened to its part; none of recorded runs
     sizes: FinishedSizes | None  #: Of all parts of the file, the recorded ones first; None of recorded runs
     #: What the whole chain did before the feed of the first part stopped, times from the start of that part
