@@ -195,24 +195,13 @@ _PER_NOISE = 0.25
 _MOST_MM_PER_MIN = 1e6
 
 
-@dataclass(frozen=True)
-class DrivenGauging:
-    """A simulation of recorded runs."""
-
-    #: Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to
-    simulation: GaugingSimulation
-    inputs: tuple[str, ...]  #: Recorded channels that acted, so that they are no results
-    matched: Mapping[str, str]  #: Kind, of `gauging_model.KINDS`, → recorded channel
-    findings: tuple[Finding, ...]  #: What is odd about the model and the clock, and what could not be compared
-
-
 def driven_runs(
     model: GaugingModel,
     recording: Recording,
     *,
     seed: int | None = None,
     progress: Progress | None = None,
-) -> DrivenGauging:
+) -> GaugingSimulation:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
     The recorded allowance, or size counted from the nominal one, drives it; `recorded_channels` finds
@@ -258,8 +247,7 @@ def driven_runs(
         findings.append(_nothing_compared(recording))
     about: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     simulated = Recording.from_runs(tables, tuple(out.values()), model.provenance(seed, about))
-    inputs = (found[drives],)
-    return DrivenGauging(GaugingSimulation(simulated, {}, None), inputs, found, tuple(findings))
+    return GaugingSimulation(simulated, {}, None, None, tuple(findings), (found[drives],), found)
 
 
 def _shown_v(model: GaugingModel, time_s: Vector, allowance_um: Vector, random: np.random.Generator | None) -> Vector:

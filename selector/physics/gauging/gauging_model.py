@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -166,7 +166,9 @@ class GaugingSimulation:
     sizes: FinishedSizes | None  #: Of all parts of the file, the recorded ones first; None of recorded runs
     #: What the whole chain did before the feed of the first part stopped, times from the start of that part
     waveform: GaugeMotion | None = None
-    findings: tuple[Finding, ...] = ()  #: What is odd about the model, and about these parts
+    findings: tuple[Finding, ...] = ()  #: What is odd about the model, these parts, or the recorded clock
+    inputs: tuple[str, ...] = ()  #: Recorded channels that acted, so that they are no results
+    matched: Mapping[str, str] = field(default_factory=dict)  #: Kind, of `KINDS`, → recorded channel
 
 
 @dataclass(frozen=True)

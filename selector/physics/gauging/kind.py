@@ -50,7 +50,7 @@ class GaugingKind(SimulationKind):
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The parts that the file describes."""
         done = model.simulation(run=run, seed=how.seed, progress=how.progress)
-        return self._simulated(model, done, done.findings)
+        return Simulated(model, done.recording, done.findings, done)
 
     def driven(self, model: Any, recording: Recording, how: RunSettings) -> Simulated:
         """The gauge on every recorded run."""
@@ -58,14 +58,8 @@ class GaugingKind(SimulationKind):
         from selector.physics.gauging.gauging_driving import driven_runs
 
         done = driven_runs(model, recording, seed=how.seed, progress=how.progress)
-        differences = channel_differences(done.simulation.recording, recording, done.inputs)
-        return self._simulated(model, done.simulation, done.findings, done.inputs, differences)
-
-    def _simulated(
-        self, model: Any, done: Any, findings: Any, acting: tuple[str, ...] = (), differences: Any = None
-    ) -> Simulated:
-        recording = done.recording
-        return Simulated(model, recording, findings, done, acting, differences)
+        differences = channel_differences(done.recording, recording, done.inputs)
+        return Simulated(model, done.recording, done.findings, done, done.inputs, differences)
 
     def roles_asked(self, file: Any, recording: Recording, unread: Sequence[str]) -> Mapping[str, str]:
         """Columns that the file names, and unread ones that are called as in a simulation."""

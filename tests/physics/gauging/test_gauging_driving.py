@@ -49,8 +49,8 @@ def test_a_straight_course_gives_the_voltage_of_eq_21_and_its_transient():
     late_um = 4.0 * 0.1 * (1.0 - np.exp(-time_s / 0.1))
     expected = GAIN * (50.0 - 4.0 * time_s + late_um) + 0.8
     # exact for straight inputs, so that nothing but rounding is left
-    np.testing.assert_allclose(driven.simulation.recording.values("r", ["gauge"])[:, 0], expected, atol=1e-13)
-    measured = driven.simulation.recording.values("r", ["measured"])[:, 0]
+    np.testing.assert_allclose(driven.recording.values("r", ["gauge"])[:, 0], expected, atol=1e-13)
+    measured = driven.recording.values("r", ["measured"])[:, 0]
     np.testing.assert_allclose(measured, 50.0 - 4.0 * time_s + late_um, atol=1e-10)
     assert driven.inputs == ("allowance",)
 
@@ -59,7 +59,7 @@ def test_driven_by_its_own_allowance_it_shows_the_same():
     gauge = model(("run.period_s", 0.01))
     own = gauge.simulation(run="r").recording
     driven = driven_runs(gauge, own)
-    by_name = {one.channel: one for one in channel_differences(driven.simulation.recording, own, driven.inputs)}
+    by_name = {one.channel: one for one in channel_differences(driven.recording, own, driven.inputs)}
     # the feed changes within a sample, whose allowance is taken as straight: by at most 8 µm/s · 0.01 s / 4 in the
     # middle of it, of which the filter of 0.1 s lets a tenth through: 0.002 µm · 5 mV/µm
     assert by_name["gauge"].largest < 0.002 * abs(GAIN)
@@ -76,8 +76,8 @@ def test_the_feed_alone_drives_with_the_lag_and_wear_of_the_file():
     driven = driven_runs(gauge, kept(own, {"feed": "fx", "gauge": "u"}))
     assert driven.inputs == ("fx",)
     assert driven.matched == {"feed": "fx", "gauge": "u"}
-    assert driven.simulation.recording.names == ("allowance", "u", "measured", "stage", "fx")
-    error_um = driven.simulation.recording.values("r", ["allowance"]) - own.values("r", ["allowance"])
+    assert driven.recording.names == ("allowance", "u", "measured", "stage", "fx")
+    error_um = driven.recording.values("r", ["allowance"]) - own.values("r", ["allowance"])
     # each feed is held to the end of its sample: two changes, of 8 and 2 µm/s for up to 0.01 s
     assert np.abs(error_um).max() < 0.1
     assert np.abs(error_um).max() > 0.0
@@ -90,12 +90,12 @@ def test_names_of_the_recording_are_kept_and_taken_ones_marked():
         [size("d"), Channel("u", "voltage", "V", "rack 3"), Channel("gauge", "state", "1")],
     )
     driven = driven_runs(model(), recording)
-    assert driven.simulation.recording.names == ("d", "u", "measured", "stage")
-    assert driven.simulation.recording.channel("u").place == "rack 3"
-    (one,) = channel_differences(driven.simulation.recording, recording, driven.inputs)
+    assert driven.recording.names == ("d", "u", "measured", "stage")
+    assert driven.recording.channel("u").place == "rack 3"
+    (one,) = channel_differences(driven.recording, recording, driven.inputs)
     assert one.channel == "u"
     free = driven_runs(model(), kept(recording, {"d": "d", "gauge": "gauge"}))
-    assert free.simulation.recording.names == ("d", "gauge (simulated)", "measured", "stage")
+    assert free.recording.names == ("d", "gauge (simulated)", "measured", "stage")
     assert "output-not-recorded" in {one.id for one in free.findings}
 
 
@@ -141,7 +141,7 @@ def test_gaps_and_stray_clocks_are_told_and_gone_over_straight():
     holed[10:13] = np.nan
     lost = driven_runs(model(), Recording.from_runs({"r": table(time_s, allowance=holed)}, [size()]))
     np.testing.assert_allclose(
-        lost.simulation.recording.frame.to_numpy(), whole.simulation.recording.frame.to_numpy(), atol=1e-12
+        lost.recording.frame.to_numpy(), whole.recording.frame.to_numpy(), atol=1e-12
     )
     (gap,) = (one for one in lost.findings if one.id == "recorded-gap")
     assert gap.evidence == {"missing": 3, "of": 40}
@@ -154,7 +154,7 @@ def test_gaps_and_stray_clocks_are_told_and_gone_over_straight():
     assert [one.id for one in jittered.findings if one.id.startswith("recorded")] == ["recorded-clock-jitter"]
     late_um = 4.0 * 0.1 * (1.0 - np.exp(-stray / 0.1))
     # straight between points 17 ms apart of an exponential of 0.1 s: (0.017/0.1)²/8 of 0.4 µm
-    shown = jittered.simulation.recording.values("r", ["measured"])[:, 0]
+    shown = jittered.recording.values("r", ["measured"])[:, 0]
     assert np.abs(shown - (20.0 - 4.0 * stray + late_um)).max() < 1.4e-3
     assert "recorded-clock-jitter" not in {one.id for one in whole.findings}
 
@@ -164,7 +164,7 @@ def test_noise_is_drawn_only_with_a_seed_and_has_the_spread_of_eq_25():
     time_s = np.arange(0.0, 2000.0, 0.05)
     recording = Recording.from_runs({"r": table(time_s, allowance=10.0 + 0 * time_s)}, [size()])
     still, drawn, again = (
-        driven_runs(gauge, recording, seed=seed).simulation.recording.values("r", ["measured"])[:, 0]
+        driven_runs(gauge, recording, seed=seed).recording.values("r", ["measured"])[:, 0]
         for seed in (None, 3, 3)
     )
     assert np.ptp(still) < 1e-9
@@ -177,7 +177,7 @@ def test_grooves_lower_what_is_shown_by_their_mean():
     surface = {"workpiece_rpm": 120.0, "grooves": 3, "groove_share": 0.2, "groove_depth_um": 10.0}
     time_s = np.arange(0.0, 5.0, 0.05)
     recording = Recording.from_runs({"r": table(time_s, allowance=10.0 + 0 * time_s)}, [size()])
-    shown = driven_runs(model(("surface", surface)), recording).simulation.recording.values("r", ["measured"])[40:, 0]
+    shown = driven_runs(model(("surface", surface)), recording).recording.values("r", ["measured"])[40:, 0]
     # 60 samples of 0.05 s are 6 whole turns; the share of the grooves is exact, and the transient of 2 s ago is e^(−20)
     assert shown[:60].mean() == pytest.approx(10.0 - 2.0, abs=1e-8)
     settled, _ = smoothed_surface(Surface(**surface), 0.1, time_s[40:] * 2.0)
