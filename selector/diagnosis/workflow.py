@@ -96,10 +96,7 @@ def diagnosis(
     progress : callable, optional
         Told step by step.
 
-    Raises
-    ------
-    InputError
-        If the comparison is no basis for an answer.
+    Raises InputError if the comparison is no basis for an answer.
     """
     state = _State(
         comparison=comparison,

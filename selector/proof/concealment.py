@@ -149,10 +149,7 @@ def scale_for(
 ) -> float:
     """The size of an effect at which its `strength` (d′ as a function of size) is `target`, by secants of logarithms.
 
-    Raises
-    ------
-    ValueError
-        If no size within 12 steps gives the target to `tolerance` (relative).
+    Raises ValueError if no size within 12 steps gives the target to `tolerance` (relative).
     """
     size, found = first, strength(first)
     slope = 1.0

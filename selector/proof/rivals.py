@@ -213,10 +213,7 @@ class Rival:
 def rivals(names: Sequence[str]) -> tuple[Answerer, ...]:
     """Those of these names (``all``: those that are installed) that can sit the exam.
 
-    Raises
-    ------
-    OptionError
-        If there is none of that name, or its package is not installed.
+    Raises OptionError if there is none of that name, or its package is not installed.
     """
     known = {rival.name: rival for rival in RIVALS}
     asked = [*known] if "all" in names else list(dict.fromkeys(names))

@@ -98,10 +98,7 @@ def questions(
 def require_seeds(seeds: Sequence[int], *, is_exam: bool) -> None:
     """Development and exam keep apart.
 
-    Raises
-    ------
-    OptionError
-        If a seed is of the other range, or of none.
+    Raises OptionError if a seed is of the other range, or of none.
     """
     allowed = EXAM_SEEDS if is_exam else DEVELOPMENT_SEEDS
     wrong = [seed for seed in seeds if seed not in allowed]
@@ -131,10 +128,7 @@ def outcomes(
     outcomes come back from the processes, so that memory does not grow with their number. `progress` is called after
     every outcome, in the order in which they are ready: done, total, outcome.
 
-    Raises
-    ------
-    OptionError
-        If the system ends one of the processes.
+    Raises OptionError if the system ends one of the processes.
     """
     results: dict[int, tuple[Outcome, ...]] = {}
     total = len(exam.questions) * len(exam.answerers)

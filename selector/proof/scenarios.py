@@ -23,10 +23,7 @@ def scenarios(
 
     `recordings` are those of recordings that do not come with the package (`selector.proof.real.published`).
 
-    Raises
-    ------
-    OptionError
-        If a family is unknown, or no scenario fits a pattern.
+    Raises OptionError if a family is unknown, or no scenario fits a pattern.
     """
     unknown = [family for family in families if family not in FAMILIES]
     if unknown:

@@ -208,10 +208,7 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
     Of several effects at once each has at least this d′ beside the others. With 0 the effect is off; without one it has
     the `size` of the plan.
 
-    Raises
-    ------
-    ValueError
-        If no size of the effect has this strength.
+    Raises ValueError if no size of the effect has this strength.
     """
     strength = _Strength(world)
     starts = strength.starts

@@ -110,10 +110,7 @@ def fixed_set(
 
     A stuck sensor reads zero of a `rise`, else its mean: absolute readings have no natural start.
 
-    Raises
-    ------
-    OptionError
-        Fewer complete samples than coefficients.
+    Raises OptionError: fewer complete samples than coefficients.
     """
     total = sums.whole
     n, k = round(float(total[0, 0])), 1 + len(sensors)
@@ -274,10 +271,7 @@ class Exploration:
         Sensors in `options.never` are read too, so that they can be allowed later; terms other than linear ones are
         not explored.
 
-        Raises
-        ------
-        OptionError
-            The options do not fit the recordings, or the recordings cannot support a model.
+        Raises OptionError: the options do not fit the recordings, or the recordings cannot support a model.
         """
         say = progress or (lambda _what, _share: None)
         say("reading", 0.0)
@@ -309,10 +303,7 @@ class Exploration:
     ) -> Exploration:
         """The same recordings with other wishes; what is None stays.
 
-        Raises
-        ------
-        OptionError
-            A sensor is unknown, in both lists, none is left, or more must be kept than a set may hold.
+        Raises OptionError: a sensor is unknown, in both lists, none is left, or more must be kept than a set may hold.
         """
         before = self.question.options
         options = replace(
@@ -374,10 +365,7 @@ class Exploration:
     def cut(self, level: float) -> Cut:
         """What this λ gives.
 
-        Raises
-        ------
-        OptionError
-            λ is not within [0, 1].
+        Raises OptionError: λ is not within [0, 1].
         """
         options = replace(self.question.options, level=level)
         meant = snapped(level, self.axis)
@@ -407,10 +395,8 @@ class Exploration:
     def fixed(self, sensors: Sequence[str]) -> FixedSet:
         """The linear models of a set of sensors, which may hold those of --never too.
 
-        Raises
-        ------
-        OptionError
-            A sensor is unknown or cannot be used, or there are fewer complete samples than coefficients.
+        Raises OptionError: a sensor is unknown or cannot be used, or there are fewer complete samples than
+        coefficients.
         """
         wanted = tuple(name for name in self.available if name in set(sensors))
         unknown = [name for name in sensors if name not in self.available]

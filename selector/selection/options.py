@@ -135,10 +135,7 @@ class Question:
 def question_of(source: RunSource, options: Options) -> Question:
     """Check the options against the channels of a recording.
 
-    Raises
-    ------
-    OptionError
-        No displacement, no temperature, or a name that the recording does not have.
+    Raises OptionError: no displacement, no temperature, or a name that the recording does not have.
     """
     by_role: dict[str, list[str]] = {}
     for channel in source.channels:
@@ -176,10 +173,7 @@ def question_of(source: RunSource, options: Options) -> Question:
 def allowed_sensors(sensors: Iterable[str], options: Options) -> tuple[str, ...]:
     """The sensors that ``--never`` leaves.
 
-    Raises
-    ------
-    OptionError
-        It leaves none.
+    Raises OptionError: it leaves none.
     """
     allowed = tuple(name for name in sensors if name not in options.never)
     if not allowed:

@@ -143,10 +143,7 @@ class Folds:
     `linear` has the cross-products of the sensors themselves on every fold; the folds in each of `outer` are left out
     together: a ``"run"``, a ``"condition"`` or a ``"block"``, as `left_out` says.
 
-    Raises
-    ------
-    OptionError
-        Too few samples are complete.
+    Raises OptionError: too few samples are complete.
     """
 
     def __init__(self, question: Question, runs: RunSource, datum: Datum, n_blocks: int) -> None:

@@ -127,10 +127,7 @@ class Selection:
         `source` is the recording that was selected from; a selection does not keep it. With `robust`, errors allow for
         autocorrelation within runs, as in the report; else they are classical.
 
-        Raises
-        ------
-        OptionError
-            It is another recording, or the model is a ridge fit.
+        Raises OptionError: it is another recording, or the model is a ridge fit.
         """
         model, runs = self.models[response], tuple(self.fit_per_run[response])
         rows = rows_of(source, self.recipe.design, runs)

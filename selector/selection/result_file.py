@@ -223,12 +223,8 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     Fallback models and classical covariances are not in a document; the points of the validity hull and the readings
     are not in one of an earlier version.
 
-    Raises
-    ------
-    pydantic.ValidationError
-        A field is missing, or of the wrong kind.
-    ValueError, KeyError, IndexError
-        Two fields contradict each other, e.g. a matrix without a row for each sensor.
+    Raises pydantic.ValidationError: a field is missing, or of the wrong kind. Raises ValueError, KeyError
+    or IndexError: two fields contradict each other, e.g. a matrix without a row for each sensor.
     """
     told = _SelectionDocument.model_validate(document)
     models = {name: _model(name, one) for name, one in told.models.items()}

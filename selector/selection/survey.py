@@ -45,10 +45,7 @@ def usable_sensors(
     `missing`, `low` and `high` have shape (≥ n_sensors,): share of samples without a reading, smallest and largest
     reading of each sensor, sensors first. What was `found` before may be the cause of readings that are not there.
 
-    Raises
-    ------
-    OptionError
-        Nothing usable is left, or a sensor that must be kept cannot be.
+    Raises OptionError: nothing usable is left, or a sensor that must be kept cannot be.
     """
     reasons: Reasons = {}
     before = tuple(found)
@@ -205,10 +202,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
     A sensor that is constant, that copies another one, or that is missing where others could stand in for it is not a
     candidate; every such decision is a finding, which names what was `found_before` as the cause.
 
-    Raises
-    ------
-    OptionError
-        Nothing usable is left, or a sensor that must be kept cannot be.
+    Raises OptionError: nothing usable is left, or a sensor that must be kept cannot be.
     """
     names = (*question.sensors, *question.responses)
     n_sensors = len(question.sensors)

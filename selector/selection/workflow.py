@@ -47,10 +47,7 @@ def select(
 
     What was found so far (reading, quality) leads the findings of the result.
 
-    Raises
-    ------
-    OptionError
-        The options do not fit the recording, or the recording cannot support a model.
+    Raises OptionError: the options do not fit the recording, or the recording cannot support a model.
     """
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)

@@ -64,10 +64,7 @@ def study_of(
 def select_section(options: Options) -> SelectSection:
     """``[select]`` of some options, every one of them written out: defaults may change, a study does not.
 
-    Raises
-    ------
-    OptionError
-        An option cannot stand in a study file.
+    Raises OptionError: an option cannot stand in a study file.
     """
     level: Any = "auto" if options.level is None else options.level
     return _made(
@@ -79,10 +76,7 @@ def select_section(options: Options) -> SelectSection:
 def options_of(study: Study, *, where: str = "study file") -> Options:
     """The options of ``[select]``; `where` names the study file in messages.
 
-    Raises
-    ------
-    StudyError
-        There is no such table, or two options contradict each other.
+    Raises StudyError: there is no such table, or two options contradict each other.
     """
     if study.select is None:
         raise _without("select", study, where)
@@ -102,10 +96,7 @@ def diagnose_section(
 ) -> DiagnoseSection:
     """``[diagnose]`` for a study file in `folder`; further values under the names of `DiagnoseSection`.
 
-    Raises
-    ------
-    OptionError
-        A value cannot stand in a study file.
+    Raises OptionError: a value cannot stand in a study file.
     """
     paths = {
         "simulation": tuple(reference_to(path, folder) for path in simulation),
@@ -119,10 +110,7 @@ def export_section(
 ) -> ExportSection:
     """``[export]`` for a study file in `folder`; further values under the names of `ExportSection`.
 
-    Raises
-    ------
-    OptionError
-        A value cannot stand in a study file.
+    Raises OptionError: a value cannot stand in a study file.
     """
     paths = {
         "model": None if model is None else reference_to(model, folder),
@@ -134,10 +122,7 @@ def export_section(
 def require_diagnose(study: Study, *, where: str = "study file") -> DiagnoseSection:
     """``[diagnose]``.
 
-    Raises
-    ------
-    StudyError
-        There is no such table, or it names nothing to compare with.
+    Raises StudyError: there is no such table, or it names nothing to compare with.
     """
     if study.diagnose is None:
         raise _without("diagnose", study, where)

@@ -20,10 +20,7 @@ def reference_to(path: str | Path, folder: str | Path) -> str:
 
     Links on the way are followed, because ``..`` behind a link leads elsewhere; a link at the end keeps its name.
 
-    Raises
-    ------
-    UnicodeEncodeError
-        The path has bytes that are no text, and TOML holds only text.
+    Raises UnicodeEncodeError: the path has bytes that are no text, and TOML holds only text.
     """
     target = os.path.abspath(path)  # noqa: PTH100 (resolve() would follow a link at the end)
     parent, name = os.path.split(target)
@@ -44,10 +41,7 @@ def path_at(reference: str, folder: str | Path) -> Path:
 def input_file(path: str | Path, folder: str | Path, kind: Kind = "recording", sha256: str | None = None) -> InputFile:
     """The entry of a file in a study of `folder`; `sha256` if it is known already.
 
-    Raises
-    ------
-    ReadError
-        The file cannot be read.
+    Raises ReadError: the file cannot be read.
     """
     found = sha256_of(Path(path)) if sha256 is None else sha256
     return InputFile(path=reference_to(path, folder), sha256=found, kind=kind)
@@ -56,10 +50,7 @@ def input_file(path: str | Path, folder: str | Path, kind: Kind = "recording", s
 def sha256_of(path: Path) -> str:
     """SHA-256 of the bytes of a file, 64 hexadecimal digits.
 
-    Raises
-    ------
-    ReadError
-        The file cannot be read, or is none: reading a pipe would wait for ever.
+    Raises ReadError: the file cannot be read, or is none: reading a pipe would wait for ever.
     """
     try:
         if not path.is_file():
@@ -122,10 +113,7 @@ def changes(study: Study, folder: str | Path) -> tuple[Change, ...]:
 def require_unchanged(study: Study, place: str | Path) -> None:
     """Ends with an error when the files of the study file at `place` are not those it was made of.
 
-    Raises
-    ------
-    StudyError
-        They are not; the message names each of them with its hashes.
+    Raises StudyError: they are not; the message names each of them with its hashes.
     """
     found = changes(study, Path(place).parent)
     if found:

@@ -205,11 +205,8 @@ def read_study(path: str | Path) -> Study:
 
     Its paths are relative to that folder; `path_at` finds them.
 
-    Raises
-    ------
-    StudyError
-        The file cannot be read, is not TOML, is of another version, has an unknown key or a value that cannot be; the
-        message has the key and the nearest known name.
+    Raises StudyError: the file cannot be read, is not TOML, is of another version, has an unknown key or a value that
+    cannot be; the message has the key and the nearest known name.
     """
     place = study_place(path)
     text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unreadable(found, place))
@@ -254,10 +251,7 @@ def study_text(study: Study) -> str:
 def write_study(study: Study, path: str | Path) -> None:
     """Write a study file, whole or not at all.
 
-    Raises
-    ------
-    OptionError
-        Nothing can be written at this path.
+    Raises OptionError: nothing can be written at this path.
     """
     write_whole(Path(path), study_text(study).encode("utf-8"))
 

@@ -124,10 +124,7 @@ def account_page(account: Account) -> str:
 def write_account(account: Account, path: str | Path) -> Path:
     """Write an account as one HTML file that needs no network; whole or not at all.
 
-    Raises
-    ------
-    OptionError
-        The file cannot be written; an old file of that name is untouched.
+    Raises OptionError: the file cannot be written; an old file of that name is untouched.
     """
     target = Path(path)
     # a lone surrogate in a name must not end the report

@@ -39,10 +39,7 @@ class Result:
 def result_place(path: str | Path) -> Path:
     """The file that a path means: itself, or the first result that a folder holds.
 
-    Raises
-    ------
-    ResultError
-        The folder holds none.
+    Raises ResultError: the folder holds none.
     """
     place = Path(path)
     if not place.is_dir():
@@ -64,11 +61,8 @@ def result_place(path: str | Path) -> Path:
 def read_result(path: str | Path) -> Result:
     """The result in a file, or the first one in a folder.
 
-    Raises
-    ------
-    ResultError
-        It cannot be read, is cut off, nested too deep or too large, holds a number that is none, or is not one of
-        `SCHEMAS`.
+    Raises ResultError: it cannot be read, is cut off, nested too deep or too large, holds a number that is none, or is
+    not one of `SCHEMAS`.
     """
     place = result_place(path)
     text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unreadable(found, place))
@@ -95,10 +89,7 @@ def read_result(path: str | Path) -> Result:
 def made_of(result: Result, make: Callable[[dict[str, Any]], Made]) -> Made:
     """What `make` makes of a result; what is wrong in it is told with its place.
 
-    Raises
-    ------
-    ResultError
-        A field is missing, of the wrong kind, or contradicts another one.
+    Raises ResultError: a field is missing, of the wrong kind, or contradicts another one.
     """
     try:
         return make(result.document)

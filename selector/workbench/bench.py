@@ -31,10 +31,7 @@ _COMPARED = {"simulation", "model"}
 class Bench:
     """The state of one study: its folder, with all that is in it, and recordings elsewhere, read where they are.
 
-    Raises
-    ------
-    StudyError
-        The study file of the folder cannot be used.
+    Raises StudyError: the study file of the folder cannot be used.
     """
 
     def __init__(self, folder: Path, files: Sequence[Path] = (), machine: Path | None = None) -> None:
@@ -107,10 +104,7 @@ class Bench:
     def choose(self, **changes: Any) -> bool:
         """Changes options of the selection; whether any is different now.
 
-        Raises
-        ------
-        OptionError
-            An option has a value that cannot be used.
+        Raises OptionError: an option has a value that cannot be used.
         """
         with self._lock:
             return self._taken("options", dataclasses.replace(self.options, **changes))
@@ -118,10 +112,7 @@ class Bench:
     def choose_diagnosis(self, **changes: Any) -> bool:
         """Changes options of the diagnosis; whether any is different now.
 
-        Raises
-        ------
-        OptionError
-            An option has a value that cannot be used.
+        Raises OptionError: an option has a value that cannot be used.
         """
         with self._lock:
             asked = diagnose_section(self.folder, **{**self._diagnosis.model_dump(exclude=_COMPARED), **changes})
@@ -158,10 +149,7 @@ class Bench:
     def correct(self, machine: Machine) -> None:
         """Reads the recordings with this machine file; only if that succeeds it is written into the study folder.
 
-        Raises
-        ------
-        InputError
-            The recordings cannot be read like that; nothing has changed.
+        Raises InputError: the recordings cannot be read like that; nothing has changed.
         """
         with self._lock:
             self._asked += 1
@@ -184,10 +172,7 @@ class Bench:
     def place(self, places_m: Mapping[str, tuple[float, float, float]]) -> None:
         """Writes where sensors sit into the machine file of the study folder; no recording is read again.
 
-        Raises
-        ------
-        InputError
-            There is no such channel, or the file cannot be written.
+        Raises InputError: there is no such channel, or the file cannot be written.
         """
         with self._lock:
             own = self.folder / MACHINE

@@ -45,10 +45,7 @@ def rows_of(reading: Reading) -> tuple[Row, ...]:
 def corrected(reading: Reading, edited: Sequence[Row]) -> Machine:
     """The machine file of a reading with what the user changed in its table.
 
-    Raises
-    ------
-    InputError
-        A row cannot be: a unit that is unknown or does not fit its role, a role that is none.
+    Raises InputError: a row cannot be: a unit that is unknown or does not fit its role, a role that is none.
     """
     sections = dict(machine_of(reading).channels)
     before = {row.name: row for row in rows_of(reading)}
@@ -88,10 +85,7 @@ def row_of(cells: Mapping[str, str | None], old: Row) -> Row:
 def placed(reading: Reading | None, places_m: Mapping[str, tuple[float, float, float]], path: Path) -> Reading:
     """The same reading with other places of some sensors [m], after the machine file at `path` has been written.
 
-    Raises
-    ------
-    InputError
-        There is no such channel, or the file cannot be written.
+    Raises InputError: there is no such channel, or the file cannot be written.
     """
     known = set() if reading is None else set(reading.recording.names)
     if reading is None or not places_m.keys() <= known:

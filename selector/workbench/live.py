@@ -69,10 +69,7 @@ class Live:
 
         Each reading has another `number`; `faults` are left out.
 
-        Raises
-        ------
-        InputError
-            The recordings cannot be explored, or the wishes cannot be had.
+        Raises InputError: the recordings cannot be explored, or the wishes cannot be had.
         """
         if reading is None:
             return None

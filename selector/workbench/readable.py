@@ -58,10 +58,7 @@ def inspected(
 ) -> tuple[Reading, tuple[Finding, ...]]:
     """What these recordings hold together, and what is found in it.
 
-    Raises
-    ------
-    InputError
-        They cannot be read.
+    Raises InputError: they cannot be read.
     """
     reading = read(paths, machine=machine, overrides=overrides)
     return reading, (*reading.findings, *inspect(reading.recording))

@@ -42,10 +42,7 @@ class Asked:
 def asked_in(folder: Path) -> Asked | None:
     """What the study file of a folder asks; None: there is none.
 
-    Raises
-    ------
-    InputError
-        It cannot be used, or a folder that it names holds no recording.
+    Raises InputError: it cannot be used, or a folder that it names holds no recording.
     """
     place = folder / STUDY_FILE
     if not place.exists():
@@ -69,10 +66,7 @@ def save(folder: Path, asked: Asked, reading: Reading | None, simulated: tuple[P
 
     Files that were read are named with their SHA-256, so that another recording under the same name is noticed.
 
-    Raises
-    ------
-    OptionError
-        There is no recording, or an option cannot stand in a study file.
+    Raises OptionError: there is no recording, or an option cannot stand in a study file.
     """
     if reading is None or not asked.runs:
         raise OptionError(

@@ -35,10 +35,7 @@ def serve(
     Recordings are read where they are, and what is in the study folder is taken up; without one there is a new one in
     the current folder. Port 0 is any that is free; `when_ready` gets the address, token included.
 
-    Raises
-    ------
-    InputError
-        A recording or the machine file is not there, or the folder or the port cannot be used.
+    Raises InputError: a recording or the machine file is not there, or the folder or the port cannot be used.
     """
     if machine is not None:
         machine_at(machine)
@@ -90,10 +87,7 @@ class Served:
 def started(bench: Bench, port: int = 0) -> Served:
     """The page of a bench, served at this port.
 
-    Raises
-    ------
-    OptionError
-        The port is in use.
+    Raises OptionError: the port is in use.
     """
     # it says every request, the token in the first one
     logging.getLogger("werkzeug").setLevel(logging.ERROR)

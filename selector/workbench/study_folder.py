@@ -89,12 +89,8 @@ def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | 
 
     `read` gives the next bytes, at most so many, none at the end; `length` bytes were announced.
 
-    Raises
-    ------
-    ReadError
-        There are more bytes than `MOST_UPLOADED_BYTES`, or fewer than were announced.
-    OptionError
-        The folder takes no file: the disk is full, it is gone, or nobody may write there.
+    Raises ReadError: there are more bytes than `MOST_UPLOADED_BYTES`, or fewer than were announced. Raises OptionError:
+    the folder takes no file: the disk is full, it is gone, or nobody may write there.
     """
     name = safe_name(said)
     if length is not None and length > MOST_UPLOADED_BYTES:
@@ -179,10 +175,7 @@ def trouble_with(folder: Path) -> OptionError | None:
 def require_usable(folder: Path) -> Path:
     """The folder, made if it is missing.
 
-    Raises
-    ------
-    OptionError
-        It is a file, or cannot be written to.
+    Raises OptionError: it is a file, or cannot be written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

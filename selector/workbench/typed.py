@@ -45,10 +45,7 @@ def in_words_of_fields(text: str) -> str:
 def judged() -> Iterator[Callable[[Callable[[], _Read], _Read], _Read]]:
     """Gives a function that reads a field, or gives its second argument where the field is refused.
 
-    Raises
-    ------
-    OptionError
-        At the end: the first refusal. What stands in the other fields could be taken.
+    Raises OptionError at the end, the first refusal: what stands in the other fields could be taken.
     """
     refused: list[OptionError] = []
 
@@ -84,10 +81,7 @@ def number(text: str | None, where: str, low: float = -math.inf, high: float = m
 def whole(text: str | None, where: str, least: int = 1) -> int:
     """The whole number that was typed.
 
-    Raises
-    ------
-    OptionError
-        It is none, or too small.
+    Raises OptionError: it is none, or too small.
     """
     value = _value(text or "")
     if value is None or value != int(value) or value < least:

@@ -11,10 +11,7 @@ from selector.errors import OptionError
 def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
     """What is written must replace no input, and must not be read as a run by the next command.
 
-    Raises
-    ------
-    OptionError
-        An input lies in the folder.
+    Raises OptionError: an input lies in the folder.
     """
     from selector.readers.roles.names import printable_name
 
@@ -31,10 +28,7 @@ def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
 def written_folder(text: str | Path) -> Path:
     """The folder that an option names.
 
-    Raises
-    ------
-    OptionError
-        It names none.
+    Raises OptionError: it names none.
     """
     if not str(text).strip():
         raise OptionError(

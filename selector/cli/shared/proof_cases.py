@@ -36,10 +36,7 @@ def published(folder: Path | None) -> tuple[Scenario, ...]:
 def require_some(asked: Sequence[Any]) -> None:
     """Ends with an error where nothing is asked.
 
-    Raises
-    ------
-    OptionError
-        There is no scenario.
+    Raises OptionError: there is no scenario.
     """
     if not asked:
         raise OptionError(

@@ -41,10 +41,7 @@ class Material:
 def material_of(source: Source) -> Material:
     """The material that a command line names; large Parquet files are read piece by piece.
 
-    Raises
-    ------
-    InputError
-        A file cannot be read, the machine file does not fit, or an option cannot be used.
+    Raises InputError: a file cannot be read, the machine file does not fit, or an option cannot be used.
     """
     if is_large(source.runs):
         return _streamed(source)

@@ -31,10 +31,7 @@ class Destination:
 def require_inputs_for_machine(machine: Path | None, inputs: Sequence[Path] | None) -> None:
     """Refuses a machine file that describes no recordings.
 
-    Raises
-    ------
-    OptionError
-        `--machine` without `--inputs`.
+    Raises OptionError: `--machine` without `--inputs`.
     """
     if machine is not None and not inputs:
         raise OptionError(
@@ -52,10 +49,7 @@ def own_destination(
 
     `runs` of several; an empty name stands for a run that is called after the file.
 
-    Raises
-    ------
-    OptionError
-        `out` is no .csv, or several runs need a folder; or as `require_places`.
+    Raises OptionError: `out` is no .csv, or several runs need a folder; or as `require_places`.
     """
     if len(runs) > 1:
         return _folder(out, tuple(runs), why_folder, report, read)
@@ -72,10 +66,7 @@ def own_destination(
 def driven_destination(out: Path, reading: Reading, report: Path | None, read: Iterable[str | Path]) -> Destination:
     """Where simulations of these recorded runs go: a folder with one file a run, or a .csv for a single run.
 
-    Raises
-    ------
-    OptionError
-        `out` is a file and several runs need a folder; or as `require_places`.
+    Raises OptionError: `out` is a file and several runs need a folder; or as `require_places`.
     """
     runs = reading.recording.runs
     read = [*read, *(Path(run.file) for run in reading.runs)]
@@ -89,10 +80,7 @@ def driven_destination(out: Path, reading: Reading, report: Path | None, read: I
 def require_free_folder(out: Path, why_folder: str) -> None:
     """Refuses a file where a folder is to be; a name that ends in .csv may be meant for a single run.
 
-    Raises
-    ------
-    OptionError
-        There is such a file.
+    Raises OptionError: there is such a file.
     """
     if out.exists() and not out.is_dir() and out.suffix.lower() != ".csv":
         raise OptionError(
@@ -195,10 +183,8 @@ def require_places(
 
     A recording or machine file that is there is replaced only if the machine file is one of a simulation.
 
-    Raises
-    ------
-    OptionError
-        A file to be written is one that was read, is there and not ours, or its folder cannot be written to.
+    Raises OptionError: a file to be written is one that was read, is there and not ours, or its folder cannot be
+    written to.
     """
     recordings, read = list(recordings), list(read)
     for path, option in [*((path, "--out") for path in (*recordings, machine_path)), (report, "--report")]:
@@ -233,10 +219,7 @@ def require_places(
 def require_page_place(report: Path) -> None:
     """Find out before long work whether the page can be written.
 
-    Raises
-    ------
-    OptionError
-        The name does not end in .html, or its place cannot be written to.
+    Raises OptionError: the name does not end in .html, or its place cannot be written to.
     """
     if report.is_dir():
         raise OptionError(

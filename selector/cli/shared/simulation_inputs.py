@@ -58,10 +58,7 @@ def simulated_reading(
     the recordings is tried first; a simulation written otherwise is read as it is. The unit of its time is, in this
     order: `time_unit`, what its header says, that of the recordings, unless the length of the runs shows another one.
 
-    Raises
-    ------
-    InputError
-        The files cannot be read, or hold none of the recorded channels.
+    Raises InputError: the files cannot be read, or hold none of the recorded channels.
     """
     from selector.readers import machine_of
 
@@ -236,10 +233,7 @@ def columns_beside(
 
     A warning says that a column looks like something else than its key asks for. `section` stands before the keys.
 
-    Raises
-    ------
-    InputError
-        A file is elsewhere or cannot be read, or it has no such column in one run.
+    Raises InputError: a file is elsewhere or cannot be read, or it has no such column in one run.
     """
     found: dict[str, tuple[Vector, Vector]] = {}
     read: list[Path] = []
@@ -310,10 +304,7 @@ def _of_another_kind(path: Path, column: str, role: str | None, key: str) -> lis
 def _beside(model: Path, name: str, where: str) -> Path:
     """The file of this name in the folder of the model file, or below it.
 
-    Raises
-    ------
-    ModelFileError
-        The name leads elsewhere, also through a link.
+    Raises ModelFileError: the name leads elsewhere, also through a link.
     """
     folder = model.resolve().parent
     path = (folder / name).resolve()

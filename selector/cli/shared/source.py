@@ -79,10 +79,7 @@ class Source:
     def reading(self) -> Reading:
         """The recordings, and how they were read.
 
-        Raises
-        ------
-        InputError
-            A file cannot be read, the machine file does not fit, or an option cannot be used.
+        Raises InputError: a file cannot be read, the machine file does not fit, or an option cannot be used.
         """
         from selector.readers import read
 
@@ -91,10 +88,7 @@ class Source:
     def refuse_unread(self, option: str) -> None:
         """Ends with an error where something is said about recordings though none are named; `option` names them.
 
-        Raises
-        ------
-        OptionError
-            It is.
+        Raises OptionError: it is.
         """
         for name, annotation in inspect.get_annotations(Source, eval_str=True).items():
             value = getattr(self, name)
@@ -112,10 +106,7 @@ class Source:
     def overrides(self) -> Overrides:
         """What the user decides instead of the reader.
 
-        Raises
-        ------
-        OptionError
-            An option cannot be used.
+        Raises OptionError: an option cannot be used.
         """
         from selector.readers import Overrides
 
@@ -193,10 +184,7 @@ def _is_needed(part: inspect.Parameter) -> bool:
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:
     """Values of a repeated ``--option NAME=VALUE``.
 
-    Raises
-    ------
-    OptionError
-        A value has no ``=``, nothing on one of its sides, or a name is given twice.
+    Raises OptionError: a value has no ``=``, nothing on one of its sides, or a name is given twice.
     """
     found: dict[str, str] = {}
     for value in values or ():

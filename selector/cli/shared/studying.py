@@ -64,10 +64,8 @@ def opened_study(
 ) -> OpenedStudy | None:
     """The study that a command line names; None if it names recordings.
 
-    Raises
-    ------
-    InputError
-        It names neither or both, the study file cannot be used, or its files have changed and that is not accepted.
+    Raises InputError: it names neither or both, the study file cannot be used, or its files have changed and that is
+    not accepted.
     """
     if path is None:
         _require_runs(source, context, accept_changes)

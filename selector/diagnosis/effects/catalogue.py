@@ -23,10 +23,7 @@ _ADVICE = "correct or remove that package; docs/how-to/write-an-effect.md tells 
 def loaded(point: EntryPoint) -> Effect:
     """The effect of an entry point; whatever fails in it later is told with its id and package.
 
-    Raises
-    ------
-    OptionError
-        It cannot be imported, or is no `Effect`.
+    Raises OptionError: it cannot be imported, or is no `Effect`.
     """
     package = point.dist.name if point.dist else "?"
     where = f"entry points of the group {point.group!r}, package {package}"
@@ -105,10 +102,7 @@ _FAMILIES = ("data", "thermal", "drive", "vibration", "gauging", "flow")
 def catalogue() -> tuple[Effect, ...]:
     """Every effect, shipped ones first, by family and id.
 
-    Raises
-    ------
-    OptionError
-        If an entry point cannot be loaded, or brings no `Effect`, or an id that is already there.
+    Raises OptionError if an entry point cannot be loaded, or brings no `Effect`, or an id that is already there.
     """
     found = {effect.id: effect for effect in _shipped()}
     for point in sorted(entry_points(group=ENTRY_POINT), key=lambda point: point.name):
@@ -127,10 +121,7 @@ def catalogue() -> tuple[Effect, ...]:
 def effect_of(id: str) -> Effect:  # noqa: A002 - the word of the contract
     """The effect with this id.
 
-    Raises
-    ------
-    OptionError
-        If there is none.
+    Raises OptionError if there is none.
     """
     known = {effect.id: effect for effect in catalogue()}
     if id not in known:

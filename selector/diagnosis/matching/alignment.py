@@ -101,10 +101,7 @@ def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> No
     durations_s : mapping of str to tuple of float
         Run → duration of what was recorded and of what was simulated [s].
 
-    Raises
-    ------
-    InputError
-        Every run is longer by the same factor between units.
+    Raises InputError: every run is longer by the same factor between units.
     """
     ratios = {run: simulated / recorded for run, (recorded, simulated) in durations_s.items() if recorded > 0.0}
     for factor in _TIME_UNITS:
@@ -128,10 +125,7 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     covered : mapping of str to ndarray of bool of shape (n_rows,)
         Run → recorded rows at which the simulation has a value.
 
-    Raises
-    ------
-    InputError
-        It covers less than a tenth of every run.
+    Raises InputError: it covers less than a tenth of every run.
     """
     counts = {run: (int(rows.sum()), len(rows)) for run, rows in covered.items()}
     if counts and all(there < _LEAST * of for there, of in counts.values()):
@@ -190,12 +184,8 @@ def comparison_of(
         ``"last"`` (the last run; of a single run its last 30 %), the name of a run, or the share of every run, at its
         end, that nothing is fitted to.
 
-    Raises
-    ------
-    InputError
-        There is nothing to compare: no common run or channel, no overlap in time, another quantity, too few samples.
-    OptionError
-        `responses` or `holdout` name something that is not there.
+    Raises InputError: there is nothing to compare: no common run or channel, no overlap in time, another quantity, too
+    few samples. Raises OptionError: `responses` or `holdout` name something that is not there.
     """
     recording, codes = without_codes(recording)
     runs, findings = _common_runs(recording, simulation)

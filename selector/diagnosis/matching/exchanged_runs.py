@@ -34,10 +34,7 @@ def exchanged_runs(comparison: Comparison) -> tuple[Finding, ...]:
     Every recorded run is fitted by every simulated one, response by response, with offset and positive gain; the
     assignment of runs with the smallest sum of logarithms of the residual variances is compared with the names.
 
-    Raises
-    ------
-    InputError
-        The residual variance of every run that changes its partner falls to less than a tenth.
+    Raises InputError: the residual variance of every run that changes its partner falls to less than a tenth.
     """
     parts = [rows for _, rows in comparison.rows_of_runs()]
     if len(parts) < 2 or not comparison.responses:

@@ -176,10 +176,7 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
     asked : bool
         Whether the user named the responses: then it is a warning that one is a mere input of the simulation.
 
-    Raises
-    ------
-    InputError
-        No response is left, or one is in another unit in the simulation.
+    Raises InputError: no response is left, or one is in another unit in the simulation.
     """
     findings, kept = list(comparison.findings), []
     copies = set(identical_responses(comparison))

@@ -50,10 +50,7 @@ class FmuModel:
     def simulated(self, values: Mapping[str, float]) -> Recording:
         """The recorded runs with these values of the parameters.
 
-        Raises
-        ------
-        InputError
-            The unit gives up, or its numbers are not finite.
+        Raises InputError: the unit gives up, or its numbers are not finite.
         """
         tables = {run: self._run(run, values) for run in self.recording.runs}
         return simulation_at_recorded_times(tables, self.recording, where=self.name)
@@ -98,14 +95,8 @@ def fmu_model(path: str | Path, recording: Recording) -> Iterator[FmuModel]:
     It is a program that runs on this machine with the rights of who starts it. Its inputs, outputs and parameters are
     those of its description; inputs and outputs belong to the channels of the same name.
 
-    Raises
-    ------
-    OptionError
-        FMPy is not installed.
-    ReadError
-        The file is none, or none for this machine.
-    InputError
-        An input was not recorded, or no output was.
+    Raises OptionError: FMPy is not installed. Raises ReadError: the file is none, or none for this machine. Raises
+    InputError: an input was not recorded, or no output was.
     """
     try:
         import fmpy

@@ -45,10 +45,7 @@ def with_longest_steps(
     recording, responses, holdout
         As of `alignment.comparison_of`.
 
-    Raises
-    ------
-    InputError
-        The recordings cannot drive the model, or nothing can be compared.
+    Raises InputError: the recordings cannot drive the model, or nothing can be compared.
     """
     if not isinstance(model, OwnModel) or model.kind != "thermal" or not hasattr(model.file.run, "step_s"):
         return model
@@ -155,10 +152,7 @@ def diagnosis_of_model(
     progress : callable, optional
         Told steps done, steps in all, and what is done.
 
-    Raises
-    ------
-    InputError
-        The recordings cannot drive the model, or nothing can be compared.
+    Raises InputError: the recordings cannot drive the model, or nothing can be compared.
     """
     say = progress or (lambda done, total, text: None)
     say(0, 1000, "steps of the simulation")

@@ -208,10 +208,7 @@ def refitted(
     progress : callable, optional
         Told how often the simulation was run, how often it may have to be, and what is done.
 
-    Raises
-    ------
-    InputError
-        Recordings and simulation cannot be compared.
+    Raises InputError: recordings and simulation cannot be compared.
     """
     done = 0
     starts = [dict(one) for one in added] or [{}]

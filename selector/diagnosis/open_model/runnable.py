@@ -105,10 +105,7 @@ class OwnModel:
     def simulated(self, values: Mapping[str, float]) -> Recording:
         """The recorded runs as the model has them with these values, without noise and rounding.
 
-        Raises
-        ------
-        InputError
-            The recordings cannot drive this model, or it runs away with these values.
+        Raises InputError: the recordings cannot drive this model, or it runs away with these values.
         """
         return self.driven(values)[0]
 
@@ -127,10 +124,7 @@ class OwnModel:
     def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> OwnModel:
         """The same with these values at these places of the file, sections that lack made.
 
-        Raises
-        ------
-        ModelFileError
-            The file cannot have them.
+        Raises ModelFileError: the file cannot have them.
         """
         plain = copy.deepcopy(plain_values(self.file))
         for path, value in changes:
@@ -189,10 +183,7 @@ class FunctionModel:
     def simulated(self, values: Mapping[str, float]) -> Recording:
         """What the function makes of these values, at the times of the recordings.
 
-        Raises
-        ------
-        InputError
-            It gives no table for a run, no recorded channel, or numbers that are not finite.
+        Raises InputError: it gives no table for a run, no recorded channel, or numbers that are not finite.
         """
         whole = {name: one.value for name, one in self.parameters.items()} | dict(values)
         return simulation_at_recorded_times(self.function(whole), self.recording, where=self.name)
@@ -201,10 +192,7 @@ class FunctionModel:
 def simulation_at_recorded_times(tables: Mapping[str, pd.DataFrame], recording: Recording, *, where: str) -> Recording:
     """Simulated tables, indexed by time [s], as a recording with the clock and the channels of another one.
 
-    Raises
-    ------
-    InputError
-        A run lacks, no column is called like a recorded channel, or a number is not finite.
+    Raises InputError: a run lacks, no column is called like a recorded channel, or a number is not finite.
     """
     lacking = [run for run in recording.runs if run not in tables]
     if lacking:

@@ -331,12 +331,8 @@ def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:
 
     `columns` are the values that it refers to, see `model_file.columns_needed`.
 
-    Raises
-    ------
-    InputError
-        A column lacks.
-    ModelFileError
-        ``[bounds]`` names what is no parameter, or excludes the value of one.
+    Raises InputError: a column lacks. Raises ModelFileError: ``[bounds]`` names what is no parameter, or excludes the
+    value of one.
     """
     lacking = [key for key in columns_needed(file) if key not in (columns or {})]
     if lacking:

@@ -58,11 +58,8 @@ def recorded_channels(name: str, axis: FileAxis, model: DriveModel, recording: R
     its role that belongs to this axis, or to no axis where the model has one only. Where something is added to the
     output of the control, a channel of its role is both together (``total``) unless the file names it ``output``.
 
-    Raises
-    ------
-    OptionError
-        The recording has no channel of a name that the file gives, but for what is added, which not every run needs; or
-        the file gives one name twice.
+    Raises OptionError: the recording has no channel of a name that the file gives, but for what is added, which not
+    every run needs; or the file gives one name twice.
     """
     by_name = {channel.name: channel for channel in recording.channels}
     said = axis.section.recorded

@@ -112,10 +112,7 @@ SCENARIOS: tuple[Scenario, ...] = (
 def published(folder: Path) -> tuple[tuple[Scenario, ...], tuple[str, ...]]:
     """The scenarios of the recordings in a folder, and which of `PUBLISHED` are not in it.
 
-    Raises
-    ------
-    OptionError
-        None of them is.
+    Raises OptionError: none of them is.
     """
     found = tuple(name for name in PUBLISHED if (folder / name).is_dir())
     if not found:

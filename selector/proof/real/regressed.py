@@ -66,10 +66,7 @@ _RESPONSE = "Dia Disp"
 def ace_thermal(folder: Path) -> tuple[Recording, Recording]:
     """All days, and a regression on all six thermometers that was fitted to all days but the last.
 
-    Raises
-    ------
-    ReadError
-        The folder lacks one of the two workbooks, or a sheet lacks a column.
+    Raises ReadError: the folder lacks one of the two workbooks, or a sheet lacks a column.
     """
     inputs, errors = (_sheets(folder / name) for name in ("ACE_X.xlsx", "ACE_Y.xlsx"))
     runs = {}

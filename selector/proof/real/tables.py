@@ -17,10 +17,7 @@ from selector.types import Vector
 def table(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
     """A file with commas between its columns, these among them.
 
-    Raises
-    ------
-    ReadError
-        There is no such file, or it lacks a column.
+    Raises ReadError: there is no such file, or it lacks a column.
     """
     expected = f"a table with the columns {', '.join(columns)}"
     advice = "download the recording, see docs/reference/sources.md"
@@ -44,10 +41,7 @@ def silverbox(folder: Path, *, cubic: bool = False) -> tuple[Recording, Recordin
 
     Four realisations of the multisine, to which the simulation is fitted, and the upper half of the growing noise.
 
-    Raises
-    ------
-    ReadError
-        The folder has no `SNLS80mV.csv` with the columns V1 and V2.
+    Raises ReadError: the folder has no `SNLS80mV.csv` with the columns V1 and V2.
     """
     read = table(folder / "SNLS80mV.csv", ("V1", "V2"))
     whole, seen = (read[name].to_numpy(dtype=np.float64) for name in ("V1", "V2"))
@@ -103,10 +97,7 @@ def cascaded_tanks(folder: Path) -> tuple[Recording, Recording]:
 
     The estimation record, to which the simulation is fitted, and the validation record.
 
-    Raises
-    ------
-    ReadError
-        The folder has no `dataBenchmark.csv` with the columns uEst, uVal, yEst and yVal.
+    Raises ReadError: the folder has no `dataBenchmark.csv` with the columns uEst, uVal, yEst and yVal.
     """
     read = table(folder / "dataBenchmark.csv", ("uEst", "uVal", "yEst", "yVal"))
     parts = {"estimation": ("uEst", "yEst"), "validation": ("uVal", "yVal")}

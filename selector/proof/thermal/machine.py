@@ -49,10 +49,7 @@ def temperatures(body: Body, heat: Heat, start_degc: float, step_s: float, strid
 
     C·T' = Σ G·(T_neighbour − T) + Σ film·factor·(1 + natural·|ΔT|/10 K)·ΔT + inflow, explicit Euler steps.
 
-    Raises
-    ------
-    ValueError
-        If a step is longer than half the quickest time constant.
+    Raises ValueError if a step is longer than half the quickest time constant.
     """
     if step_s > 0.5 * body.quickest_s():
         raise ValueError(f"step of {step_s:g} s, quickest volume {body.quickest_s():.3g} s")

@@ -120,10 +120,7 @@ _NOTHING = np.zeros(0)
 def diagnosis_of(document: Mapping[str, Any]) -> Diagnosis:
     """The diagnosis of a `selector.diagnosis/1` document, its comparison without rows.
 
-    Raises
-    ------
-    pydantic.ValidationError
-        A field is missing, or of the wrong kind.
+    Raises pydantic.ValidationError: a field is missing, or of the wrong kind.
     """
     told = _Document.model_validate(document)
     courses = dict.fromkeys(told.fit, _NOTHING)

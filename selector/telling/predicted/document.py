@@ -55,12 +55,8 @@ class PredictionDocument(_Part):
 def prediction_of(document: Mapping[str, Any]) -> Prediction:
     """The prediction whose JSON form this is, without its duty cycle, its tests and the courses of its modes.
 
-    Raises
-    ------
-    pydantic.ValidationError
-        A field is missing, or of the wrong kind.
-    ValueError
-        A course has another length than its times, or a program lacks its tolerance.
+    Raises pydantic.ValidationError: a field is missing, or of the wrong kind. Raises ValueError: a course has another
+    length than its times, or a program lacks its tolerance.
     """
     told = PredictionDocument.model_validate(document)
     names = tuple(told.displacement_um)

@@ -139,10 +139,7 @@ def write_report(
     Several stand one after the other, each under the name of its machine. `description`: how the recordings were read,
     as `selector describe` says it, one per selection. The date is shown as it is; the clock is never read.
 
-    Raises
-    ------
-    OptionError
-        The file cannot be written; an old file of that name is untouched.
+    Raises OptionError: the file cannot be written; an old file of that name is untouched.
     """
     from selector.telling.page import account_page, one_page
 

@@ -72,10 +72,7 @@ def largest_of(recording: Recording) -> tuple[str, float]:
 def pictured_at(result: SimulationResult) -> tuple[str, float]:
     """(run, time [s]) of which the picture of a field machine is taken: as asked, or at the largest displacement.
 
-    Raises
-    ------
-    OptionError
-        The run is over before the minute that was asked for.
+    Raises OptionError: the run is over before the minute that was asked for.
     """
     run, at_s = largest_of(result.recording)
     at_min = result.asked.get("picture_at_min")

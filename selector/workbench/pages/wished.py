@@ -64,10 +64,7 @@ def choose(
 ) -> None:
     """Takes over the rows of a page's table, if there are any; the ids of its fields begin with `page`. No cost is 1.
 
-    Raises
-    ------
-    OptionError
-        A cost is no number of 0 or more, or more sensors must be kept than a set may have.
+    Raises OptionError: a cost is no number of 0 or more, or more sensors must be kept than a set may have.
     """
     reading = bench.material.reading
     if reading is None or not ids:

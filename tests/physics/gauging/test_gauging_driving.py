@@ -140,9 +140,7 @@ def test_gaps_and_stray_clocks_are_told_and_gone_over_straight():
     holed = course.copy()
     holed[10:13] = np.nan
     lost = driven_runs(model(), Recording.from_runs({"r": table(time_s, allowance=holed)}, [size()]))
-    np.testing.assert_allclose(
-        lost.recording.frame.to_numpy(), whole.recording.frame.to_numpy(), atol=1e-12
-    )
+    np.testing.assert_allclose(lost.recording.frame.to_numpy(), whole.recording.frame.to_numpy(), atol=1e-12)
     (gap,) = (one for one in lost.findings if one.id == "recorded-gap")
     assert gap.evidence == {"missing": 3, "of": 40}
     leap = np.r_[time_s[:20], time_s[20:] + 1.0]
@@ -164,8 +162,7 @@ def test_noise_is_drawn_only_with_a_seed_and_has_the_spread_of_eq_25():
     time_s = np.arange(0.0, 2000.0, 0.05)
     recording = Recording.from_runs({"r": table(time_s, allowance=10.0 + 0 * time_s)}, [size()])
     still, drawn, again = (
-        driven_runs(gauge, recording, seed=seed).recording.values("r", ["measured"])[:, 0]
-        for seed in (None, 3, 3)
+        driven_runs(gauge, recording, seed=seed).recording.values("r", ["measured"])[:, 0] for seed in (None, 3, 3)
     )
     assert np.ptp(still) < 1e-9
     np.testing.assert_array_equal(drawn, again)

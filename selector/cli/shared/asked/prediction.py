@@ -64,10 +64,7 @@ class Asked:
     def kind(self) -> Method:
         """The method.
 
-        Raises
-        ------
-        OptionError
-            There is none of this name.
+        Raises OptionError: there is none of this name.
         """
         if self.method == "modal":
             return "modal"
@@ -83,10 +80,7 @@ class Asked:
     def operations_s(self) -> list[float] | None:
         """Lengths in seconds, of minutes separated by commas.
 
-        Raises
-        ------
-        OptionError
-            One is no length.
+        Raises OptionError: one is no length.
         """
         if self.operations is None:
             return None

@@ -99,10 +99,7 @@ class Asked:
     def options(self) -> Options:
         """The same as options of a selection.
 
-        Raises
-        ------
-        OptionError
-            One cannot be used.
+        Raises OptionError: one cannot be used.
         """
         from selector.selection import Options
 
@@ -121,10 +118,7 @@ class Asked:
 def date_of(text: str | None) -> str | None:
     """A date as it is written into the files.
 
-    Raises
-    ------
-    OptionError
-        It is none.
+    Raises OptionError: it is none.
     """
     if text is None:
         return None

@@ -36,10 +36,7 @@ class Answer:
 def answered(source: Source, asked: Asked, progress: Callable[[str, float], None]) -> Answer:
     """Read, compare and diagnose.
 
-    Raises
-    ------
-    InputError
-        A file cannot be read, or what is asked cannot be answered.
+    Raises InputError: a file cannot be read, or what is asked cannot be answered.
     """
     progress("reading", 0.0)
     say = _in_steps(progress)
@@ -61,10 +58,7 @@ def answered(source: Source, asked: Asked, progress: Callable[[str, float], None
 def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparison, Reading]:
     """The recordings of a command line beside their simulation, and how that was read.
 
-    Raises
-    ------
-    InputError
-        A file cannot be read, or the two cannot be compared.
+    Raises InputError: a file cannot be read, or the two cannot be compared.
     """
     from selector.cli.shared.recordings_used import without_folders
     from selector.cli.shared.simulation_inputs import not_simulated, simulated_reading

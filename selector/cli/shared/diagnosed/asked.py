@@ -76,10 +76,7 @@ class Asked:
 def asked_of(opened: OpenedStudy) -> Asked:
     """What the ``[diagnose]`` of a study asks.
 
-    Raises
-    ------
-    StudyError
-        It has none.
+    Raises StudyError: it has none.
     """
     from selector.study import path_at
     from selector.study.asked import require_diagnose

@@ -88,10 +88,7 @@ def write_correction(
 def require_replaceable(folder: Path, *, with_model: bool) -> None:
     """Ends with an error where a file stands in `folder` in the place of one of ours, and no diagnosis wrote it.
 
-    Raises
-    ------
-    OptionError
-        There is such a file.
+    Raises OptionError: there is such a file.
     """
     names = [name for name in _OURS if with_model or name != "improved.toml"]
     foreign = [name for name in names if (folder / name).exists() and not _is_ours(folder / name)]

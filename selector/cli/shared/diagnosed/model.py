@@ -28,10 +28,7 @@ _LINE_S = 10.0
 def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: Progress) -> Modelled:
     """The diagnosis of a model file of ours (mode C) or of an FMU (mode B) that the recordings drive.
 
-    Raises
-    ------
-    InputError
-        It cannot be read, or the recordings cannot drive it.
+    Raises InputError: it cannot be read, or the recordings cannot drive it.
     """
     from selector.cli.shared.simulation_files import named
     from selector.diagnosis.open_model.modelled import diagnosis_of_model

@@ -51,12 +51,8 @@ def moved_axes(file: DriveFile) -> tuple[str, ...]:
 def file_reference(file: DriveFile, columns: Columns) -> Reference:
     """What the one axis of a sine, of moves or of a column is asked to do.
 
-    Raises
-    ------
-    InputError
-        The column is no course, or the moves have no length.
-    ModelFileError
-        The course of the column has more than `MOST_SAMPLES` samples.
+    Raises InputError: the column is no course, or the moves have no length. Raises ModelFileError: the course of the
+    column has more than `MOST_SAMPLES` samples.
     """
     motion = file.motion
     if isinstance(motion, CircleMotion):

@@ -112,11 +112,8 @@ def chain_receptance(
 
     `dampers_carry` passes the force of a joint's damper on as well, (1 + iη) times the published force.
 
-    Raises
-    ------
-    InputError
-        If neighbours of the chain have no joint, a member is unknown, or a group is forced at a resonance that
-        nothing damps.
+    Raises InputError if neighbours of the chain have no joint, a member is unknown, or a group is forced at a resonance
+    that nothing damps.
     """
     frequency = checked_frequencies(frequency_hz)
     path, branch = chain_links(structure, chain)
