@@ -197,10 +197,9 @@ def _end(child: subprocess.Popen[str]) -> None:
             os.killpg(child.pid, asked)
             child.wait(GRACE_S)
         except ProcessLookupError:
-            return
+            return  # nobody of its group is left
         except subprocess.TimeoutExpired:
             continue
-        return
 
 
 def _lost(folder: Path, out: Path | None) -> OptionError | None:

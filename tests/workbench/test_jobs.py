@@ -89,9 +89,11 @@ def test_progress_is_told(jobs, program, tmp_path):
 
 
 def test_cancel_ends_the_child_and_its_children(jobs, program, tmp_path):
+    """Children, too, that do not listen to Ctrl-C as their parent does."""
     program(
         "import os, subprocess, sys, time\n"
-        "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(3000)'])\n"
+        "code = 'import signal, time; signal.signal(2, signal.SIG_IGN); print(1, flush=True); time.sleep(3000)'\n"
+        "child = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE); child.stdout.readline()\n"
         "open('pids', 'w').write(f'{os.getpid()} {child.pid}')\n"
         'print(\'{"doing": "x", "share": null}\', file=sys.stderr, flush=True)\n'
         "time.sleep(3000)\n"
