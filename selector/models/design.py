@@ -64,6 +64,11 @@ class Form:
         """Every term of this form: hierarchical, so no product stands without its factors."""
         return polynomial_terms(variables, self.degree, interactions=self.interactions)
 
+    @property
+    def is_hierarchical(self) -> bool:
+        """Whether no product stands without its factors, so that a shift of the readings only changes coefficients."""
+        return True
+
     def simpler(self) -> tuple[Form, ...]:
         """All forms nested in it, the simplest first, and itself."""
         forms = [Form(degree, mixed) for degree in range(1, self.degree + 1) for mixed in (False, True)]
@@ -72,6 +77,55 @@ class Form:
     def __str__(self) -> str:
         shape = ("linear", "quadratic", "cubic")[self.degree - 1]
         return f"{shape} with products" if self.interactions else shape
+
+
+@dataclass(frozen=True)
+class ListedTerms:
+    """Terms one by one, where `Form` has all of a kind."""
+
+    listed: tuple[Term, ...]
+
+    @property
+    def degree(self) -> int:
+        """Highest power of one variable."""
+        return max((power for term in self.listed for _, power in term.powers), default=1)
+
+    @property
+    def interactions(self) -> bool:
+        """Whether a term has several variables."""
+        return any(len(term.powers) > 1 for term in self.listed)
+
+    @property
+    def is_hierarchical(self) -> bool:
+        """Whether no product stands without its factors."""
+        have = {tuple(sorted(term.powers)) for term in self.listed}
+        return all(tuple(sorted(one.powers)) in have for term in self.listed for one in _factors_of(term))
+
+    def terms(self, variables: Sequence[str]) -> tuple[Term, ...]:
+        """Those that need none but these variables."""
+        return tuple(term for term in self.listed if set(term.variables) <= set(variables))
+
+    def __str__(self) -> str:
+        return "terms " + " + ".join(map(str, self.listed))
+
+
+def hierarchical(terms: Iterable[Term]) -> tuple[Term, ...]:
+    """The terms and all products of their factors, by total degree."""
+    found: dict[tuple[tuple[str, int], ...], Term] = {}
+    waiting = list(terms)
+    while waiting:
+        term = waiting.pop(0)
+        if tuple(sorted(term.powers)) not in found:
+            found[tuple(sorted(term.powers))] = term
+            waiting += _factors_of(term)
+    return tuple(sorted(found.values(), key=lambda term: term.degree))
+
+
+def _factors_of(term: Term) -> list[Term]:
+    """The term with one power less of each of its variables; none of a single variable."""
+    powers = dict(term.powers)
+    less = [{name: power - (name == one) for name, power in powers.items()} for one in powers]
+    return [Term.of({name: power for name, power in one.items() if power}) for one in less if any(one.values())]
 
 
 def polynomial_terms(variables: Sequence[str], degree: int, *, interactions: bool = False) -> tuple[Term, ...]:
@@ -106,6 +160,10 @@ class Scaling:
     def scaled(self, values: Array) -> Array:
         """Z for samples x of shape (n_samples, n_variables)."""
         return (values - np.asarray(self.centre)) / np.asarray(self.scale)
+
+    def about_zero(self) -> Scaling:
+        """The same scales without centres: a product without its factors means another model after a shift."""
+        return Scaling(self.variables, (0.0,) * len(self.variables), self.scale)
 
     def only(self, variables: Iterable[str]) -> Scaling:
         """The scaling of some of the variables, in the order given."""
@@ -178,6 +236,7 @@ def physical_transform(terms: Sequence[Term], scaling: Scaling) -> tuple[tuple[T
                 tuple(sorted((*key, (name, k)))) if k else key: value * float(factor)
                 for key, value in expansion.items()
                 for k, factor in enumerate(binomial)
+                if factor
             }
         expansions.append(expansion)
         for key in expansion:

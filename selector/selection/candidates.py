@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
+from selector.models.design import ListedTerms, Term, hierarchical
 from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
@@ -18,10 +19,12 @@ from selector.sensors.groups import FStatistic, LambdaAxis, lambda_axis
 from selector.sensors.screening import ScreeningRound, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
 
-Origin = Literal["representatives", "all sensors"]
+Origin = Literal["representatives", "all sensors", "formula"]
 PER_SIZE = 3
 CORRELATION_ROUNDING = 1e-9
 AS_RELEVANT = 0.01
+MOST_TERMS = 12
+"""Terms up to which products and powers are chosen one by one; the search for more takes seconds a set."""
 LINEAR = Shape()
 
 
@@ -83,14 +86,14 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     pools = list(dict.fromkeys(screening.representatives for screening in screenings))
     found = {pool: _linear_sets(question, bench, pool) for pool in pools}
     everything: list[tuple[str, ...]] = []
-    if options.level is None:
+    if options.level is None and options.formula is None:
         everything = _linear_sets(question, bench, sensors)
         cheap = _cheapest(question, sensors)
         if len(cheap) < len(sensors):
             # the best sets may all hold a dear sensor whose neighbour would do
             everything += _linear_sets(question, bench, cheap)
     tested = list(dict.fromkeys(s for sets in (*found.values(), everything) for s in sets))
-    row = {s: bench.errors(s, LINEAR) for s in tested}
+    row = {s: bench.relative(bench.held_out(s, LINEAR)) for s in tested}
     share = bench.samples / bench.samples.sum()
     mean = {s: float(errors @ share) for s, errors in row.items()}
     scored = []
@@ -101,6 +104,8 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     sets = {s: SensorSet(s, "representatives") for s in found[chosen.representatives]}
     for s in everything:
         sets.setdefault(s, SensorSet(s, "all sensors"))
+    if options.asked_formula is not None:
+        sets = {question.needed: SensorSet(question.needed, "formula")}
     screened = tuple(replace(s, error=float(np.sqrt(error))) for s, _, error in scored)
     number = screenings.index(chosen)
     grouping = Grouping(similarity, axis, tuple(relevance), screened, screened[number], because)
@@ -129,6 +134,25 @@ def sets_with_terms(question: Question, bench: Bench, pool: Sequence[str], shape
         for found in search.by_size.values():
             sets.update(dict.fromkeys(tuple(pool[i] for i in best.sensors) for best in found if best.sensors))
     return list(sets)
+
+
+def sparse_forms(bench: Bench, sensors: Sequence[str], shape: Shape) -> list[ListedTerms]:
+    """For every number of products and powers, the exact best ones of a shape beside the sensors themselves."""
+    terms = shape.terms(sensors, ())
+    linear = tuple(i for i, term in enumerate(terms) if term.degree == 1)
+    found: dict[tuple[Term, ...], None] = {}
+    for j in _moving_responses(bench):
+        search = best_subsets(
+            bench.cross(sensors, shape, j),
+            bench.n_samples,
+            max_size=min(max(MOST_TERMS, len(linear)), len(terms)),
+            n_best=PER_SIZE,
+            must=linear,
+        )
+        for size, best in search.by_size.items():
+            if len(linear) < size < len(terms):
+                found.update((hierarchical(terms[i] for i in one.columns), None) for one in best)
+    return [ListedTerms(terms) for terms in found]
 
 
 def _relevance(bench: Bench, sensors: Sequence[str]) -> NDArray[np.float64]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.design import time_constant_grid
-from selector.models.moments import within_one_standard_error
-from selector.selection.candidates import Candidates, SensorSet, sets_with_terms
+from selector.models.design import Form, time_constant_grid
+from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, within_one_standard_error
+from selector.selection.candidates import Candidates, SensorSet, sets_with_terms, sparse_forms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
 
@@ -22,6 +22,12 @@ MAX_VIF = 2e3
 
 PROMISING = 40
 """Sets on which a second time constant is tried."""
+
+SAFER = 2.0
+"""How many times smaller the worst fault of a set must be to be taken before an equal one with a smaller error."""
+
+WORTH_SOME_TERMS = 10
+"""Sets of which products and powers are chosen one by one."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,7 @@ class Trial:
     #: (n_groups,): Held-out mean squared error of each inner group, relative to the variance of the displacement
     errors: NDArray[np.float64]
     error: float  #: The same over all groups, as a root
+    rmse_um: NDArray[np.float64]  #: (n_responses,): Held-out error over all groups
     adjusted_r2: float  #: In sample, mean over the responses; NaN unless sets are ranked by it
 
 
@@ -44,6 +51,18 @@ class Choice:
     trial: Trial
     by_size: dict[int, Trial]
     trials: tuple[Trial, ...]
+
+    @property
+    def alike(self) -> tuple[Trial, ...]:
+        """What the chosen trial is compared with: sets in its shape; where terms were chosen singly, each at best."""
+        shape = self.trial.shape
+        if isinstance(shape.form, Form):
+            return tuple(trial for trial in self.trials if trial.shape == shape)
+        found = {self.trial.set.sensors: self.trial}
+        for trial in sorted(self.trials, key=lambda t: t.error):
+            if (trial.shape.sensor_taus_s, trial.shape.speed_taus_s) == (shape.sensor_taus_s, shape.speed_taus_s):
+                found.setdefault(trial.set.sensors, trial)
+        return tuple(found.values())
 
 
 Offer = Literal["linear", "polynomial", "memory"]
@@ -56,17 +75,23 @@ class Tested:
 
     question: Question
     trials: tuple[Trial, ...]
-    samples: NDArray[np.float64]
+    bench: Bench
+
+    def aimed_at(self, target_um: float | None) -> Tested:
+        """The same with another target."""
+        return replace(self, question=replace(self.question, options=replace(self.question.options, target=target_um)))
 
     def choice(self, offer: Offer) -> Choice:
         """The cheapest of the good trials that an offer allows."""
         allowed = tuple(trial for trial in self.trials if _allows(offer, trial.shape))
-        return Choice(_best(self.question, allowed, self.samples), best_by_size(allowed), allowed)
+        return Choice(_best(self.question, allowed, self.bench), best_by_size(allowed), allowed)
 
 
 def offers(question: Question) -> tuple[Offer, ...]:
     """The offers that the options make, the poorest first."""
     options = question.options
+    if options.formula is not None:
+        return ("polynomial",)
     found: list[Offer] = ["linear"]
     if options.degree > 1 or options.interactions:
         found.append("polynomial")
@@ -82,7 +107,7 @@ def _allows(offer: Offer, shape: Shape) -> bool:
 
 def shapes_on_offer(question: Question, period_s: float, duration_s: float) -> tuple[list[Shape], list[Shape]]:
     """(shapes without memory, shapes with one time constant); the second list is empty unless memory is offered."""
-    static = [Shape(form) for form in question.options.form.simpler()]
+    static = [Shape(form) for form in question.options.forms]
     if not question.options.memory:
         return static, []
     taus = [float(f"{tau:.3g}") for tau in time_constant_grid(period_s, duration_s, 13)]
@@ -131,6 +156,10 @@ def tested(
 
     for shape in static:
         test(shape, search=True)
+    if len(static) > 1:
+        for sensors in _promising(trials.values(), WORTH_SOME_TERMS):
+            for form in sparse_forms(bench, sensors, static[-1]):
+                test(Shape(form), among=[sensors])
     for shape in lagged:
         test(shape, search=True)
     with_memory = [trial for trial in trials.values() if trial.shape.has_memory]
@@ -138,9 +167,7 @@ def tested(
         first = min(with_memory, key=lambda t: t.error).shape
         for shape in static[1:]:
             test(Shape(shape.form, first.sensor_taus_s, first.speed_taus_s))
-        promising = list(dict.fromkeys(t.set.sensors for t in sorted(trials.values(), key=lambda t: t.error)))[
-            :PROMISING
-        ]
+        promising = _promising(trials.values(), PROMISING)
         for other in lagged:
             both = Shape(
                 first.form,
@@ -149,7 +176,12 @@ def tested(
             )
             if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
-    return Tested(question, tuple(trials.values()), bench.samples)
+    return Tested(question, tuple(trials.values()), bench)
+
+
+def _promising(trials: Iterable[Trial], most: int) -> list[tuple[str, ...]]:
+    """The sets that did best, each once."""
+    return list(dict.fromkeys(trial.set.sensors for trial in sorted(trials, key=lambda t: t.error)))[:most]
 
 
 def _well_apart(taus_s: Sequence[float]) -> bool:
@@ -165,14 +197,13 @@ def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
     return found
 
 
-def _best(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> Trial:
+def _best(question: Question, trials: Sequence[Trial], bench: Bench) -> Trial:
     options = question.options
     if options.tolerance is not None:
         top = max(trial.adjusted_r2 for trial in trials)
         good = [trial for trial in trials if trial.adjusted_r2 >= top - options.tolerance]
     else:
-        as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
-        good = [trial for trial, is_good in zip(trials, as_good, strict=True) if is_good]
+        good = _as_good(question, trials, bench.samples)
 
     def rank(trial: Trial) -> tuple[float, int, int, float]:
         from_groups = 0 if trial.set.origin == "representatives" else 1
@@ -181,9 +212,33 @@ def _best(question: Question, trials: Sequence[Trial], samples: NDArray[np.float
     if options.tolerance is not None:
         # the patent ranks sensors, then fit; the shape is the richest on offer that the tolerance asks for
         return min(good, key=lambda t: (options.total_cost(t.set.sensors), t.n_terms, -t.adjusted_r2))
-    # among sets of the same cost and size the better predictor, not the first
+    # among sets of the same cost and size one whose worst fault is half of another's, then the better predictor
     cheapest = min(rank(trial)[:2] for trial in good)
-    return min((trial for trial in good if rank(trial)[:2] == cheapest), key=lambda t: (t.error, rank(t)))
+    alike = [trial for trial in good if rank(trial)[:2] == cheapest]
+    best = min(alike, key=lambda t: (t.error, rank(t)))
+    equal = [trial for trial in alike if trial.error <= best.error * (1.0 + WORTH_OF_A_SENSOR)]
+    if len(equal) == 1:
+        return best
+    most = bench.worst_fault(best.set.sensors, best.shape) / SAFER
+    safer = [trial for trial in equal if bench.worst_fault(trial.set.sensors, trial.shape) <= most]
+    return min(safer or [best], key=lambda t: (t.error, rank(t)))
+
+
+def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> list[Trial]:
+    """The trials among which only the cost decides; where no one reaches the target, the best one alone."""
+    options = question.options
+    best = min(trials, key=lambda t: t.error)
+    if options.target is not None:
+        return [trial for trial in trials if (trial.rmse_um <= options.target).all()] or [best]
+    if options.within is not None:
+        return [trial for trial in trials if (trial.rmse_um - best.rmse_um <= options.within).all()]
+    as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
+    noise, most = np.array(question.noise_um), best.error * (1.0 + MOST_ABOVE_BEST)
+    return [
+        trial
+        for trial, is_good in zip(trials, as_good, strict=True)
+        if is_good or (trial.error <= most and (trial.rmse_um - best.rmse_um <= noise).all())
+    ]
 
 
 def _trials(
@@ -197,7 +252,8 @@ def _trials(
     for sensors, shape in tests:
         if shape.has_memory and bench.largest_vif(sensors, shape) > MAX_VIF:
             continue
-        errors = bench.errors(sensors, shape)
+        held_out = bench.held_out(sensors, shape)
+        errors = bench.relative(held_out)
         trials.append(
             Trial(
                 origin[sensors],
@@ -205,6 +261,7 @@ def _trials(
                 len(bench.library.columns(sensors, shape)),
                 errors,
                 float(np.sqrt(errors @ share)),
+                held_out.rmse_um,
                 float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
             )
         )
@@ -212,5 +269,6 @@ def _trials(
 
 
 def _searchable(found: Candidates) -> bool:
-    """Whether products of all representatives are few enough to hold."""
-    return len(found.grouping.chosen.representatives) <= MAX_CANDIDATES
+    """Whether sets are searched, and products of all representatives are few enough to hold."""
+    named = any(one.origin == "formula" for one in found.sets)
+    return not named and len(found.grouping.chosen.representatives) <= MAX_CANDIDATES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from selector.models.least_squares import validity_hull
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
 from selector.selection.fitting import evenly
-from selector.selection.result import BEST_OF_SIZE, Selection
+from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Selection
 from selector.selection.survey import Survey
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
@@ -137,7 +137,8 @@ def doubts(
         *_chaining(selection),
         *(finding for one in screening.rounds for finding in one.findings),
         *_proof_findings(selection, surveyed, stride),
-        *_limit_findings(selection),
+        *_limit_findings(selection, surveyed.question.noise_um),
+        *_target_findings(selection),
         *regime_findings(selection),
         *_offer_findings(offer_errors, offer),
         *_model_findings(selection, ridge),
@@ -226,16 +227,35 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
         )
 
 
-def _limit_findings(selection: Selection) -> Iterator[Finding]:
-    """Whether more sensors than allowed might do better: the choice is as large as it may be, and the curve falls."""
+def _target_findings(selection: Selection) -> Iterator[Finding]:
+    target = selection.options.target
+    missed = {name: error for name in selection.models if (error := selection.proof.rmse_um(name)) > (target or np.inf)}
+    if target is not None and missed:
+        yield FINDINGS.finding(
+            "target-missed",
+            f"At most {target:g} µm were asked for; on unseen data the {PROCEDURE} has "
+            + ", ".join(f"{name} {error:.3g} µm" for name, error in missed.items())
+            + ".",
+            evidence={"target_um": target, "heldout_rmse_um": missed},
+        )
+
+
+def _limit_findings(selection: Selection, noise_um: Sequence[float]) -> Iterator[Finding]:
+    """Whether more sensors than allowed might do better: the choice is as large as it may be, and the curve falls.
+
+    By more than the noise of the gauge, that is, or by more than was asked for.
+    """
     most, there_are = selection.options.max_sensors, len(selection.sensors)
     chosen = set(selection.chosen)
     if len(chosen) != most or there_are <= most or chosen <= set(selection.options.must):
         return
+    if selection.options.formula is not None or selection.options.target is not None:
+        return
     falls = []
     for j, name in enumerate(selection.models):
         of_size = {point.n_sensors: point.rmse_um[j] for point in selection.proof.curve}
-        if most in of_size and most - 1 in of_size and of_size[most] < of_size[most - 1]:
+        worth = noise_um[j] if selection.options.within is None else selection.options.within
+        if most in of_size and most - 1 in of_size and of_size[most] < of_size[most - 1] - worth:
             falls.append(f"{name} from {of_size[most - 1]:.3g} to {of_size[most]:.3g} µm")
     if most > 1 and not falls:
         return
@@ -284,7 +304,8 @@ def _three_digits(value: float) -> str:
 def _model_findings(selection: Selection, ridge: tuple[float, float, float]) -> Iterator[Finding]:
     # every response has the same terms, so their collinearity is one statement
     model = next(iter(selection.models.values()))
-    single = [(t, v) for t, v in zip(model.terms, model.vif, strict=True) if t.degree == 1]
+    inflated = list(zip(model.terms, model.vif, strict=True))
+    single = [(t, v) for t, v in inflated if t.degree == 1] or inflated
     worst, vif = max(single, key=lambda item: item[1])
     condition = model.diagnostics.condition_number
     if vif > COLLINEAR_VIF or condition > ILL_CONDITIONED:

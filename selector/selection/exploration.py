@@ -276,7 +276,9 @@ class Exploration:
         say = progress or (lambda _what, _share: None)
         say("reading", 0.0)
         given = options or Options()
-        plain = replace(given, never=(), level=None, rounds=1, degree=1, interactions=False, memory=False, ridge=False)
+        plain = replace(
+            given, never=(), level=None, rounds=1, degree=1, interactions=False, memory=False, ridge=False, formula=None
+        )
         asked = question_of(source, plain)
         datum = datum_of(source, asked.sensors, asked.responses, plain.reference)
         surveyed = survey(source, asked, datum)

@@ -48,6 +48,11 @@ FINDINGS = Kinds(
             "as many sensors are chosen as --max-sensors allows: more might predict better",
             "See whether more are worth their cost: a larger --max-sensors.",
         ),
+        "target-missed": Kind(
+            "warning",
+            "the model does not reach the error of --target on unseen data",
+            "allow more sensors (--max-sensors), offer memory or products, record more runs, or ask for less",
+        ),
         "terms-that-help": Kind(
             "info", "richer terms (squares, products, memory) predict unseen data better; the model uses them"
         ),

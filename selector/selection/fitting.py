@@ -64,7 +64,8 @@ class Recipe:
         """Centre and scale of the variables over these samples."""
         mean, deviation = rows.variables.mean(axis=0), rows.variables.std(axis=0)
         scale = np.where(deviation > 1e-12 * np.maximum(1.0, np.abs(mean)), deviation, 1.0)
-        return Scaling(self.design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
+        scaling = Scaling(self.design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
+        return scaling if self.shape.form.is_hierarchical else scaling.about_zero()
 
 
 def refined(
@@ -204,7 +205,9 @@ def _without(question: Question, recipe: Recipe, name: str) -> Recipe | None:
     shape, speeds = recipe.shape, tuple(speed for speed in question.speeds if speed != name)
     if name in question.speeds and not speeds:
         shape = replace(shape, speed_taus_s=())
-    return Recipe.of(replace(question, speeds=speeds), recipe.design.datum, sensors, shape) if sensors else None
+    if not shape.terms(sensors, speeds):
+        return None
+    return Recipe.of(replace(question, speeds=speeds), recipe.design.datum, sensors, shape)
 
 
 READING_POINTS = 300

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.best_subsets.results import adjusted_r2
-from selector.models.design import Columns, Datum, Design, Form, Lag, Term
+from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Term
 from selector.models.moments import (
+    HeldOut,
     LeaveOneOut,
     Moments,
     centred,
@@ -31,7 +32,7 @@ ROUNDING = 1e-10
 class Shape:
     """What a set of sensors brings into the model."""
 
-    form: Form = field(default_factory=Form)  #: Polynomial terms in the sensors
+    form: Form | ListedTerms = field(default_factory=Form)  #: Polynomial terms in the sensors
     sensor_taus_s: tuple[float, ...] = ()  #: Each sensor brings a lag with each of these time constants [s]
     #: The spindle speed comes in, at once and lagged with these time constants [s]
     speed_taus_s: tuple[float, ...] = ()
@@ -132,11 +133,30 @@ class Bench:
         """Samples over all folds."""
         return round(float(self.total[0, 0]))
 
-    def errors(self, sensors: Sequence[str], shape: Shape) -> NDArray[np.float64]:
-        """Held-out mean squared error per inner group, relative to each response's variance, mean over responses."""
-        held_out = self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
+    def held_out(self, sensors: Sequence[str], shape: Shape) -> HeldOut:
+        """Errors on every inner group, fitted to the others."""
+        return self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
+
+    def relative(self, held_out: HeldOut) -> NDArray[np.float64]:
+        """Mean squared error per inner group, relative to each response's variance, mean over responses."""
         # differences below this are rounding of the cross-products, and no gauge would see them
         return np.asarray(np.maximum((held_out.mse / self.power).mean(axis=1), ROUNDING))
+
+    def worst_fault(self, sensors: Sequence[str], shape: Shape) -> float:
+        """Largest share of a displacement's spread that one sensor moves when it is wrong by its own spread."""
+        terms, at = shape.terms(sensors, self.library.speeds), self.library.columns(sensors, shape)
+        responses = range(1 + self.library.moments.n_columns, len(self.total))
+        beta = coefficients(self.total, [1 + column for column in at], responses)[1:]
+        spread = np.sqrt(np.maximum(np.diag(self._centred)[at] / self.n_samples, 0.0))
+        moved = np.abs(beta) * spread[:, None] / np.sqrt(self.power)
+        owners = self.library.owners(sensors, shape)
+        return max(
+            (
+                float(moved[[i for i in range(len(terms)) if s in owners[i]]].sum(axis=0).max())
+                for s in range(len(sensors))
+            ),
+            default=0.0,
+        )
 
     def largest_vif(self, sensors: Sequence[str], shape: Shape) -> float:
         """Variance inflation of the most redundant term; infinite for a term that the others make up."""
@@ -182,7 +202,9 @@ def library_of(
     inputs: dict[str, None] = {}
     lags: dict[Lag, None] = {}
     terms: dict[tuple[tuple[str, int], ...], Term] = {}
+    is_hierarchical = True
     for sensors, shape in sets:
+        is_hierarchical &= shape.form.is_hierarchical
         inputs.update(dict.fromkeys(sensors))
         if shape.speed_taus_s:
             inputs.update(dict.fromkeys(speeds))
@@ -191,7 +213,8 @@ def library_of(
             terms.setdefault(key_of(term), term)
     ordered = sorted(terms.values(), key=lambda term: term.degree)
     design = Design(tuple(inputs), tuple(responses), datum, tuple(lags))
-    columns = Columns(scaling_of(source, design), tuple(ordered))
+    scaling = scaling_of(source, design)
+    columns = Columns(scaling if is_hierarchical else scaling.about_zero(), tuple(ordered))
     found = moments(source, design, columns, n_blocks=n_blocks)
     position = {key_of(term): i for i, term in enumerate(ordered)}
     return Library(found, position, tuple(responses), tuple(speeds))

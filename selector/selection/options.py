@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from selector.errors import OptionError
-from selector.models.design import Form, Reference
+from selector.models.design import Form, ListedTerms, Reference
 from selector.recording import SENSOR_ROLES, RunSource
+
+if TYPE_CHECKING:
+    from selector.models.formula import Formula
 
 MAX_ROUNDS = 20
 _LARGEST_SEED = 2**53
@@ -41,13 +44,21 @@ class Options:
     #: The patent's parsimony: the cheapest set whose adjusted R² is within this distance of the best. None = the
     #: cheapest set that predicts unseen runs as well as the best does, within one standard error.
     tolerance: float | None = None
+    #: Sets whose unseen error is within this of the best count as equal [µm]; None = what is within one standard error,
+    #: or within the noise of the gauge and a tenth of the error
+    within: float | None = None
+    target: float | None = None  #: Take the cheapest set whose unseen error is at most this [µm]
     ridge: bool = False  #: Shrink the coefficients by the amount that predicts unseen runs best
     #: Run → condition (e.g. "winter"): whole conditions are left out in turn instead of runs
     conditions: Mapping[str, str] = field(default_factory=dict)
     seed: int = 0  #: For the bootstrap over runs
+    #: This model and no other, in Wilkinson's notation, e.g. ``"Z ~ T1 + T3 + T1:T3"``: nothing is searched, all is
+    #: proved
+    formula: str | None = None
 
     def __post_init__(self) -> None:
         Form(self.degree, self.interactions)
+        self._require_formula_alone()
         if self.reference not in ("rise", "absolute"):
             raise OptionError(
                 repr(self.reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
@@ -78,6 +89,7 @@ class Options:
                 where="--tolerance",
                 advice="leave the option out to choose by the error on unseen runs",
             )
+        self._require_micrometres()
         for name, cost in self.cost.items():
             if not (math.isfinite(cost) and cost >= 0):
                 raise OptionError(
@@ -108,9 +120,70 @@ class Options:
         return tuple(given[min(i, len(given) - 1)] for i in range(self.rounds))
 
     @property
-    def form(self) -> Form:
-        """The largest form that is offered."""
-        return Form(self.degree, self.interactions)
+    def asked_formula(self) -> Formula | None:
+        """What the formula says."""
+        if self.formula is None:
+            return None
+        from selector.models.formula import formula_of  # its parser costs a fifth of a second
+
+        return formula_of(self.formula)
+
+    @property
+    def forms(self) -> tuple[Form | ListedTerms, ...]:
+        """The forms that are offered, the simplest first."""
+        if self.asked_formula is not None:
+            return (ListedTerms(self.asked_formula.terms),)
+        return Form(self.degree, self.interactions).simpler()
+
+    def _require_micrometres(self) -> None:
+        rules = {"--tolerance": self.tolerance, "--within": self.within, "--target": self.target}
+        given = [option for option, value in rules.items() if value is not None]
+        if len(given) > 1:
+            raise OptionError(
+                " and ".join(given),
+                expected="one rule by which a set is taken",
+                where=given[0],
+                advice="--within compares unseen errors, --target bounds them, --tolerance compares adjusted R²",
+            )
+        for option, value, least in (("--within", self.within, "0 µm"), ("--target", self.target, "more than 0 µm")):
+            if value is not None and not (math.isfinite(value) and (value > 0 or (value == 0 and least == "0 µm"))):
+                raise OptionError(
+                    f"{value:g} µm",
+                    expected=f"an error in µm: {least}" + " or more" * (least == "0 µm"),
+                    where=option,
+                    advice=f"e.g. {option} 0.5",
+                )
+
+    def _require_formula_alone(self) -> None:
+        if self.asked_formula is None:
+            return
+        besides = {
+            "--degree": self.degree > 1,
+            "--interactions": self.interactions,
+            "--memory": self.memory,
+            "--must": self.must,
+            "--never": self.never,
+            "--cost": self.cost,
+            "--tolerance": self.tolerance is not None,
+            "--within": self.within is not None,
+            "--target": self.target is not None,
+        }
+        given = [option for option, is_given in besides.items() if is_given]
+        if given:
+            raise OptionError(
+                f"--formula and {', '.join(given)}",
+                expected="--formula alone: it says which sensors and terms the model has",
+                where="--formula",
+                advice=f"leave out {given[0]}, or the formula",
+            )
+        wanted = self.asked_formula.responses
+        if self.responses and set(self.responses) != set(wanted):
+            raise OptionError(
+                f"--response {', '.join(self.responses)}",
+                expected=f"{', '.join(wanted)}, as the formula has it left of the tilde",
+                where="--response and --formula",
+                advice="leave --response out",
+            )
 
     def total_cost(self, sensors: Sequence[str]) -> float:
         """Cost of a set."""
@@ -130,6 +203,13 @@ class Question:
     sensors: tuple[str, ...]
     responses: tuple[str, ...]
     speeds: tuple[str, ...]
+    noise_um: tuple[float, ...] = ()  #: Of the gauge of each response, from differences of neighbouring samples
+
+    @property
+    def needed(self) -> tuple[str, ...]:
+        """The sensors without which there is no model: those that must be kept, or those of the formula."""
+        formula = self.options.asked_formula
+        return self.options.must if formula is None else formula.variables
 
 
 def question_of(source: RunSource, options: Options) -> Question:
@@ -150,9 +230,10 @@ def question_of(source: RunSource, options: Options) -> Question:
             where=f"recording with channels {listing}",
             advice="write a machine file with `selector describe FILE --write machine.toml`, set the role there",
         )
-    responses = list(dict.fromkeys(options.responses)) or displacements
+    formula = options.asked_formula
+    responses = list(dict.fromkeys(formula.responses if formula else options.responses)) or displacements
     for name in responses:
-        _known("--response", name, displacements, "a displacement channel")
+        _known("--formula" if formula else "--response", name, displacements, "a displacement channel")
     if not sensors:
         raise OptionError(
             "no temperature channel",
@@ -160,7 +241,12 @@ def question_of(source: RunSource, options: Options) -> Question:
             where=f"recording with channels {listing}",
             advice="set the roles in the machine file (`selector describe FILE --write machine.toml`)",
         )
-    for option, names in (("--must", options.must), ("--never", options.never), ("--cost", tuple(options.cost))):
+    for option, names in (
+        ("--must", options.must),
+        ("--never", options.never),
+        ("--cost", tuple(options.cost)),
+        ("--formula", formula.variables if formula else ()),
+    ):
         for name in names:
             _known(option, name, sensors, "a temperature sensor of the recording")
     for run in options.conditions:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.models.design import Datum, rows_of
@@ -114,11 +115,16 @@ def baselines(
     return {name: {way: float(rmse[j]) for way, rmse in ways.items()} for j, name in enumerate(linear.responses)}
 
 
-def relative_error(library: Library, outer: Grouping, choices: Sequence[Choice]) -> float:
-    """Held-out root mean square error relative to the spread of the displacements, over all responses."""
+def procedure_rmse_um(library: Library, outer: Grouping, choices: Sequence[Choice]) -> NDArray[np.float64]:
+    """Held-out root mean square error of the whole procedure, shape (n_responses,)."""
     loo = LeaveOneOut.of(library.moments, outer)
-    held_out = _held_out(library, loo, [choice.trial for choice in choices])
-    return float(np.sqrt((held_out.rmse_um**2 / response_power(library.moments)).mean()))
+    return np.asarray(_held_out(library, loo, [choice.trial for choice in choices]).rmse_um)
+
+
+def relative_error(library: Library, outer: Grouping, choices: Sequence[Choice]) -> float:
+    """The same relative to the spread of the displacements, over all responses."""
+    error = procedure_rmse_um(library, outer, choices)
+    return float(np.sqrt((error**2 / response_power(library.moments)).mean()))
 
 
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:

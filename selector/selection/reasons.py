@@ -20,14 +20,13 @@ _ONE_ERROR = "one standard error of the differences run by run"
 
 def combinations_of(question: Question, bench: Bench, choice: Choice) -> tuple[Combination, ...]:
     """Every set of sensors that was compared, in the chosen shape, best adjusted R² first within each response."""
-    shape = choice.trial.shape
-    sets = {trial.set.sensors: trial.set for trial in choice.trials if trial.shape == shape}
     found: list[Combination] = []
-    for sensors, one in sets.items():
+    for trial in choice.alike:
+        sensors, shape = trial.set.sensors, trial.shape
         r2 = bench.r2(sensors, shape)
-        held_out = bench.leave_one_out.errors(bench.library.columns(sensors, shape), len(question.responses)).rmse_um
+        held_out = bench.held_out(sensors, shape).rmse_um
         found.extend(
-            Combination(sensors, name, r2[j][0], r2[j][1], float(held_out[j]), one.origin)
+            Combination(sensors, name, r2[j][0], r2[j][1], float(held_out[j]), trial.set.origin)
             for j, name in enumerate(question.responses)
         )
     order = {name: j for j, name in enumerate(question.responses)}
@@ -64,18 +63,25 @@ def because_of(
             if options.max_sensors < len(question.sensors)
             else ""
         )
-        rule = (
-            f"the cheapest set whose {FIXED_SET} error is as good as that of the best{most and f' {most}'} "
-            f"({_listed(top.set.sensors)})"
-            if top.set.sensors != trial.set.sensors
-            else f"the set{most and f' {most}'} with the smallest {FIXED_SET} error"
-        )
+        if options.target is not None and all(proof.rmse_um(name) <= options.target for name in models):
+            rule = f"the cheapest set{most and f' {most}'} with which the {PROCEDURE} has at most {options.target:g} µm"
+        elif top.set.sensors != trial.set.sensors:
+            near = "as good as that of" if options.within is None else f"within {options.within:g} µm of"
+            rule = (
+                f"the cheapest set whose {FIXED_SET} error is {near} the best{most and f' {most}'} "
+                f"({_listed(top.set.sensors)})"
+            )
+        else:
+            rule = f"the set{most and f' {most}'} with the smallest {FIXED_SET} error"
         compared = _compared(question, choice, combinations, models)
     if set(trial.set.sensors) <= set(options.must):
         rule, compared = "what --must asks for, not a choice", ""
+    if options.formula is not None:
+        rule, compared = "the model that was asked for, not a choice", ""
     source = {
         "representatives": "representatives of their groups",
         "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
+        "formula": "named in --formula",
     }[trial.set.origin]
     unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
     return (
@@ -90,24 +96,39 @@ def _compared(
     """The errors that the rule compared: of the best set, of the chosen one, and of the best with one sensor less."""
     trial, top = choice.trial, min(choice.trials, key=lambda t: t.error)
     known = {(one.sensors, one.response): one.heldout_rmse_um for one in combinations}
+    alike = {id(one) for one in choice.alike}
 
     def told(label: str, other: Trial, why: str = "") -> str:
         # µm are known in the chosen shape only
-        errors = [f"{name} {known[other.set.sensors, name]:.3g} µm" for name in models if other.shape == trial.shape]
+        errors = [f"{name} {known[other.set.sensors, name]:.3g} µm" for name in models if id(other) in alike]
         above = f"({100 * (other.error / max(top.error, 1e-300) - 1):.0f} % above the best: {why})" if why else ""
         return " ".join(filter(None, [label, ", ".join(errors), above]))
 
     found = [told("best", top)]
     if top is not trial:
-        equal = trial.error <= top.error * (1.0 + WORTH_OF_A_SENSOR)
-        why = f"up to {100 * WORTH_OF_A_SENSOR:.0f} % count as equal" if equal else f"less than {_ONE_ERROR}"
-        found.append(told("chosen", trial, why))
+        found.append(told("chosen", trial, _why_equal(question, trial, top)))
     fewer = choice.by_size.get(len(trial.set.sensors) - 1)
-    if fewer is not None and fewer.error > trial.error and not question.options.cost:
+    if fewer is not None and fewer.error > trial.error and not (question.options.cost or question.options.target):
         far = fewer.error > top.error * (1.0 + MOST_ABOVE_BEST)
         why = f"more than {100 * MOST_ABOVE_BEST:.0f} %" if far else f"more than {_ONE_ERROR}"
+        asked = question.options.within
+        why = why if asked is None else f"more than the {asked:g} µm that were asked for"
         found.append(told(f"best with {len(fewer.set.sensors)}", fewer, why))
     return f"{FIXED_SET[0].upper()}{FIXED_SET[1:]} errors: {'; '.join(found)}. "
+
+
+def _why_equal(question: Question, trial: Trial, top: Trial) -> str:
+    """By which rule a chosen set is as good as the best one."""
+    options = question.options
+    if options.target is not None:
+        return f"enough for the {PROCEDURE} to reach {options.target:g} µm"
+    if options.within is not None:
+        return f"within the {options.within:g} µm that were asked for"
+    if trial.error <= top.error * (1.0 + WORTH_OF_A_SENSOR):
+        return f"up to {100 * WORTH_OF_A_SENSOR:.0f} % count as equal"
+    if (trial.rmse_um - top.rmse_um <= question.noise_um).all():
+        return "less than the noise of the gauge"
+    return f"less than {_ONE_ERROR}"
 
 
 def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str], choice: Choice) -> dict[str, str]:
@@ -117,9 +138,10 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
         for dropped in one.dropped:
             reasons.setdefault(sensors[dropped.sensor], f"dropped: {dropped.reason}")
     best_error = choice.trial.error
+    searched = choice.trial.set.origin != "formula"
     for name in sensors:
         if name in chosen:
-            without = [t for t in choice.trials if name not in t.set.sensors and t.shape == choice.trial.shape]
+            without = [t for t in choice.alike if name not in t.set.sensors]
             if without:
                 best = min(without, key=lambda t: t.error)
                 reasons[name] = (
@@ -127,9 +149,11 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
                     f"{best.error / max(best_error, 1e-300):.2f} times the error on unseen data"
                 )
             else:
-                reasons[name] = "kept: every compared set contains it"
-        else:
+                reasons[name] = "kept: every compared set contains it" if searched else "kept: the formula names it"
+        elif searched:
             reasons.setdefault(name, "dropped: a representative that the chosen set does not need")
+        else:
+            reasons[name] = "dropped: the formula does not name it"
     return {name: reasons[name] for name in sensors}
 
 
@@ -141,11 +165,7 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
     the machine.
     """
     trial = choice.trial
-    sets = [
-        other.set.sensors
-        for other in choice.trials
-        if other.shape == trial.shape and len(other.set.sensors) == len(trial.set.sensors)
-    ]
+    same_size = [other for other in choice.alike if len(other.set.sensors) == len(trial.set.sensors)]
     group_of = {name: i for i, group in enumerate(grouping.chosen.rounds[0].partition.groups) for name in group}
     rng = np.random.default_rng(question.options.seed)
     # in the order of the names, so that the order in which the runs were given changes nothing
@@ -155,7 +175,7 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
     first = 1 + library.moments.n_columns
     responses = range(first, first + len(library.responses))
     power = response_power(library.moments)
-    columns = [[1 + column for column in library.columns(sensors, trial.shape)] for sensors in sets]
+    columns = [[1 + column for column in library.columns(one.set.sensors, one.shape)] for one in same_size]
     hits = dict.fromkeys(trial.set.sensors, 0)
     done = 0
     for _ in range(BOOTSTRAP_SAMPLES):
@@ -168,7 +188,7 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
             float((squared_error(rest, at, responses, coefficients(bag, at, responses)) / power).sum())
             for at in columns
         ]
-        best = {group_of[name] for name in sets[int(np.argmin(errors))]}
+        best = {group_of[name] for name in same_size[int(np.argmin(errors))].set.sensors}
         done += 1
         for name in hits:
             hits[name] += group_of[name] in best

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding
-from selector.models.design import rows_of
+from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
 from selector.recording import RunSource, thinned
@@ -200,6 +200,7 @@ class Selection:
                 "shape": str(self.recipe.shape),
                 "degree": self.recipe.shape.form.degree,
                 "interactions": self.recipe.shape.form.interactions,
+                **_listed_terms(self.recipe),
                 "sensor_taus_s": list(self.recipe.shape.sensor_taus_s),
                 "speed_taus_s": list(self.recipe.shape.speed_taus_s),
             },
@@ -301,6 +302,11 @@ class Selection:
                 }
             )
         return runs
+
+
+def _listed_terms(recipe: Recipe) -> dict[str, Any]:
+    form = recipe.shape.form
+    return {"terms": [dict(term.powers) for term in form.listed]} if isinstance(form, ListedTerms) else {}
 
 
 def finite(value: Any) -> Any:

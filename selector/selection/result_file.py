@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding, Where
-from selector.models.design import Datum, Design, Form, Lag, Scaling, Term
+from selector.models.design import Datum, Design, Form, Lag, ListedTerms, Scaling, Term
 from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
 from selector.selection.candidates import Grouping, Screening
@@ -84,6 +84,7 @@ class _ChosenPart(_Part):
     reasons: dict[str, str]
     degree: Annotated[int, Field(ge=1, le=3)]
     interactions: bool
+    terms: tuple[dict[str, Annotated[int, Field(ge=1, le=9)]], ...] | None = None
     sensor_taus_s: tuple[Number, ...]
     speed_taus_s: tuple[Number, ...]
 
@@ -194,6 +195,9 @@ class _OptionsPart(_Part):
     ridge: bool
     conditions: dict[str, str]
     seed: int
+    formula: str | None = None
+    within: Number | None = None
+    target: Number | None = None
 
 
 class _SelectionDocument(_Part):
@@ -263,7 +267,10 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
 
 def _recipe(told: _SelectionDocument) -> Recipe:
     chosen = told.chosen
-    shape = Shape(Form(chosen.degree, chosen.interactions), chosen.sensor_taus_s, chosen.speed_taus_s)
+    form: Form | ListedTerms = Form(chosen.degree, chosen.interactions)
+    if chosen.terms is not None:
+        form = ListedTerms(tuple(map(Term.of, chosen.terms)))
+    shape = Shape(form, chosen.sensor_taus_s, chosen.speed_taus_s)
     first = next(iter(told.models.values()))
     lags = tuple(Lag(lag.source, lag.tau_s) for lag in first.lags)
     inputs = tuple(name for name in first.scaled.variables if name not in {lag.name for lag in lags})

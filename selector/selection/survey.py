@@ -55,14 +55,15 @@ def usable_sensors(
         elif high[j] - low[j] <= 1e-9 * max(1.0, abs(high[j])):
             reasons[name] = (CONSTANT_SENSOR, f"always reads {high[j]:.6g} °C", "check the sensor and its wiring")
     gaps = {name: float(missing[j]) for j, name in enumerate(question.sensors) if name not in reasons}
-    likeness = _left_out_for_gaps(source, question.options.must, gaps, reasons)
+    likeness = _left_out_for_gaps(source, question.needed, gaps, reasons)
     for name, (_, why, _) in reasons.items():
-        if name in question.options.must:
+        if name in question.needed:
+            option = "--must" if question.options.formula is None else "--formula"
             raise OptionError(
                 f"{name} {why}",
                 expected="a sensor that can be used",
-                where="--must",
-                advice=f"take {name} out of --must",
+                where=option,
+                advice=f"take {name} out of {option}",
             )
     kept = [name for name in question.sensors if name not in reasons]
     if not kept:
@@ -181,6 +182,18 @@ class Survey:
     findings: tuple[Finding, ...]
 
 
+FEWEST_FOR_NOISE = 20
+
+
+def gauge_noise(displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard deviation of what differs from sample to sample [µm], shape (n_responses,).
+
+    `displacements`, shape (n_samples, n_responses), have no gaps. Third differences see noise (times √20) and hardly a
+    machine that warms up; their median is not moved by the steps of a duty cycle.
+    """
+    return np.asarray(np.median(np.abs(np.diff(displacements, 3, axis=0)), axis=0) / (0.6745 * np.sqrt(20.0)))
+
+
 class RunsOf:
     """A source restricted to some of its runs."""
 
@@ -210,9 +223,10 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
     missing = np.zeros(len(names))
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
     total, runs, periods, durations = 0, [], [], []
+    noise: list[NDArray[np.float64]] = []
     for run in source.runs:
         n, with_response, first_s, last_s, steps = 0, 0, np.nan, np.nan, []
-        absent = np.zeros(len(names))
+        absent, measured = np.zeros(len(names)), [np.zeros((0, len(question.responses)))]
         no_start = np.flatnonzero([np.isnan(datum.level(run, name)) for name in names])
         for time_s, values in source.chunks(run, names):
             found = np.isfinite(values)
@@ -226,6 +240,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
                 first_s = float(time_s[0])
             last_s = float(time_s[-1]) if len(time_s) else last_s
             steps.append(float(np.median(np.diff(time_s)))) if len(time_s) > 1 else None
+            measured.append(values[rows, n_sensors:])
             if rows.any():
                 low = np.fmin(low, np.nanmin(np.where(found, values, np.inf), axis=0))
                 high = np.fmax(high, np.nanmax(np.where(found, values, -np.inf), axis=0))
@@ -240,6 +255,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
             )
             continue
         runs.append(run)
+        noise += [gauge_noise(np.concatenate(measured))] if with_response > FEWEST_FOR_NOISE else []
         missing += absent
         total += with_response
         durations.append(last_s - first_s)
@@ -273,6 +289,10 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
         total,
         float(np.median(periods)) if periods else 1.0,
         float(max(durations)),
-        replace(question, sensors=tuple(kept)),
+        replace(
+            question,
+            sensors=tuple(kept),
+            noise_um=tuple(map(float, np.median(noise, axis=0))) if noise else (0.0,) * len(question.responses),
+        ),
         (*findings, *about_sensors),
     )

@@ -18,9 +18,17 @@ from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Tested, offers, shapes_on_offer, tested
 from selector.selection.doubts import doubts
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, kept_readings, refined, ridge_penalty
-from selector.selection.library import Bench
+from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
-from selector.selection.proving import Folds, baselines, blocks_per_run, error_curve, left_out_errors, relative_error
+from selector.selection.proving import (
+    Folds,
+    baselines,
+    blocks_per_run,
+    error_curve,
+    left_out_errors,
+    procedure_rmse_um,
+    relative_error,
+)
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
@@ -29,6 +37,8 @@ from selector.sensors.finding_table import CONSTANT_SENSOR
 WORTH_A_RICHER_MODEL = 1.02
 """Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
 LEVELS = {"error": 0, "warning": 1, "info": 2}
+AIMS = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5, 0.4)
+"""Shares of a target, see `_aimed`."""
 NO_RIDGE = (0.0, float("nan"), float("nan"))
 
 
@@ -76,7 +86,11 @@ def select(
         for offer in offers(question)
     }
     offer = _best_offer(question, offer_errors)
-    choice, choices = all_trials.choice(offer), [trials.choice(offer) for trials in fold_trials]
+    aimed = _aimed(question, library, folds, fold_trials, offer)
+    choice, choices = (
+        all_trials.aimed_at(aimed).choice(offer),
+        [one.aimed_at(aimed).choice(offer) for one in fold_trials],
+    )
 
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
@@ -147,11 +161,26 @@ def select(
 def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
     """The poorest offer whose whole procedure predicts unseen parts about as well as the best one does.
 
-    With the patent's rule the richest offer stands, as its rule knows no unseen data.
+    With the patent's rule the richest offer stands, as its rule knows no unseen data; so it does with a target, as
+    the cheapest of all sets is wanted.
     """
-    if question.options.tolerance is not None:
+    if question.options.tolerance is not None or question.options.target is not None:
         return list(errors)[-1]
     return next(offer for offer, error in errors.items() if error <= WORTH_A_RICHER_MODEL * min(errors.values()))
+
+
+def _aimed(
+    question: Question, library: Library, folds: Folds, fold_trials: Sequence[Tested], offer: Offer
+) -> float | None:
+    """What fixed sets have to reach so that the whole procedure, which chooses anew, reaches the target."""
+    target = question.options.target
+    if target is None:
+        return None
+    for share in AIMS:
+        choices = [trials.aimed_at(share * target).choice(offer) for trials in fold_trials]
+        if (procedure_rmse_um(library, folds.outer, choices) <= target).all():
+            return share * target
+    return AIMS[-1] * target
 
 
 def _fit_per_run(

@@ -97,6 +97,9 @@ class SelectSection(_Section):
     ridge: bool = False
     conditions: Mapping[Name, Name] = Field(default_factory=dict)
     seed: Seed = 0
+    formula: Annotated[str, Field(min_length=1, max_length=4000)] | None = None
+    within: NonNegative | None = None
+    target: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
 
 class DiagnoseSection(_Section):

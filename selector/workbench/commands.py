@@ -50,7 +50,7 @@ class Export:
 
 _READING = tuple(field.name for field in fields(Overrides) if field.name not in ("units", "roles", "partial"))
 _FLAGS = ("interactions", "memory", "absolute_similarity", "ridge")
-_VALUES = ("max_sensors", "degree", "reference", "tolerance", "seed")
+_VALUES = ("max_sensors", "degree", "reference", "tolerance", "seed", "formula", "within", "target")
 
 
 def option_of(name: str) -> str:

@@ -50,9 +50,30 @@ Tolerance = Annotated[
         "predicts unseen runs as well as the best, within one standard error.",
     ),
 ]
+Within = Annotated[
+    float | None,
+    _of_sensors(
+        "--within",
+        metavar="µm",
+        help="Sets whose unseen error is within this of the best are equal, and the cheapest is taken. Default: one "
+        "standard error, or the noise of the gauge up to a tenth of the error.",
+    ),
+]
+Target = Annotated[
+    float | None,
+    _of_sensors("--target", metavar="µm", help="Take the cheapest set whose error on unseen runs is at most this."),
+]
 Degree = Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")]
 Interactions = Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")]
 Memory = Annotated[bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")]
+Formula = Annotated[
+    str | None,
+    _of_model(
+        "--formula",
+        metavar="TEXT",
+        help='This model and no other, proved like any: "Z ~ T1 + T3 + T1:T3"; I(T1**2) is a square.',
+    ),
+]
 Reference = Annotated[
     str,
     _of_model(
@@ -95,6 +116,9 @@ class Asked:
     ridge: Ridge = False
     conditions: Conditions = None
     seed: Seed = 0
+    formula: Formula = None
+    within: Within = None
+    target: Target = None
 
     def options(self) -> Options:
         """The same as options of a selection.
