@@ -67,6 +67,9 @@ _SPELLINGS: dict[str, str] = {
 }  # fmt: skip
 
 
+_PINT_NAMES = frozenset(_SPELLINGS.values())
+
+
 @functools.cache
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
@@ -83,7 +86,8 @@ def parse_unit(text: str) -> str | None:
     folded = unicodedata.normalize("NFKC", text.strip().strip("[](){}")).strip()
     # NFKC turns MICRO SIGN into GREEK MU and RING ABOVE variants are common in GBK files.
     folded = folded.replace("º", "°").replace("˚", "°").replace("℃", "°C").replace("℉", "°F")
-    return _SPELLINGS.get(folded.replace(" ", "").lower())
+    # what was understood once is understood again, in the file that it is written to
+    return _SPELLINGS.get(folded.replace(" ", "").lower(), text if text in _PINT_NAMES else None)
 
 
 def unit_for_role(unit: str, role: str, *, where: str) -> str:

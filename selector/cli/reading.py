@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -73,12 +74,18 @@ def convert(
 ) -> None:
     """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.
 
-    What a file says is written as it was read; nothing is left out or filled in. Files of the same name in DIR are
-    replaced, unless they are among the recordings that were read.
+    What a file says is written as it was read; nothing is filled in, and nothing left out but codes of broken sensors
+    (850, −9999). Files of the same name in DIR are replaced, unless they are among the recordings that were read.
     """
+    from selector.quality import inspect, without_faults
+    from selector.quality.finding_table import SENSOR_BREAK
     from selector.readers import convert as converted
 
     reading = source.reading()
+    broken = tuple(finding for finding in inspect(reading.recording) if finding.id == SENSOR_BREAK)
+    reading = replace(
+        reading, recording=without_faults(reading.recording, broken), findings=(*reading.findings, *broken)
+    )
     if out.exists():
         # it may hold what was read, which `converted` refuses to replace
         paths = converted(reading, out, table_format.value)

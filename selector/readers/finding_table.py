@@ -63,6 +63,16 @@ FINDINGS = Kinds(
             "no column is called a time; one that rises in equal steps is taken for it",
             "name the time column and its unit under [time] in the machine file (or --time-column, --time-unit)",
         ),
+        "zero-bytes": Kind(
+            "warning",
+            "zero bytes stand in a text file; they are left out",
+            "look at the samples there: a logger that lost power writes them, and readings may be missing",
+        ),
+        "stated-period": Kind(
+            "info",
+            "a file has no time column; the sampling interval that its heading states was taken",
+            "if it is wrong: period_s = 60 under [time] in the machine file (or --period-s 60)",
+        ),
         "no-clock": Kind(
             "warning",
             "a file has no time column; one row per second is assumed",

@@ -6,7 +6,7 @@ import io
 import math
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -195,7 +195,7 @@ def _check_parts(data: bytes, position: int, end: int, order: str, depth: int, k
 
 
 _MAX_DEPTH = 4
-_NAMES = "names channels channel_names labels header headers colheaders varnames columns"
+_NAMES = "name names channels channel_names labels header headers colheaders varnames columns"
 _NAME_FIELDS = frozenset(_NAMES.split())
 _UNIT_FIELDS = ("units", "unit")
 
@@ -382,7 +382,32 @@ def _sets(content: dict[str, Any], name: str, depth: int) -> Iterator[tuple[str,
                 yield from _sets(item, f"{name}_{key}{i}", depth + 1)
 
 
+def _with_channels(level: dict[str, Any]) -> dict[str, Any]:
+    """A level with each channel that is a structure of its own (one vector, its unit, its name) as a plain vector."""
+    flat, units = dict(level), dict(level.get("#units", {}))
+    beside = (level[key] for key in level if key.lower() in _UNIT_FIELDS and isinstance(level[key], dict))
+    named: dict[str, Any] = next(beside, {})
+    units.update({key: unit for key, unit in named.items() if isinstance(unit, str)})
+    parts = {key: value for key, value in level.items() if isinstance(value, dict) and value is not named}
+    for value in level.values():
+        if isinstance(value, list) and all(isinstance(one, dict) for one in value):
+            parts.update({_text_of(one, _NAME_FIELDS) or f"col{i}": one for i, one in enumerate(value, start=1)})
+    for key, part in parts.items():
+        found = [one for one in part.values() if isinstance(one, np.ndarray) and one.ndim == 1 and len(one) > 1]
+        unit = _text_of(part, _UNIT_FIELDS)
+        if len(found) == 1 and (unit is not None or _text_of(part, _NAME_FIELDS)):
+            flat[key] = found[0]
+            if unit:
+                units[key] = unit
+    return {**flat, "#units": units} if units else flat
+
+
+def _text_of(part: dict[str, Any], fields: Collection[str]) -> str | None:
+    return next((one for key, one in part.items() if key.lower() in fields and isinstance(one, str)), None)
+
+
 def _table(name: str, level: dict[str, Any], path: Path, form: str) -> Table | None:
+    level = _with_channels(level)
     vectors: list[tuple[str, NDArray[Any]]] = []
     names = next((level[k] for k in level if k.lower() in _NAME_FIELDS and isinstance(level[k], list)), None)
     units = next((level[k] for k in level if k.lower() in _UNIT_FIELDS and isinstance(level[k], list)), None)

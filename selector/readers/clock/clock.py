@@ -84,12 +84,19 @@ def clock(table: Table, options: TimeOptions) -> Clock:
                 {"column": rising.header, "unit": found.unit},
             )
             return replace(found, guessed=("column", *found.guessed), findings=(finding,))
-    return _sample_clock(table, 1.0, named=False)
+    return _sample_clock(table, table.reading.get("stated_period_s"), named=False)
 
 
-def _sample_clock(table: Table, period_s: float, *, named: bool) -> Clock:
+def _sample_clock(table: Table, period_s: float | None, *, named: bool) -> Clock:
     findings: tuple[Finding, ...] = ()
-    if not named:
+    if period_s is not None and not named:
+        told = (
+            f"{table.file.name} has no time column; its heading states one row every {period_s:g} s, which was taken."
+        )
+        findings = (FINDINGS.finding("stated-period", told, evidence={"period_s": period_s}),)
+    is_known = named or period_s is not None
+    if period_s is None:
+        period_s = 1.0
         unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
         findings = (
             FINDINGS.finding(
@@ -101,7 +108,7 @@ def _sample_clock(table: Table, period_s: float, *, named: bool) -> Clock:
             ),
         )
     seconds = np.arange(len(table), dtype=np.float64) * period_s
-    return Clock(seconds, None, None, (), "sample", False, () if named else ("unit",), findings)
+    return Clock(seconds, None, None, (), "sample", False, () if is_known else ("unit",), findings)
 
 
 def _named(table: Table, name: str) -> Column:

@@ -33,7 +33,7 @@ _TIME = (
     rf"(?:[:m分](?P<s>\d{{1,2}})(?:[.,:](?P<f>\d{{1,9}}))?)?[s秒分]?(?:\s?{_NOON})?"
 )
 _ZONE = r"\s?(?P<zone>Z|UTC|GMT|[+-]\d{2}:?\d{2}|[A-Z]{3,5})?"
-_PATTERN_BOTH = rf"^(?:[\pL]{{2,3}}\.?,?\s)?{_DATE}(?:[T ,;_]\s*{_TIME})?{_ZONE}$"
+_PATTERN_BOTH = rf"^(?:[\pL]{{2,3}}\.?,?\s)?{_DATE}(?:[T ,;_-]\s*{_TIME})?{_ZONE}$"
 _PATTERN_TIME = rf"^{_TIME}{_ZONE}$"
 
 

@@ -23,7 +23,7 @@ from selector.readers.layout import Layout, column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 from selector.readers.text.encodings import decoded
 from selector.readers.text.lines import Dialect, body, cells_of, decimal_doubts, dialect, is_comment
-from selector.units import parse_unit
+from selector.units import convert, parse_unit, same_dimension
 
 _UNIT_LABELS = ("unit", "einheit")
 
@@ -147,11 +147,40 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
         unit_row=sheet.layout.units is not None,
         header_row=None if sheet.layout.names is None else sheet.layout.names + 1 + skipped,
         first_data_row=first_line,
+        **_stated_period(sheet),
     )
     if sheet.layout.names is None:
         findings.append(no_header_finding(where, headers))
     table = Table(path.stem, path, tuple(columns), reading, tuple(findings), samples.lines)
     return [table if pairs is None else on_one_clock(table)]
+
+
+_STATED = (
+    r"(?:sampl|scan|log|record|mess|abtast|acqui|échantillon|采样|記録|опрос)[^\d\n]{0,20}?"
+    r"(?:interval|period|rate|freq|fréq|step|zeit|间隔|周期|频率|間隔|период|интервал|частот)[^\d\n]{0,20}?"
+)
+_NUMBER = r"(?P<number>\d+(?:[.,]\d+)?)"
+_PERIOD = re.compile(rf"{_STATED}{_NUMBER}[\s\"';,\t\[(]*(?P<unit>[^\W\d_]+)[\])\s\"';,\t]*$", re.IGNORECASE)
+_PERIOD_UNIT_FIRST = re.compile(
+    rf"{_STATED}[\[(](?P<unit>[^\W\d_]+)[\])][^\d\n]{{0,9}}{_NUMBER}[\s\"';,\t]*$", re.IGNORECASE
+)
+_RATE = re.compile(r"rate|freq|fréq|频率|частот", re.IGNORECASE)
+
+
+def _stated_period(sheet: _Sheet) -> dict[str, float]:
+    """The sampling interval [s] that a line above the header states: ``Sampling interval,500 ms``, or a rate in Hz."""
+    above = sheet.layout.first if sheet.layout.names is None else sheet.layout.names
+    for line in sheet.raw[:above]:
+        match = _PERIOD.search(line) or _PERIOD_UNIT_FIRST.search(line)
+        unit = None if match is None else parse_unit(match["unit"])
+        if match is None or unit is None:
+            continue
+        number = float(match["number"].replace(",", "."))
+        is_rate = bool(_RATE.search(line))
+        if number > 0 and same_dimension(unit, "Hz" if is_rate else "s"):
+            value = float(convert(np.array([number]), unit, "Hz" if is_rate else "s")[0])
+            return {"stated_period_s": 1.0 / value if is_rate else value}
+    return {}
 
 
 def _refuse_markup(utf8: bytes, where: str) -> None:

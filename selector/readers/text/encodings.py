@@ -6,7 +6,7 @@ import codecs
 import itertools
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from selector.errors import ReadError
 from selector.findings import Finding
@@ -44,6 +44,10 @@ _ODD = frozenset("¤¦¨©¬®¯¸¶§ªº¡¿‡†ƒˆ˜‰‹›šŠœŒžŽ�
 _PLAIN_IN_TEXT = frozenset("–—“”‘’…§²³±·×№ё")
 
 
+MOST_RUNS_OF_ZEROS = 8
+"""Stretches of zero bytes in the first 64 kB of a text; binary formats have hundreds."""
+
+
 @dataclass(frozen=True)
 class Decoded:
     r"""Text as UTF-8 bytes with ``\\n`` line ends, the encoding it came in, and what was noticed."""
@@ -68,6 +72,10 @@ def decoded(data: bytes, where: str, encoding: str | None = None) -> Decoded:
     if wide is not None:
         return _as_utf8(data, wide, where)
     _checked_text(data, where)
+    if b"\0" in data:
+        count, text = data.count(b"\0"), decoded(data.replace(b"\0", b""), where)
+        told = f"{count} zero byte{'s' * (count > 1)} in {where} are no text; they were left out."
+        return replace(text, findings=(*text.findings, FINDINGS.finding("zero-bytes", told, evidence={"bytes": count})))
     if data.isascii():
         return Decoded(_line_ends(data), "ascii", ())
     try:
@@ -194,8 +202,10 @@ def _without_bom_wide(data: bytes) -> str | None:
 
 def _checked_text(data: bytes, where: str) -> None:
     head = data[: 1 << 16]
-    control = sum(head.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13, 26, 27))
-    if b"\0" in head or control > 0.01 * len(head) + 2:
+    control = sum(head.count(bytes([c])) for c in range(1, 32) if c not in (9, 10, 12, 13, 26, 27))
+    # a logger that lost power leaves runs of zero bytes in its text; numbers in binary are zeros throughout
+    zeros = len([part for part in re.split(b"\0+", head) if part]) - 1
+    if zeros > MOST_RUNS_OF_ZEROS or not head.strip(b"\0") or control > 0.01 * len(head) + 2:
         raise ReadError(
             "binary data that is none of the formats known here",
             expected="delimited text, Excel, Parquet, MAT, HDF5, TDMS or MDF",
