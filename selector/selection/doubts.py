@@ -178,6 +178,14 @@ def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> Ite
 
 def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iterator[Finding]:
     proof = selection.proof
+    if proof.not_covered:
+        yield FINDINGS.finding(
+            "runs-not-proved",
+            f"The proof covers {len(surveyed.runs) - len(proof.not_covered)} of {len(surveyed.runs)} runs: "
+            + "; ".join(f"{run} lacks {', '.join(names)}" for run, names in proof.not_covered.items())
+            + ".",
+            evidence={"lacking": dict(proof.not_covered)},
+        )
     if proof.left_out == "block":
         yield FINDINGS.finding(
             "one-run-only",

@@ -40,6 +40,11 @@ FINDINGS = Kinds(
             "one run (or stretch) is predicted much worse than the others",
             "look at this run: another setup, a moved gauge, coolant, an open door?",
         ),
+        "runs-not-proved": Kind(
+            "warning",
+            "runs in which a sensor of the model has no reading prove nothing: the error is that of the others",
+            "repair the runs ([runs.NAME] in the machine file), or leave the sensor out with --never and compare",
+        ),
         "samples-thinned": Kind(
             "info", "sensors are chosen on all samples, final coefficients and errors come from a part of them"
         ),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import OptionError
-from selector.models.design import Datum, rows_of
+from selector.models.design import Datum, Design, rows_of
 from selector.models.moments import (
     ErrorCurvePoint,
     Grouping,
@@ -26,7 +26,7 @@ from selector.selection.choice import Choice, Offer, Trial, library_requests
 from selector.selection.fitting import Part, predictions, refined
 from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Question
-from selector.selection.result import RunProof, Trace
+from selector.selection.result import Proof, RunProof, Trace
 
 TRACE_POINTS = 1500
 """Of one part that was left out; with many parts fewer, so that all have `MOST_TRACE_POINTS` at most."""
@@ -76,6 +76,42 @@ def left_out_errors(
             courses = (unseen.time_s[at], unseen.responses[at], predicted[at])
             traces.append(Trace(unseen.runs[r], *(np.round(course, TRACE_DIGITS) for course in courses)))
     return {name: tuple(found) for name, found in proofs.items()}, tuple(traces)
+
+
+def beside_the_comparison(
+    folds: Folds, surveyed: Sequence[str], design: Design
+) -> tuple[list[Part], dict[str, tuple[str, ...]]]:
+    """(runs that prove the model though the choice never saw them, runs that cannot and what they lack).
+
+    A run in which any sensor is missing takes no part in comparing sensors. Where those of the chosen set are good it
+    is as unseen as a run can be: left out of the coefficients, too, it is predicted.
+    """
+    compared = {run for fold in folds.linear.moments.folds for run in fold.runs}
+    parts, lacking = [], {}
+    for run in surveyed:
+        if run in compared or folds.left_out != "run":
+            continue
+        pieces = list(design.pieces(folds.runs, run, complete=False))
+        known = np.isfinite(np.concatenate([piece.variables for piece in pieces])).any(axis=0)
+        missing = [name for name, is_known in zip(design.variables, known, strict=True) if not is_known]
+        if missing:
+            lacking[run] = tuple(missing)
+        elif any(True for _ in design.pieces(folds.runs, run)):
+            parts.append(Part(run, (run,)))
+        else:
+            lacking[run] = ("samples at which all are there",)
+    return parts, lacking
+
+
+def with_own_baseline(proof: Proof) -> Proof:
+    """The proof with the error without compensation over its own parts, where these are more than were compared."""
+    none = {}
+    for name, parts in proof.per_response.items():
+        squares = sum(part.before_rmse_um**2 * part.n_samples for part in parts)
+        none[name] = float(np.sqrt(squares / sum(part.n_samples for part in parts)))
+    return replace(
+        proof, baselines_um={name: {**ways, "none": none[name]} for name, ways in proof.baselines_um.items()}
+    )
 
 
 def error_curve(library: Library, outer: Grouping, choices: Sequence[Choice]) -> tuple[ErrorCurvePoint, ...]:

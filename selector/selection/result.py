@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -75,6 +75,8 @@ class Proof:
     #: every sensor), and the same procedure with another offer: "chosen, linear", "chosen, polynomial", "chosen,
     #: memory"
     baselines_um: Mapping[str, Mapping[str, float]]
+    #: Run that proves nothing → what the model needs and the run does not have
+    not_covered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def rmse_um(self, response: str) -> float:
         """Held-out rmse pooled over all samples [µm]."""
@@ -223,6 +225,7 @@ class Selection:
                 ],
                 "baselines_um": {name: dict(values) for name, values in self.proof.baselines_um.items()},
                 "traces": [self._trace(trace) for trace in self.proof.traces],
+                **({"not_covered": dict(self.proof.not_covered)} if self.proof.not_covered else {}),
             },
             "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
             "fallbacks": [

@@ -168,6 +168,7 @@ class _ProofPart(_Part):
     curve: tuple[_PointPart, ...]
     baselines_um: dict[str, dict[str, NumberOrNaN]]
     traces: tuple[_TracePart, ...]
+    not_covered: dict[str, Names] = {}
 
 
 class _FaultPart(_Part):
@@ -255,6 +256,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             tuple(_trace(trace, names) for trace in told.proof.traces),
             tuple(_point(point, names) for point in told.proof.curve),
             {name: told.proof.baselines_um[name] for name in names},
+            told.proof.not_covered,
         ),
         faults=tuple(FaultGain(**dict(one)) for one in told.faults),
         hull=_hull(told, low, high),

@@ -23,11 +23,13 @@ from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import (
     Folds,
     baselines,
+    beside_the_comparison,
     blocks_per_run,
     error_curve,
     left_out_errors,
     procedure_rmse_um,
     relative_error,
+    with_own_baseline,
 )
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
 from selector.selection.result import Proof, Selection
@@ -98,6 +100,8 @@ def select(
     recipe = refined(question, fitted, datum, choice.trial)
     rows = rows_of(fitted, recipe.design, surveyed.runs)
     parts = [folds.part(group) for group in folds.outer]
+    beside, lacking = beside_the_comparison(folds, surveyed.runs, recipe.design)
+    parts, choices = [*parts, *beside], [*choices, *(choice for _ in beside)]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
     fallbacks = fallbacks_of(question, recipe, fitted, surveyed.runs, parts, ridge[0])
@@ -105,7 +109,7 @@ def select(
     proof = Proof(
         folds.left_out,
         *left_out_errors(question, fitted, datum, choices, parts, ridge[0]),
-        error_curve(library, folds.outer, choices),
+        error_curve(library, folds.outer, choices[: len(folds.outer)]),
         baselines(
             folds.linear,
             library,
@@ -116,7 +120,10 @@ def select(
                 if poorer != offer
             },
         ),
+        lacking,
     )
+    if beside:
+        proof = with_own_baseline(proof)
     lag_source = {lag.name: lag.source for lag in recipe.design.lags}
     gains = tuple(
         gain

@@ -170,3 +170,36 @@ def test_copies_of_a_sensor_are_told_and_only_one_is_chosen():
     assert "duplicate-sensors" in found_ids(selection)
     assert len({"T1", "T2"} & set(selection.chosen)) == 1
     assert selection.proof.rmse_um("Z") < 0.7
+
+
+def test_a_run_counts_for_every_set_whose_sensors_are_good_in_it():
+    """T7 is dead in two of seven runs and not needed; T1 is needed and dead in another, which proves nothing."""
+    dead = {"day4": "T1", "day6": "T7", "day7": "T7"}
+
+    def change(run, values):
+        if run in dead:
+            values[dead[run]][:] = np.nan
+
+    selection = select(changed(machine(n_runs=7), change), Options(must=("T1",), never=("T2", "T3")))
+    assert "T7" not in selection.chosen
+    parts = selection.proof.per_response["Z"]
+    assert {part.name for part in parts} == {f"day{i}" for i in (1, 2, 3, 5, 6, 7)}
+    assert selection.proof.not_covered == {"day4": ("T1",)}
+    none = np.sqrt(np.average([p.before_rmse_um**2 for p in parts], weights=[p.n_samples for p in parts]))
+    assert selection.proof.baselines_um["Z"]["none"] == pytest.approx(none)
+    assert one_finding(selection, "runs-not-proved").evidence["lacking"] == {"day4": ("T1",)}
+    assert "6 of 7 runs" in advice(selection)[1][0]
+    # what proves is not learnt from: a displacement that is wrong there changes nothing but its own error
+    alone = select(
+        changed(machine(n_runs=7), lambda run, values: (change(run, values), _shift(run, values))),
+        Options(must=("T1",), never=("T2", "T3")),
+    )
+    before, after = (
+        {part.name: part.rmse_um for part in one.proof.per_response["Z"]}["day7"] for one in (selection, alone)
+    )
+    assert after > 5.0 * before
+
+
+def _shift(run, values):
+    if run == "day7":
+        values["Z"] += np.linspace(0.0, 30.0, len(values["Z"]))

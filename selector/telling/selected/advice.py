@@ -86,6 +86,11 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
     """What the model gains, without a full stop; of many displacements the least and the most."""
     proof = selection.proof
     where = _UNSEEN[proof.left_out]
+    if proof.not_covered:
+        covered = len(next(iter(proof.per_response.values())))
+        where = (
+            f"On {covered} of {covered + len(proof.not_covered)} runs, unseen by the model (the others lack a sensor),"
+        )
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
         before, after = falls[names[0]]
