@@ -38,11 +38,14 @@ def predict(
 ) -> None:
     """Predicts the displacement in a duty cycle from heating and cooling tests, and how to correct it.
 
-    No thermometer is needed: what counts is at which speed the spindle turned for how long. With --operations or
-    --tolerance it makes the correction program: when to correct each operation by how much, so that the drift stays
-    within the tolerance.
+    No thermometer is needed: what counts is at which speed the spindle turned for how long, and, if it was recorded,
+    how the hall moved. With --operations or --tolerance it makes the correction program: when to correct each operation
+    by how much, so that the drift stays within the tolerance.
     """
-    from selector.cli.shared.recordings_used import provenance_of
+    import numpy as np
+
+    from selector.cli.shared.recordings_used import drift_of, provenance_of
+    from selector.physics.thermal.modes.cyclogram import AmbientCourse
     from selector.physics.thermal.modes.thermal_test import thermal_tests
     from selector.physics.thermal.prediction.prediction import cyclogram_of_rows
     from selector.physics.thermal.prediction.prediction import predict as predicted
@@ -61,18 +64,24 @@ def predict(
     if out is not None:
         refuse_folder_of_inputs(out, [run.file for run in reading.runs])
     recording, responses, of_recording = heating_tests(reading, asked.response or ())
+    foreseen = steps.temperatures(recording.with_role("ambient"))
+    hall = AmbientCourse(steps.time_s, np.column_stack([*foreseen.values()]), tuple(foreseen)) if foreseen else None
     prediction = predicted(
         thermal_tests(recording, responses),
         responses,
         cyclogram,
         method=asked.kind(),
+        hall=hall,
+        start=asked.begins(),
         operations_s=lengths_s,
-        tolerance_um=asked.tolerance,
+        tolerance_um=asked.tolerances_um(),
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
+        temperatures=[name for name in responses if name in recording.with_role("temperature")],
         told=(*of_recording, *of_cycle),
     )
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}
-    account = prediction_account(prediction, reading.description(), told_of_tests, drawn=out is not None)
+    described = {**reading.description(), "drift": drift_of(recording)}
+    account = prediction_account(prediction, described, told_of_tests, drawn=out is not None)
     written = [] if out is None else _write(prediction, account, out)
     console = showing.screen(as_json)
     if as_json:

@@ -27,24 +27,23 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
     largest = int(np.argmax(np.abs(displacement)))
     at_s = float(prediction.time_s[largest])
     unit, seconds = style.time_unit(end_s)
-    title = (
-        f"{style.label(response)} moves by up to {number_text(float(displacement[largest]))} µm, "
-        f"after {at_s / seconds:.2g} {unit}"
-    )
+    moved = f"{number_text(float(displacement[largest]))} {prediction.unit(response)}"
+    title = f"{style.label(response)} moves by up to {moved}, after {at_s / seconds:.2g} {unit}"
     if program is not None:
-        title += f"; {_corrections(program)} keep it within {program.tolerance_um:g} µm"
+        allowed = " and ".join(dict.fromkeys(f"{one:g}" for one in program.tolerances_um))
+        title += f"; {_corrections(program)} keep it within {allowed} µm"
     lines = [Line("predicted", prediction.time_s, displacement, style.PREDICTED, width=2.2)]
     panels = []
     if cyclogram is not None:
         held = np.r_[cyclogram.speed_rpm, cyclogram.speed_rpm[-1]]
         speed = Line("", np.r_[cyclogram.start_s, end_s], held, style.INK, steps=True)
         panels.append(Panel("speed [r/min]", [speed], height_px=110, least=0.0))
-    panels.append(Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0))
+    panels.append(Panel(f"{style.label(response, 12)} [{prediction.unit(response)}]", lines, height_px=260, least=0.0))
     marks: list[float] = []
     if program is not None:
         lines.append(_taken_off(program, prediction.time_s, displacement))
         drift_s, drift = program.drift_left_um(prediction.time_s, displacement)
-        band = (-program.tolerance_um, program.tolerance_um)
+        band = (-max(program.tolerances_um), max(program.tolerances_um))
         panels.append(Panel("drift left [µm]", [Line("", drift_s, drift, style.RESIDUAL)], height_px=130, band=band))
         marks = [operation.start_s for operation in program.operations[1:]]
     drawn = stacked(title, panels, end_s, marks)
@@ -62,8 +61,9 @@ def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
     names = [f"mode {k}, {number_text(tau / 60.0)} min" for k, tau in enumerate(taus_s, start=1)]
     most = int(np.argmax(np.abs(courses).max(axis=0)))
     largest = courses[int(np.argmax(np.abs(courses[:, most]))), most]
+    moved = f"{number_text(float(largest))} {prediction.unit(response)}"
     title = f"{style.label(response)}: " + (
-        f"{names[most]}, moves it most, by up to {number_text(float(largest))} µm in this duty cycle"
+        f"{names[most]}, moves it most, by up to {moved} in this duty cycle"
         if len(names) > 1
         else f"one mode of {number_text(taus_s[0] / 60.0)} min moves it"
     )
@@ -72,7 +72,7 @@ def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
         lines.append(
             Line("all together", prediction.time_s, prediction.displacement_um[:, r], style.PREDICTED, width=2.2)
         )
-    panels = [Panel(f"{style.label(response, 12)} [µm]", lines, height_px=260, least=0.0)]
+    panels = [Panel(f"{style.label(response, 12)} [{prediction.unit(response)}]", lines, height_px=260, least=0.0)]
     return stacked(title, panels, float(prediction.time_s[-1]))
 
 
@@ -81,9 +81,10 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
     r = prediction.responses.index(response)
     worst = max(repeats, key=lambda one: float(one.rmse_um[r]))
     how = {"modal": "the thermal modes repeat", "piecewise": "the pieces of the characteristics repeat"}
+    unit = prediction.unit(response)
     title = (
         f"{style.label(response)}: {how[prediction.method]} the tests within "
-        f"{number_text(float(worst.rmse_um[r]), 2)} µm, root mean square ({style.label(worst.run)} is the worst)"
+        f"{number_text(float(worst.rmse_um[r]), 2)} {unit}, root mean square ({style.label(worst.run)} is the worst)"
     )
     traced = []
     for one in repeats:
@@ -94,8 +95,8 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
         traced.append(
             Traced(
                 one.run,
-                f"{turning}rms {number_text(float(one.rmse_um[r]), 2)} µm, "
-                f"largest {number_text(float(np.nanmax(np.abs(residual))), 2)} µm",
+                f"{turning}rms {number_text(float(one.rmse_um[r]), 2)} {unit}, "
+                f"largest {number_text(float(np.nanmax(np.abs(residual))), 2)} {unit}",
                 one.time_s[kept],
                 one.measured_um[kept, r],
                 one.predicted_um[kept, r],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,29 @@ class CycleFile:
     #: time_s and speed_rpm: (n_rows,): From each time [s] on the speed [r/min] is held; times start at 0 and increase
     time_s: Vector
     speed_rpm: Vector
+    others: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: Further columns: heading → cells as written
+    lines: tuple[int, ...] = ()  #: (n_rows,): Where each row stands in the file
+    comma: bool = False  #: Whether numbers have decimal commas
+
+    def temperatures(self, names: Sequence[str]) -> dict[str, Vector]:
+        """The further columns with these names [°C], (n_rows,) each; a unit may stand in their heading.
+
+        Raises ReadError: a cell holds no number, or the unit is none of a temperature.
+        """
+        found = {}
+        for heading, cells in self.others.items():
+            word, unit = name_and_unit(heading, time=False)
+            name = next((one for one in names if one in (heading.strip(), word)), None)
+            if name is None:
+                continue
+            where = f"{self.file}, {heading!r}"
+            unit = unit_for_role(unit or "degC", "ambient", where=where)
+            values = [
+                _number(cell, "temperature", f"{self.file}, line {line}", self.comma)
+                for cell, line in zip(cells, self.lines, strict=True)
+            ]
+            found[name] = convert(np.array(values), unit, "degC")
+        return found
 
 
 def read_cycle(path: Path) -> CycleFile:
@@ -63,8 +87,11 @@ def read_cycle(path: Path) -> CycleFile:
         times[i] = _number(cells[time], "time", where, comma)
         speeds[i] = _number(cells[speed], "speed", where, comma)
     times, speeds = convert(times, scale[0], "s"), convert(speeds, scale[1], "rpm")
-    _check(times, speeds, [line for line, _ in rows[1:]], name)
-    return CycleFile(name, times, speeds)
+    lines = tuple(line for line, _ in rows[1:])
+    _check(times, speeds, lines, name)
+    header = rows[0][1]
+    others = {header[i]: tuple(cells[i] for _, cells in rows[1:]) for i in range(len(header)) if i not in (time, speed)}
+    return CycleFile(name, times, speeds, others, lines, comma)
 
 
 def _rows(path: Path, name: str) -> tuple[list[tuple[int, list[str]]], str]:
@@ -176,7 +203,7 @@ def _number(cell: str, what: str, where: str, comma: bool) -> float:
     return value
 
 
-def _check(time: Vector, speed: Vector, lines: list[int], name: str) -> None:
+def _check(time: Vector, speed: Vector, lines: Sequence[int], name: str) -> None:
     for i, line in enumerate(lines):
         where = f"{name}, line {line}"
         if time[i] < 0:

@@ -21,7 +21,8 @@ def heating_tests(
 ) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
     """The recording without the faults of speed and displacements, which these are, and what was found.
 
-    `response` are the displacements to be predicted; default: all there are.
+    `response` are the displacements or temperatures to be predicted; default: all displacements there are. Faults of
+    temperatures around the machine are left out, too.
 
     Raises
     ------
@@ -39,7 +40,8 @@ def heating_tests(
     used = {name for name in (*responses, *speeds) if name in recording.names}
     _require_units(reading, used)
     # where a displacement starts is its zero here, and it may have moved on within the first samples
-    faults = [fault for fault in inspect(recording, used) if fault.id != RUN_STARTS_WARM]
+    halls = set(recording.with_role("ambient"))
+    faults = [fault for fault in inspect(recording, used | halls) if fault.id != RUN_STARTS_WARM]
     clean = without_faults(recording, faults)
     gone = sorted(used - set(clean.names))
     if gone:

@@ -117,7 +117,8 @@ _MOVED = {"environment": "nothing (ETVE)", "spindle": "spindle", "axes": "axes",
 _DRIFT_NOTE = (
     "Largest minus smallest reading in the first 60 min / in the whole test, which begins with the first motion; a "
     "dash for a shorter one. A, B, C: rotation about X, Y, Z from two probes of one axis at the places that the "
-    "machine file gives. Ranges have no sign; noise widens them. They are of the machine as recorded, without a model."
+    "machine file gives; where it gives none, X2−X1 [µm], the tilt times a distance that is not known. Ranges have no "
+    "sign; noise widens them. They are of the machine as recorded, without a model."
 )
 
 

@@ -345,3 +345,72 @@ def test_a_speed_whose_name_says_its_unit(one_mode, capfd, tmp_path):
     (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
     found = predicted(capfd, tmp_path, "--cycle", one_mode.parent / "example.csv", "--method", "piecewise")
     assert max(found["displacement_um"]["Z"]) > 10.0
+
+
+SPINDLE = FIXTURES.parent / "spindle46"
+
+
+@pytest.fixture(scope="module")
+def staircase(tmp_path_factory):
+    """The real staircase, predicted from the tests before it, with and without the page."""
+    out = tmp_path_factory.mktemp("spindle46") / "stairs"
+    options = (
+        f"--response Z --cycle {SPINDLE / 'staircase.csv'} --operations 120,120,120 --tolerance Z=10,8,5 --out {out}"
+    )
+    machine = str(SPINDLE / "machine.toml")
+    code = exit_status(["predict", str(SPINDLE / "tests.parquet"), "--machine", machine, *options.split()])
+    assert code == 0
+    return out, json.loads((out / "prediction.json").read_text(encoding="utf-8"))
+
+
+def test_a_real_record_with_its_hall(staircase):
+    _, found = staircase
+    told = {finding["id"]: finding for finding in found["findings"]}
+    assert found["start"] == "tests"
+    assert len(told["record-cut-into-tests"]["evidence"]["from_s"]) == 5
+    assert told["hall-temperature-drives-displacement"]["level"] == "info"  # the duty cycle says how it moves
+    assert "time-constant-unbounded" not in told
+    assert (
+        1.0 < found["accuracy"]["Z"]["claimed_um"] < 12.0
+    )  # 8.4 µm move; nothing finer was ever seen in left-out tests
+    assert len(found["left_out"]) == 3  # five without the fastest and the first
+    assert [one["tolerance_um"] for one in found["program"]] == [10.0, 8.0, 5.0]
+    assert found["tolerance_um"] is None
+
+
+def test_the_page_is_made_again_from_its_json(staircase, capfd):
+    out, _ = staircase
+    capfd.readouterr()
+    assert exit_status(["report", str(out / "prediction.json"), "--out", str(out.parent / "again.html")]) == 0
+    page = (out.parent / "again.html").read_text(encoding="utf-8")
+    assert "tests that were left out" in page or "left out" in page
+    assert "10, 8 and 5" in page
+
+
+@pytest.mark.parametrize(
+    ("told", "found"),
+    [
+        (["--tolerance", "0"], "'0'"),
+        (["--tolerance", "Z=ten"], "'ten'"),
+        (["--tolerance", "10", "--tolerance", "Z=5"], "beside other tolerances"),
+        (["--tolerance", "Q=5"], "a tolerance of 'Q'"),
+        (["--tolerance", "10,5", "--operations", "60,60,60"], "2 tolerances of Z"),
+        (["--start", "warm"], "'warm'"),
+    ],
+)
+def test_options_that_cannot_be_used(one_mode, capfd, told, found):
+    code, _, err = run(
+        capfd, one_mode, "--machine", one_mode / "machine.toml", "--cycle", one_mode.parent / "example.csv",
+        "--method", "piecewise", *told,
+    )  # fmt: skip
+    assert code == 2
+    assert found in err
+
+
+def test_a_tolerance_for_each_operation(one_mode, capfd):
+    found = predicted(
+        capfd, one_mode, "--cycle", one_mode.parent / "example.csv", "--operations", "60,60,60,60,60",
+        "--tolerance", "10,5,10,10,10",
+    )  # fmt: skip
+    assert [one["tolerance_um"] for one in found["program"]] == [10.0, 5.0, 10.0, 10.0, 10.0]
+    assert max(np.abs(found["program"][1]["corrections_um"])) == pytest.approx(5.0)

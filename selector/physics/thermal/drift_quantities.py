@@ -34,7 +34,9 @@ _NAMED = re.compile(r"([XYZ])\d?")
 class Drift:
     """One quantity of one run."""
 
-    name: str  #: Channel, or A, B, C for a rotation about X, Y, Z
+    #: Channel; A, B, C for a rotation about X, Y, Z; X2−X1 for what two probes of an axis read apart, where their
+    #: places are not known
+    name: str
     of: tuple[str, ...]  #: The channels that it is made of
     unit: Literal["um", "um/m"]  #: {"um", "um/m"}: µm/m is µrad
     #: first_hour and whole: Range within the first 60 min and within the whole test; None if it ended sooner, or
@@ -87,6 +89,8 @@ def _of_run(recording: Recording, run: str, probes: list[Channel]) -> RunDrift:
     for name, first, second, per_m in _rotations(probes):
         course = per_m * (courses[second] - courses[first])
         drifts.append(drift(name, (first, second), "um/m", course))
+    for first, second in _unplaced_pairs(probes):
+        drifts.append(drift(f"{second}−{first}", (first, second), "um", courses[second] - courses[first]))
     return RunDrift(run, test, float(time_s[0]), float(time_s[-1] - time_s[0]), tuple(drifts))
 
 
@@ -112,6 +116,14 @@ def _rotations(probes: list[Channel]) -> Iterator[tuple[str, str, str, float]]:
         if distance > widest.get(k, (0.0,))[0]:
             widest[k] = distance, (_ROTATIONS[k], first.name, second.name, sign / float(apart[j]))
     yield from (rotation for _, (_, rotation) in sorted(widest.items()))
+
+
+def _unplaced_pairs(probes: list[Channel]) -> Iterator[tuple[str, str]]:
+    """The two probes of an axis, of which nobody says how far apart they stand: their difference is all of the tilt."""
+    for axis in range(3):
+        of_axis = [probe for probe in probes if _axis_of(probe) == axis]
+        if len(of_axis) == 2 and any(probe.xyz_m is None for probe in of_axis):
+            yield of_axis[0].name, of_axis[1].name
 
 
 def _axis_of(channel: Channel) -> int | None:

@@ -27,9 +27,29 @@ FINDINGS = Kinds(
             "add a test in which the spindle turns and rests by turns",
         ),
         "hall-temperature-drives-displacement": Kind(
+            ("info", "warning"),
+            "a temperature around the machine moved during the tests and moves the displacements",
+            "add a column with its name to the duty cycle, or keep it constant",
+        ),
+        "record-cut-into-tests": Kind("info", "a long run was cut into tests where the spindle turned after a rest"),
+        "start-of-the-duty-cycle": Kind(
+            ("info", "warning"),
+            "how the duty cycle is taken to begin, and what would differ otherwise",
+            "give --start cold or --start tests",
+        ),
+        "unmeasured-drift": Kind(
+            ("info", "warning"),
+            "something that nobody measured moves the displacements slowly; it is part of the claimed error",
+            "record more temperatures around the machine (hall, coolant, foundation) with the role ambient",
+        ),
+        "claimed-error-unknown": Kind(
             "warning",
-            "the hall temperature moved during the tests and moves the displacements",
-            "add the effect of the hall to the prediction, or keep the hall temperature constant",
+            "no test can be left out and predicted by the others: no error is claimed",
+            "record further heating and cooling tests",
+        ),
+        "ambient-not-used": Kind(
+            "info",
+            "the duty cycle has a temperature of which the tests do not show that it drives a displacement",
         ),
         "start-not-at-rest": Kind(
             ("info", "warning"),

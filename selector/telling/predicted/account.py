@@ -92,6 +92,12 @@ def prediction_account(
                 link="Tests",
             ),
             section("modes", "The thermal modes", *_modes(prediction), *drawings.get("modes", ()), link="Modes"),
+            section(
+                "drift",
+                "Drift of the tests after ISO 230-3",
+                Captioned("", drift, on_screen=False) if (drift := origin.drift_table(described)) else None,
+                link="Drift",
+            ),
             section("findings", "All findings", Remarks(remarks_of(prediction.findings)), link="Findings"),
             section(
                 "origin",
@@ -120,20 +126,22 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
         if 2.0 * _error_um(prediction, name) > prediction.programs[name].tolerance_um
     ]
     useful = [name for name in prediction.programs if name not in doubtful]
-    tolerance = next(iter(prediction.programs.values())).tolerance_um
+    told = listed(list(dict.fromkeys(_allowed(program) for program in prediction.programs.values())))
     instructions = [_instruction(prediction, name) for name in useful]
     if not useful:
-        first = (
-            f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {tolerance:g} µm."
-        )
+        first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
         return "bad", (first, _trust(prediction), _SIGN)
-    ends = f"; the drift then stays within {tolerance:g} µm" if _any_correction(prediction, useful) else ""
+    ends = f"; the drift then stays within {told} µm" if _any_correction(prediction, useful) else ""
     first = "; ".join(instructions) + ends + "."
     first = first[0].upper() + first[1:] if first.startswith("correct ") else first
     if doubtful:
-        warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {tolerance:g} µm. "
+        warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
         return "bad", (warning + first, _trust(prediction), _SIGN)
     return "good", (first, _trust(prediction), _SIGN)
+
+
+def _allowed(program: CorrectionProgram) -> str:
+    return listed([f"{one:g}" for one in program.tolerances_um])
 
 
 def _instruction(prediction: Prediction, name: str) -> str:
@@ -177,18 +185,22 @@ def _amounts(operation: Operation) -> str:
 
 
 def _moves(prediction: Prediction, r: int) -> str:
-    course = prediction.displacement_um[:, r]
+    name, course = prediction.responses[r], prediction.displacement_um[:, r]
     k = int(np.argmax(np.abs(course)))
-    return (
-        f"{prediction.responses[r]} to move by up to {number_text(float(course[k]))} µm, "
-        f"after {span_text(float(prediction.time_s[k]))}"
-    )
+    moved = f"{number_text(float(course[k]))} {prediction.unit(name)}"
+    return f"{name} to move by up to {moved}, after {span_text(float(prediction.time_s[k]))}"
 
 
 def _trust(prediction: Prediction) -> str:
     """How good the prediction was where that could be seen."""
-    errors = [f"{number_text(_error_um(prediction, name), 2)} µm in {name}" for name in prediction.responses]
-    if prediction.heldout_um is not None:
+    names = prediction.responses
+    errors = [f"{number_text(_error_um(prediction, name), 2)} {prediction.unit(name)} in {name}" for name in names]
+    if prediction.left_out_um:
+        seen = (
+            f"Expect the prediction to be off by {listed(errors)} (root mean square): what the tests leave open, times "
+            "how much more those that were left out were off"
+        )
+    elif prediction.heldout_um is not None:
         seen = f"On tests that were left out, the modes were off by {listed(errors)} (root mean square)"
     elif prediction.repeats:
         seen = f"The pieces of the measured characteristics repeat the tests to {listed(errors)} (root mean square)"
@@ -204,8 +216,9 @@ def _trust(prediction: Prediction) -> str:
 def _error_um(prediction: Prediction, name: str) -> float:
     """Error on what was left out; without it the worst on a test; 0 if nothing is known."""
     r = _index(prediction, name)
-    if prediction.heldout_um is not None and np.isfinite(prediction.heldout_um[r]):
-        return float(prediction.heldout_um[r])
+    for errors in (prediction.claimed_um, prediction.heldout_um):
+        if errors is not None and np.isfinite(errors[r]):
+            return float(errors[r])
     return max((float(one.rmse_um[r]) for one in prediction.repeats), default=0.0)
 
 
@@ -313,19 +326,25 @@ def _course_table(prediction: Prediction) -> Table:
         for time_s, speed, *at in zip(times_s.tolist(), speeds, *courses, strict=True)
     ]
     return table(
-        [">at [min]", *([">speed [r/min]"] if cyclogram else []), *(f">{name} [µm]" for name in prediction.responses)],
+        [">at [min]", *([">speed [r/min]"] if cyclogram else []), *_headings(prediction)],
         rows,
     )
 
 
+def _headings(prediction: Prediction) -> list[str]:
+    return [f">{name} [{prediction.unit(name)}]" for name in prediction.responses]
+
+
 def _accuracy_table(prediction: Prediction) -> Table:
     """Errors of every response; those of single tests too."""
-    columns = [f">{name} [µm]" for name in prediction.responses]
+    columns = _headings(prediction)
     rows = [
         (label, *(number_text(float(value), 2) for value in values))
         for label, values in (
             ("tests that were fitted, means over some samples", prediction.residual_um),
             ("tests, or stretches of them, that were left out", prediction.heldout_um),
+            *((f"{test}, left out", errors) for test, errors in prediction.left_out_um.items()),
+            ("claimed for this duty cycle", prediction.claimed_um),
         )
         if values is not None
     ]

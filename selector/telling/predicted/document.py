@@ -8,8 +8,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from selector.physics.thermal.prediction.answer import Mode, Start
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
-from selector.physics.thermal.prediction.prediction import Method, Mode, Prediction
+from selector.physics.thermal.prediction.prediction import Method, Prediction
 from selector.selection.result_file import FindingPart
 from selector.types import Vector
 
@@ -32,11 +33,13 @@ class _Operation(_Part):
     durations_min: Annotated[tuple[Number, ...], Field(min_length=1)]
     corrections_um: tuple[Number, ...]
     response: str
+    tolerance_um: Perhaps = None
 
 
 class _Accuracy(_Part):
     residual_um: Perhaps
     heldout_um: Perhaps
+    claimed_um: Perhaps = None
 
 
 class PredictionDocument(_Part):
@@ -44,11 +47,14 @@ class PredictionDocument(_Part):
 
     method: Method
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    displacement_um: Annotated[dict[str, tuple[Number, ...]], Field(min_length=1)]
+    displacement_um: dict[str, tuple[Number, ...]]
+    temperature_k: dict[str, tuple[Number, ...]] = {}
     modes: tuple[_Mode, ...] = ()
     program: tuple[_Operation, ...] = ()
     tolerance_um: Perhaps = None
     accuracy: dict[str, _Accuracy] = {}
+    left_out: dict[str, dict[str, Perhaps]] = {}
+    start: Start = "cold"
     findings: tuple[FindingPart, ...] = ()
 
 
@@ -59,37 +65,49 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
     length than its times, or a program lacks its tolerance.
     """
     told = PredictionDocument.model_validate(document)
-    names = tuple(told.displacement_um)
-    for name, course in told.displacement_um.items():
+    courses = {**told.displacement_um, **told.temperature_k}
+    names = tuple(courses)
+    if not names:
+        raise ValueError("no course of a displacement or temperature")
+    for name, course in courses.items():
         if len(course) != len(told.time_s):
             raise ValueError(f"{len(course)} values of {name} at {len(told.time_s)} times")
     of_response = {name: [one for one in told.program if one.response == name] for name in names}
+    accuracy = [told.accuracy[name] for name in names if name in told.accuracy]
     return Prediction(
         responses=names,
         method=told.method,
         cyclogram=None,
         time_s=np.array(told.time_s),
-        displacement_um=np.array([told.displacement_um[name] for name in names]).T,
+        displacement_um=np.array([courses[name] for name in names]).T,
         modes=tuple(Mode(mode.tau_s, mode.low, mode.high) for mode in told.modes),
         programs={name: _program(lines, told.tolerance_um) for name, lines in of_response.items() if lines},
-        residual_um=_errors([told.accuracy[name].residual_um for name in names if name in told.accuracy], len(names)),
-        heldout_um=_errors([told.accuracy[name].heldout_um for name in names if name in told.accuracy], len(names)),
+        residual_um=_errors([one.residual_um for one in accuracy], len(names)),
+        heldout_um=_errors([one.heldout_um for one in accuracy], len(names)),
         findings=tuple(part.finding() for part in told.findings),
+        claimed_um=_errors([one.claimed_um for one in accuracy], len(names)),
+        left_out_um={
+            test: np.array([np.nan if errors.get(name) is None else errors[name] for name in names], dtype=np.float64)
+            for test, errors in told.left_out.items()
+        },
+        start=told.start,
+        temperatures=tuple(told.temperature_k),
     )
 
 
 def _program(lines: Sequence[_Operation], tolerance_um: float | None) -> CorrectionProgram:
-    if tolerance_um is None:
-        raise ValueError("a program without a tolerance")
     operations, start_s = [], 0.0
     for line in lines:
+        allowed = tolerance_um if line.tolerance_um is None else line.tolerance_um
+        if allowed is None:
+            raise ValueError("a program without a tolerance")
         ends_s = start_s + 60.0 * np.cumsum(line.durations_min)
         times_s = np.r_[start_s, ends_s[:-1]]
         if len(times_s) != len(line.corrections_um):
             raise ValueError(f"{len(line.corrections_um)} corrections of {len(times_s)} durations")
-        operations.append(Operation(start_s, float(ends_s[-1]), times_s, np.array(line.corrections_um)))
+        operations.append(Operation(start_s, float(ends_s[-1]), times_s, np.array(line.corrections_um), allowed))
         start_s = float(ends_s[-1])
-    return CorrectionProgram(tuple(operations), tolerance_um)
+    return CorrectionProgram(tuple(operations))
 
 
 def _errors(told: Sequence[float | None], count: int) -> Vector | None:

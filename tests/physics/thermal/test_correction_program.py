@@ -32,8 +32,9 @@ def test_printed_example(resolution_s):
     program = example(resolution_s)
     assert [notation(operation) for operation in program.operations] == PRINTED
     # exact: every number of this curve is a small integer, and so is every crossing
-    assert program.operations[0].as_dict() == {"durations_min": [18.0, 27.0, 15.0], "corrections_um": [0.0, 10.0, 10.0]}
-    assert program.operations[1].as_dict() == {"durations_min": [15.0, 40.0, 5.0], "corrections_um": [0.0, 10.0, 10.0]}
+    expected = {"corrections_um": [0.0, 10.0, 10.0], "tolerance_um": 10.0}
+    assert program.operations[0].as_dict() == expected | {"durations_min": [18.0, 27.0, 15.0]}
+    assert program.operations[1].as_dict() == expected | {"durations_min": [15.0, 40.0, 5.0]}
 
 
 def test_printed_example_turned_over():

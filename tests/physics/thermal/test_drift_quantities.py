@@ -122,6 +122,7 @@ def test_of_three_probes_the_widest_pair_counts():
 
 
 def test_places_and_axes_must_be_known():
-    assert len(drift_quantities(five_probes([0.0, 1.0], places=False))[0].drifts) == 5
+    unplaced = drift_quantities(five_probes([0.0, 1.0], places=False))[0].drifts
+    assert [(one.name, one.unit) for one in unplaced[5:]] == [("X2−X1", "um"), ("Y2−Y1", "um")]
     frame = pd.DataFrame({"T": [1.0, 2.0]}, index=pd.Index([0.0, 1.0], name="time_s"))
     assert drift_quantities(Recording.from_runs({"r1": frame}, [Channel("T", "temperature", "degC")])) == ()

@@ -116,30 +116,6 @@ def test_a_run_that_begins_warm_is_found():
     np.testing.assert_allclose(fit.model.tau_s, (600, 5400), rtol=0.02)  # as above
 
 
-def test_the_hall_does_not_pollute_the_gains():
-    rng = np.random.default_rng(6)
-    machine = two_modes(rng)
-    tests = []
-    for test in recorded(machine, rng, 0.1, 30.0, TWO):
-        hall = 3.0 * np.sin(2 * np.pi * test.time_s / 43200 + len(tests))
-        slow = np.zeros(len(hall))
-        for i in range(1, len(hall)):
-            slow[i] = slow[i - 1] + 30.0 / 5400 * (hall[i - 1] - hall[0] - slow[i - 1])
-        moved = test.displacement_um + 2.0 * slow[:, None]
-        tests.append(
-            replace(test, displacement_um=moved, ambient_degc=22 + hall + 0.02 * rng.standard_normal(len(hall)))
-        )
-    fit = choose_modes(tests, RESPONSES)
-    assert "hall-temperature-drives-displacement" in ids(fit)
-    errors = relative_errors(machine, fit.model, duty_cycles(np.random.default_rng(1), count=2))[:, 0]
-    assert errors.max() < 0.02  # the aim without a hall
-    blind = choose_modes([replace(test, ambient_degc=None) for test in tests], RESPONSES)
-    assert (
-        relative_errors(machine, blind.model, duty_cycles(np.random.default_rng(1), count=2))[:, 0].max()
-        > 2 * errors.max()
-    )
-
-
 def test_missing_readings_ramps_and_jitter_of_the_speed():
     rng = np.random.default_rng(7)
     machine = two_modes(rng)

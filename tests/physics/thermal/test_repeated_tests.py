@@ -54,26 +54,6 @@ def test_what_is_left_of_an_earlier_run_is_fitted_where_the_run_is_said_to_be_wa
     assert np.sqrt(np.mean((warm.predicted_um - true) ** 2)) < 0.08
 
 
-def test_the_hall_is_taken_out_of_all_runs_together():
-    slow = 3.0 * np.sin(2 * np.pi * TIME_S / 50_000.0)
-    tests = []
-    for k, sign in enumerate((1.0, -1.0, 0.5)):
-        hall = 20.0 + sign * slow
-        # the same modes, driven by the hall: steps of a minute, as the mean of both ends
-        states = np.zeros((len(TIME_S), 2))
-        for i in range(1, len(TIME_S)):
-            level = (hall[i] + hall[i - 1]) / 2 - 20.0
-            states[i] = level + (states[i - 1] - level) * np.exp(-60.0 / machine().tau_s)
-        moved = states @ np.array([[2.0, 0.5], [4.0, -1.0]])
-        tests.append(recorded(f"r{k}", machine().displacement_um(TURNS, TIME_S) + moved + noise(k), ambient_degc=hall))
-    without = modal_repeats(tests, machine())
-    repeats = modal_repeats(tests, machine(), with_hall=True)
-    assert max(one.rmse_um[0] for one in without) > 3 * NOISE_UM
-    for one in repeats:
-        # the hall is held within blocks of 1/200 of the run, in which it moves by up to 0.05 K: 0.1 µm
-        assert (one.rmse_um < 1.2 * NOISE_UM).all()
-
-
 def test_missing_readings_stay_missing_and_do_not_count():
     measured = machine().displacement_um(TURNS, TIME_S) + noise(3)
     measured[100:200, 0] = np.nan

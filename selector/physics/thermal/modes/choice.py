@@ -151,7 +151,6 @@ class ModalFit:
     #: (n_responses,): The same on what was left out: speeds where runs at others remain, else stretches of time
     heldout_um: Vector | None
     warm: tuple[str, ...]  #: Runs that do not begin at rest and cold
-    with_hall: bool  #: Whether the hall temperature drives the same modes
     findings: tuple[Finding, ...]  #: What a user should know
 
 
@@ -161,8 +160,8 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
     Tried are 1 to 7 modes with constant time constants, and 1 to 5 with a film that grows with the speed, by their
     error on stretches of time that are left out; then the laws of the speed, by their error on left-out speeds.
     The zero of every run is free. Runs begin at rest and cold, but for those in which the spindle never turns, and
-    those that nothing else explains (a finding says so). A recorded hall temperature drives the same modes where that
-    lowers the error on left-out stretches; predictions are for a constant hall.
+    those that nothing else explains (a finding says so). The hall is taken to be constant: `driven_model` is for
+    recordings in which it is not.
 
     Raises InputError if the tests cannot be used: none, none that turns, too few samples.
     """
@@ -173,7 +172,6 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
 def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     data = mode_data(tests)
     spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
-    spec = replace(spec, with_hall=_hall_drives(spec, data))
     tried, best = _swept(spec, data)
     # a start that is not at rest hides behind slow modes and films: it is looked for before these are there too
     warm = {*_warm_runs(_plain(spec, data), data), *_warm_runs(best, data)}
@@ -343,13 +341,12 @@ def _warm_runs(fit: Fit, data: ModeData) -> tuple[int, ...]:
     return tuple(out)
 
 
-def _hall_drives(spec: ModeSpec, data: ModeData) -> bool:
-    """Whether the hall temperature moves, and as a further input lowers the error on left-out stretches."""
-    if data.ambient_k is None or float(np.ptp(data.ambient_k)) < 0.1:
-        return False
-    fit = _plain(spec, data)
-    driven = searched(replace(fit.spec, with_hall=True), data, fit.theta, fit.weights)
-    difference = 2.0 * np.log(_scores(driven, data) / _scores(fit, data)).mean(axis=1)
+def hall_drives(data: ModeData) -> bool:
+    """Whether the hall temperatures, as further inputs, lower the error on left-out stretches."""
+    with threadpool_limits(1, "blas"):
+        fit = _plain(ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data)), data)
+        driven = searched(replace(fit.spec, with_hall=True), data, fit.theta, fit.weights)
+        difference = 2.0 * np.log(_scores(driven, data) / _scores(fit, data)).mean(axis=1)
     return float(difference.mean()) < -max(NO_WORSE, 2.0 * float(difference.std(ddof=1)) / np.sqrt(len(difference)))
 
 
@@ -369,6 +366,5 @@ def _finished(
         residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
         heldout_um=heldout,
         warm=tuple(tests[run].run for run in fit.spec.free_starts),
-        with_hall=fit.spec.with_hall,
         findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
     )

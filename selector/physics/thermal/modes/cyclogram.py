@@ -36,6 +36,20 @@ class Cyclogram:
         return self.speed_rpm[np.clip(np.searchsorted(self.start_s, time_s, side="right") - 1, 0, None)]
 
 
+@dataclass(frozen=True)
+class AmbientCourse:
+    """Temperatures around the machine during a duty cycle: straight between these times, constant beyond them."""
+
+    time_s: Vector  #: (n_times,): Increasing times [s]; the first is 0
+    ambient_degc: Vector  #: (n_times, n_halls): Temperatures [°C]
+    names: tuple[str, ...] = ()  #: (n_halls,): The channels
+
+    @classmethod
+    def constant(cls, ambient_degc: Vector) -> AmbientCourse:
+        """Temperatures (n_halls,) that do not move."""
+        return cls(np.zeros(1), np.asarray(ambient_degc)[None])
+
+
 Kind = Literal["idle", "continuous", "rising", "intermittent", "falling", "random"]
 
 

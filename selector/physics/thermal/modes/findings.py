@@ -26,9 +26,9 @@ def choice_findings(
     heldout_um: Vector,
     responses: Sequence[str],
 ) -> Iterator[Finding]:
-    """Findings on the number of modes, their certainty, speeds, film, hall and starts."""
+    """Findings on the number of modes, their certainty, speeds, film and starts."""
     yield from _number_of_modes(fit, data, tried)
-    yield from _loose(fit, data, tau_low_s, tau_high_s)
+    yield from loose_findings(fit.tau_s, data, tau_low_s, tau_high_s)
     yield from _speeds(fit, data)
     if fit.spec.film == "growing":
         growth = float(np.trace(np.diag(np.exp(fit.theta[: fit.spec.n_modes])) @ fit.spec.films(fit.theta)[0]))
@@ -38,16 +38,6 @@ def choice_findings(
             "worse. The time constants given are those of the standing spindle. How much better is less certain than "
             "they are: duty cycles with pauses may be off by several times the error on what was left out.",
             evidence={"growth_at_fastest": round(growth, 3), "exponent": round(fit.spec.films(fit.theta)[2], 2)},
-        )
-    if fit.spec.with_hall:
-        gains = fit.solution.coefficients.reshape(fit.spec.n_modes, -1, len(heldout_um))[:, -1]
-        per_kelvin = fit.spec.films(fit.theta)[1] @ gains
-        yield FINDINGS.finding(
-            "hall-temperature-drives-displacement",
-            "The hall temperature moved during the tests and moves the displacements, in the end by "
-            + ", ".join(f"{value:.3g}" for value in per_kelvin)
-            + " µm per kelvin. This was taken out of the tests; predictions assume a constant hall temperature.",
-            evidence={"um_per_k": [float(value) for value in per_kelvin]},
         )
     for run in fit.spec.free_starts:
         begin, end = data.bounds[run]
@@ -119,8 +109,9 @@ def _number_of_modes(fit: Fit, data: ModeData, tried: Sequence[tuple[Fit, Vector
     )
 
 
-def _loose(fit: Fit, data: ModeData, low: Vector, high: Vector) -> Iterator[Finding]:
-    for tau, below, above in zip(np.sort(fit.tau_s), low, high, strict=True):
+def loose_findings(tau_s: Vector, data: ModeData, low: Vector, high: Vector) -> Iterator[Finding]:
+    """A warning for every time constant [s] without both bounds (n_modes,), NaN where there is none."""
+    for tau, below, above in zip(np.sort(tau_s), low, high, strict=True):
         if np.isfinite(below) and np.isfinite(above):
             continue
         why = "longer than the runs" if tau > data.longest_s else "too little of it is seen beside the noise"

@@ -14,7 +14,7 @@ from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.types import Vector
 
-Law = Literal["levels", "power", "powers", "turning", "turning-powers", "mode-powers"]
+Law = Literal["levels", "power", "powers", "turning", "turning-powers", "turning-squares", "mode-powers"]
 Film = Literal["none", "growing"]
 SHRINKAGE: dict[Film, float] = {"none": 2.0, "growing": 20.0}
 """Gains are drawn to 0 as if each were known to be 0 ± the displacement divided by this: little beside what thousands
@@ -33,9 +33,9 @@ class ModeSpec:
     """What is fitted."""
 
     n_modes: int  #: Number of modes
-    #: {"levels", "power", "powers", "turning", "turning-powers", "mode-powers"}: Gains: free at every tested level;
-    #: c·n^p with one p; c·n^p + d·n^(p + 1/2); c·n^p + d·[n > 0]; c·n + d·n^1.5 + e·[n > 0]; c_k·n^(p_k) with a p for
-    #: every mode
+    #: {"levels", "power", "powers", "turning", "turning-powers", "turning-squares", "mode-powers"}: Gains: free at
+    #: every tested level; c·n^p with one p; c·n^p + d·n^(p + 1/2); c·n^p + d·[n > 0]; c·n + d·n^1.5 + e·[n > 0];
+    #: c·n + d·n² + e·[n > 0]; c_k·n^(p_k) with a p for every mode
     law_kind: Law = "levels"
     #: {"none", "growing"}: Convection that does not depend on the speed, or one film that grows with it and couples the
     #: modes
@@ -71,6 +71,8 @@ class ModeSpec:
             return SpeedLaw((0.0, float(powers[0])), data.fastest_rpm)
         if self.law_kind == "turning-powers":
             return SpeedLaw((0.0, 1.0, 1.5), data.fastest_rpm)
+        if self.law_kind == "turning-squares":
+            return SpeedLaw((0.0, 1.0, 2.0), data.fastest_rpm)
         return SpeedLaw(tuple(float(p) for p in powers), data.fastest_rpm)
 
     def films(self, theta: Vector) -> tuple[Vector, Vector, float]:
@@ -107,13 +109,12 @@ def columns(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, Vect
     rate = np.exp(-theta[:modes])
     drives = np.eye(modes) if spec.law_kind == "mode-powers" else np.tile(drive, (inputs.shape[1], 1))
     if spec.with_hall and data.ambient_k is not None:
-        inputs, drives = np.column_stack([inputs, data.ambient_k]), np.vstack([drives, drive])
-    first = np.zeros(len(inputs), dtype=np.bool_)
-    first[[begin for begin, _ in data.bounds]] = True
+        halls = np.tile(drive, (data.ambient_k.shape[1], 1))
+        inputs, drives = np.column_stack([inputs, data.ambient_k]), np.vstack([drives, halls])
     share = np.where(data.speed_rpm > 0, (data.speed_rpm / data.fastest_rpm) ** exponent, 0.0)
     return filtered(
         data.before_s, data.after_s, data.speed_rpm, share, rate, film, np.ascontiguousarray(drives * rate),
-        np.ascontiguousarray(inputs), first, 0.01 * data.fastest_rpm,
+        np.ascontiguousarray(inputs), data.first, 0.01 * data.fastest_rpm,
     )  # fmt: skip
 
 

@@ -97,7 +97,7 @@ class ModalModel:
                 where="duty cycle",
                 advice="ask for times inside the duty cycle, or give its last segment a later end",
             )
-        speed = self._checked(cyclogram.speed_rpm)
+        speed = require_tested(cyclogram.speed_rpm, self.fastest_rpm)
         terms, losses = self.law.terms(speed), self._losses(speed)
         values, vectors = np.linalg.eig(losses / self.tau_s[:, None])
         at = np.searchsorted(cyclogram.start_s, time, side="right") - 1
@@ -129,14 +129,19 @@ class ModalModel:
         share = (speed / self.law.reference_rpm) ** self.cooling_exponent
         return np.eye(len(self.tau_s)) + share[:, None, None] * self.cooling_growth
 
-    def _checked(self, speed_rpm: Vector) -> Vector:
-        speed = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64))
-        inside = (speed >= 0.0) & (speed <= self.fastest_rpm * (1.0 + BEYOND))
-        if not inside.all():
-            raise InputError(
-                f"{speed[~inside][0]:g} r/min",
-                expected=f"speeds from 0 to {self.fastest_rpm:g} r/min, the fastest tested one",
-                where="duty cycle",
-                advice="test the machine at that speed, or keep the duty cycle within the tested speeds",
-            )
-        return speed
+
+def require_tested(speed_rpm: Vector, fastest_rpm: float) -> Vector:
+    """The speeds [r/min], none of them negative or beyond the fastest tested one.
+
+    Raises InputError for others.
+    """
+    speed = np.atleast_1d(np.asarray(speed_rpm, dtype=np.float64))
+    inside = (speed >= 0.0) & (speed <= fastest_rpm * (1.0 + BEYOND))
+    if not inside.all():
+        raise InputError(
+            f"{speed[~inside][0]:g} r/min",
+            expected=f"speeds from 0 to {fastest_rpm:g} r/min, the fastest tested one",
+            where="duty cycle",
+            advice="test the machine at that speed, or keep the duty cycle within the tested speeds",
+        )
+    return speed

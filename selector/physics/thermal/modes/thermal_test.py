@@ -23,13 +23,19 @@ class ThermalTest:
     #: (n_samples,): Spindle speed [r/min], held from each sample to the next; no sign, nothing missing
     speed_rpm: Vector
     displacement_um: NDArray[np.float64]  #: (n_samples, n_responses): Displacements [µm]; NaN where missing
-    ambient_degc: Vector | None = None  #: (n_samples,): Hall temperature [°C], if it was recorded
+    #: (n_samples, n_halls) or (n_samples,): Temperatures around the machine [°C], if they were recorded
+    ambient_degc: Vector | None = None
+    ambients: tuple[str, ...] = ()  #: (n_halls,): Their names
+
+    def __post_init__(self) -> None:
+        if self.ambient_degc is not None:
+            object.__setattr__(self, "ambient_degc", np.asarray(self.ambient_degc).reshape(len(self.time_s), -1))
 
 
 def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[ThermalTest, ...]:
     """The tests in a recording.
 
-    Raises OptionError if there is no spindle speed, or a response is no displacement of the recording.
+    Raises OptionError if there is no spindle speed, or a response is no displacement or temperature of the recording.
     """
     speeds = [channel.name for channel in recording.channels if channel.role == "spindle_speed"]
     if len(speeds) != 1:
@@ -39,14 +45,14 @@ def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[Therm
             where="the recording",
             advice="give the channel with the speed of the spindle the role spindle_speed in the machine file",
         )
-    displacements = [channel.name for channel in recording.channels if channel.role == "displacement"]
+    known = recording.with_role("displacement", "temperature")
     for response in responses:
-        if response not in displacements:
+        if response not in known:
             raise OptionError(
-                f"no displacement called {response!r}",
-                expected="one of " + (", ".join(displacements) or "the displacements (there are none)"),
+                f"no displacement or temperature called {response!r}",
+                expected="one of " + (", ".join(known) or "the displacements (there are none)"),
                 where="--response",
-                advice="name a channel with the role displacement",
+                advice="name a channel with the role displacement or temperature",
             )
     halls = [channel.name for channel in recording.channels if channel.role == "ambient"]
     return tuple(
@@ -55,7 +61,8 @@ def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[Therm
             time_s=recording.time_s(run),
             speed_rpm=_held(np.abs(recording.values(run, speeds)[:, 0])),
             displacement_um=recording.values(run, responses),
-            ambient_degc=recording.values(run, halls[:1])[:, 0] if halls else None,
+            ambient_degc=recording.values(run, halls) if halls else None,
+            ambients=tuple(halls),
         )
         for run in recording.runs
     )
@@ -96,7 +103,8 @@ class ModeData:
     speed_rpm: Vector  #: (n_blocks,): Mean speed [r/min]
     displacement_um: Vector  #: (n_blocks, n_responses): Mean displacement [µm]; 0 where `counts` is 0
     counts: Vector  #: (n_blocks, n_responses): Samples in each mean
-    ambient_k: Vector | None  #: (n_blocks,): Mean hall temperature against the start of the run [K]
+    ambient_k: Vector | None  #: (n_blocks, n_halls): Mean hall temperatures against the start of the run [K]
+    ambient_start_degc: Vector | None  #: (n_runs, n_halls): Hall temperatures at the start of the runs [°C]
     bounds: tuple[tuple[int, int], ...]  #: First block, and the one behind the last, of every run
     noise_um: Vector  #: (n_responses,): Standard deviation of a single sample [µm], from differences of neighbours
     levels_rpm: tuple[float, ...]  #: Tested speed levels above 0, increasing [r/min]
@@ -108,6 +116,20 @@ class ModeData:
     def fastest_rpm(self) -> float:
         """The fastest tested level [r/min]."""
         return self.levels_rpm[-1]
+
+    @property
+    def first(self) -> NDArray[np.bool_]:
+        """(n_blocks,): Blocks with which a run begins."""
+        first = np.zeros(len(self.speed_rpm), dtype=np.bool_)
+        first[[begin for begin, _ in self.bounds]] = True
+        return first
+
+    @property
+    def middle_s(self) -> Vector:
+        """(n_blocks,): Mean times of the blocks from the start of their run [s]."""
+        length = self.before_s + self.after_s
+        ends = np.concatenate([np.cumsum(length[begin:end]) for begin, end in self.bounds])
+        return np.asarray(ends - self.after_s)
 
 
 def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
@@ -125,7 +147,7 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
     pieces = [_blocks(test, same_rpm) for test in tests]
     ends = np.cumsum([len(piece["speed"]) for piece in pieces]).tolist()
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    halls = all(test.ambient_degc is not None and np.isfinite(test.ambient_degc).any() for test in tests)
+    halls = all(test.ambient_degc is not None and np.isfinite(test.ambient_degc).any(axis=0).all() for test in tests)
     return ModeData(
         before_s=joined["before"],
         after_s=joined["after"],
@@ -133,6 +155,7 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         displacement_um=joined["displacement"],
         counts=joined["counts"],
         ambient_k=joined["ambient"] if halls else None,
+        ambient_start_degc=np.array([piece["ambient_start"] for piece in pieces]) if halls else None,
         bounds=tuple(zip([0, *ends[:-1]], ends, strict=True)),
         noise_um=_noise(tests),
         levels_rpm=_levels(joined["speed"], joined["before"] + joined["after"], same_rpm),
@@ -155,8 +178,8 @@ def _unusable(found: str, expected: str, where: str) -> InputError:
 
 def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
     time, speed = test.time_s - test.time_s[0], test.speed_rpm
-    known = np.zeros(0, np.bool_) if test.ambient_degc is None else np.isfinite(test.ambient_degc)
-    longest = (LONGEST_WITH_HALL if known.any() else LONGEST) * time[-1]
+    halls = np.zeros((len(time), 0)) if test.ambient_degc is None else test.ambient_degc
+    longest = (LONGEST_WITH_HALL if np.isfinite(halls).any() else LONGEST) * time[-1]
     starts, changed_s, level, begun_s = [0], 0.0, speed[0], 0.0
     for i in range(1, len(time)):
         if abs(speed[i] - level) > same_rpm:
@@ -175,20 +198,29 @@ def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
     weight = there.any(axis=1).astype(np.float64)
     total = np.add.reduceat(weight, first)
     middle = np.where(total > 0, np.add.reduceat(time * weight, first) / np.maximum(total, 1.0), time[first])
-    hall = np.zeros(len(first))
-    if test.ambient_degc is not None and known.any():
-        filled = np.interp(time, time[known], test.ambient_degc[known])
-        early = (time <= max(0.02 * time[-1], time[min(10, len(time) - 1)])) & known
-        at_start = np.polyfit(time[early], filled[early], 1)[1] if early.sum() > 3 else filled[0]
-        hall = np.add.reduceat(filled * held_s, first) / length_s - at_start
+    filled = np.column_stack([_filled(time, one) for one in halls.T]) if halls.shape[1] else halls
+    at_start = np.array([_at_start(time, one) for one in filled.T])
     return {
         "before": middle - time[first],
         "after": length_s - (middle - time[first]),
         "speed": np.add.reduceat(speed * held_s, first) / length_s,
         "displacement": sums / np.maximum(counts, 1.0),
         "counts": counts,
-        "ambient": hall,
+        "ambient": np.add.reduceat(filled * held_s[:, None], first) / length_s[:, None] - at_start,
+        "ambient_start": at_start,
     }
+
+
+def _filled(time: Vector, values: Vector) -> Vector:
+    """A temperature with a straight line over what is missing; 0 if nothing was read."""
+    known = np.isfinite(values)
+    return np.interp(time, time[known], values[known]) if known.any() else np.zeros(len(time))
+
+
+def _at_start(time: Vector, values: Vector) -> float:
+    """The first value, without the noise of a single reading."""
+    early = time <= max(0.02 * time[-1], time[min(10, len(time) - 1)])
+    return float(np.polyfit(time[early], values[early], 1)[1]) if early.sum() > 3 else float(values[0])
 
 
 def _roughness(values: Vector) -> float:

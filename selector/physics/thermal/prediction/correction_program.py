@@ -30,6 +30,7 @@ class Operation:
     times_s: Vector  #: (n,): When each correction comes into force [s]; the first is the start of the operation
     #: (n,): Displacement [µm] that is taken off from then on, in addition to those before; the first is 0
     corrections_um: Vector
+    tolerance_um: float  #: Drift since the last correction, or since the zero, that is never exceeded [µm]
 
     @property
     def durations_s(self) -> Vector:
@@ -46,6 +47,7 @@ class Operation:
         return {
             "durations_min": (self.durations_s / 60.0).tolist(),
             "corrections_um": self.corrections_um.tolist(),
+            "tolerance_um": self.tolerance_um,
         }
 
 
@@ -54,14 +56,23 @@ class CorrectionProgram:
     """The corrections of all operations, one after the other (C eq. 5), for one displacement."""
 
     operations: tuple[Operation, ...]  #: The first starts at 0 s, each of the others where the one before it ends
-    #: Drift since the last correction, or since the zero of the operation, that is never exceeded [µm]
-    tolerance_um: float
+
+    @property
+    def tolerances_um(self) -> tuple[float, ...]:
+        """The tolerance of every operation [µm]; one if they are all the same."""
+        told = tuple(operation.tolerance_um for operation in self.operations)
+        return told[:1] if len(set(told)) == 1 else told
+
+    @property
+    def tolerance_um(self) -> float:
+        """The smallest of them [µm]."""
+        return min(self.tolerances_um)
 
     def drift_left_um(self, time_s: Vector, displacement_um: Vector) -> tuple[Vector, Vector]:
         """What this program leaves of another curve, e.g. of the true one: times [s] and drift [µm].
 
         The curve is linear between its samples. Where a correction comes into force and where an operation ends, the
-        time appears twice, with the drift before and after. Drift beyond `tolerance_um` is the prediction's error, not
+        time appears twice, with the drift before and after. Drift beyond the tolerance is the prediction's error, not
         the program's.
 
         Raises
@@ -86,7 +97,7 @@ def correction_program(
     time_s: Vector,
     displacement_um: Vector,
     operations_s: Sequence[float],
-    tolerance_um: float,
+    tolerance_um: float | Sequence[float],
     resolution_s: float | None = None,
 ) -> CorrectionProgram:
     """The corrections that keep the drift of a curve within a tolerance (C eq. 5).
@@ -96,7 +107,8 @@ def correction_program(
     and the times are exact on it, so that the drift exceeds the tolerance nowhere, also between samples. None is
     inserted at the end of an operation.
 
-    `operations_s` are the lengths of the operations [s], the first from 0 s on. With `resolution_s` corrections come
+    `operations_s` are the lengths of the operations [s], the first from 0 s on; they share a tolerance, or each has its
+    own. With `resolution_s` corrections come
     only at whole multiples of this time [s] after the start of the operation, before the tolerance is reached and never
     after; they take off the drift that there is at that time.
 
@@ -108,27 +120,28 @@ def correction_program(
     """
     ends = np.cumsum(operations_s)
     time, displacement = _checked_curve(time_s, displacement_um, float(ends[-1]))
+    tolerances = np.broadcast_to(np.asarray(tolerance_um, dtype=np.float64), ends.shape).tolist()
     with np.errstate(over="ignore"):
-        needed = float(np.abs(np.diff(displacement)).sum() / tolerance_um)
+        needed = float(np.abs(np.diff(displacement)).sum() / min(tolerances))
     if not needed <= MOST_CORRECTIONS:
         raise InputError(
-            f"a curve that would need up to {needed:.3g} corrections of {tolerance_um:g} µm",
+            f"a curve that would need up to {needed:.3g} corrections of {min(tolerances):g} µm",
             expected=f"at most {MOST_CORRECTIONS}",
             where="correction program",
             advice="choose a larger tolerance, or check the unit of the displacement",
         )
     operations = []
-    for start, end in zip(np.r_[0.0, ends[:-1]], ends, strict=True):
+    for start, end, allowed in zip(np.r_[0.0, ends[:-1]], ends, tolerances, strict=True):
         inside = (time > start) & (time < end)
         t = np.r_[start, time[inside], end]
         d = np.asarray(np.interp(t, time, displacement))
         d = d - d[0]
         if resolution_s is None:
-            times, corrections = _when_reached(t, d, tolerance_um)
+            times, corrections = _when_reached(t, d, allowed)
         else:
-            times, corrections = _on_a_grid(t, d, tolerance_um, resolution_s)
-        operations.append(Operation(float(start), float(end), np.r_[start, times], np.r_[0.0, corrections]))
-    return CorrectionProgram(tuple(operations), float(tolerance_um))
+            times, corrections = _on_a_grid(t, d, allowed, resolution_s)
+        operations.append(Operation(float(start), float(end), np.r_[start, times], np.r_[0.0, corrections], allowed))
+    return CorrectionProgram(tuple(operations))
 
 
 def _when_reached(t: Vector, d: Vector, tolerance_um: float) -> tuple[list[float], list[float]]:
@@ -300,7 +313,8 @@ def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
     """The programs (response → program) as timed offset blocks that name no control, for people to type in."""
     lines = [_RULES]
     for response, program in programs.items():
-        lines.append(f"[{_one_line(response)}]   tolerance {program.tolerance_um:g} µm")
+        allowed = ", ".join(f"{one:g}" for one in program.tolerances_um)
+        lines.append(f"[{_one_line(response)}]   tolerance {allowed} µm")
         number = 0
         for place, operation in enumerate(program.operations, start=1):
             lines.append("")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -11,14 +11,17 @@ import numpy as np
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS, ONE_TESTED_SPEED
-from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, correction_program, notation
+from selector.physics.thermal.prediction.driven import driven_answer
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
     RepeatedTest,
     contradiction_findings,
+    longer_than_tests,
     modal_repeats,
     movement_findings,
     piecewise_repeats,
@@ -28,6 +31,7 @@ from selector.physics.thermal.prediction.tests_judged import (
 from selector.types import Vector
 
 Method = Literal["modal", "piecewise"]
+Tolerance = float | Sequence[float] | Mapping[str, float | Sequence[float]]
 
 USUAL_TOLERANCE_UM = 10.0
 """Tolerance of the printed example (C eq. 6), taken when operations are given without one."""
@@ -40,15 +44,6 @@ _STEP_S = 60.0
 _STEPS_S = (30.0, 20.0, 15.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 _FEWEST_STEPS = 240
 _HALVINGS = 6
-
-
-@dataclass(frozen=True)
-class Mode:
-    """A time constant [s] with the ends of its 95 % interval, None where the tests do not bound it."""
-
-    tau_s: float
-    low: float | None
-    high: float | None
 
 
 @dataclass(frozen=True)
@@ -72,27 +67,55 @@ class Prediction:
     #: (n_times, n_modes, n_responses): What each mode contributes to the displacement [µm]; None for the piecewise
     #: method
     mode_um: Vector | None = None
+    #: (n_responses,): RMS error that is expected in this duty cycle [µm]; None if it cannot be told
+    claimed_um: Vector | None = None
+    #: Test → (n_responses,): RMS error from its start when it was left out [µm]; those alone that could be judged
+    left_out_um: Mapping[str, Vector] = field(default_factory=dict)
+    start: Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
+    temperatures: tuple[str, ...] = ()  #: Responses that are temperatures: for them all µm are K
+
+    def unit(self, response: str) -> str:
+        """µm, or K for a temperature."""
+        return "K" if response in self.temperatures else "µm"
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON form, `selector.prediction/1`."""
+        """JSON form, `selector.prediction/1`; numbers of temperatures are in K, whatever their key."""
+        tolerances = {one for program in self.programs.values() for one in program.tolerances_um}
         return {
             "schema": "selector.prediction/1",
             "method": self.method,
             "kind": None if self.cyclogram is None else cyclogram_kind(self.cyclogram),
             "time_s": self.time_s.tolist(),
-            "displacement_um": {name: self.displacement_um[:, r].tolist() for r, name in enumerate(self.responses)},
+            "start": self.start,
+            "displacement_um": self._courses(temperatures=False),
+            **({"temperature_k": self._courses(temperatures=True)} if self.temperatures else {}),
             "modes": [{"tau_s": mode.tau_s, "low": mode.low, "high": mode.high} for mode in self.modes],
             "program": [
                 {"operation": number, **operation.as_dict(), "response": name, "notation": notation(operation)}
                 for name, program in self.programs.items()
                 for number, operation in enumerate(program.operations, start=1)
             ],
-            "tolerance_um": next((program.tolerance_um for program in self.programs.values()), None),
+            "tolerance_um": tolerances.pop() if len(tolerances) == 1 else None,
             "accuracy": {
-                name: {"residual_um": _at(self.residual_um, r), "heldout_um": _at(self.heldout_um, r)}
+                name: {
+                    "residual_um": _at(self.residual_um, r),
+                    "heldout_um": _at(self.heldout_um, r),
+                    "claimed_um": _at(self.claimed_um, r),
+                }
                 for r, name in enumerate(self.responses)
             },
+            "left_out": {
+                test: {name: _at(errors, r) for r, name in enumerate(self.responses)}
+                for test, errors in self.left_out_um.items()
+            },
             "findings": [finding.as_dict() for finding in self.findings],
+        }
+
+    def _courses(self, *, temperatures: bool) -> dict[str, list[float]]:
+        return {
+            name: self.displacement_um[:, r].tolist()
+            for r, name in enumerate(self.responses)
+            if (name in self.temperatures) is temperatures
         }
 
 
@@ -153,80 +176,153 @@ def predict(
     cyclogram: Cyclogram,
     *,
     method: Method = "modal",
+    hall: AmbientCourse | None = None,
+    start: Start | None = None,
     operations_s: Sequence[float] | None = None,
-    tolerance_um: float | None = None,
+    tolerance_um: Tolerance | None = None,
     resolution_s: float | None = None,
+    temperatures: Sequence[str] = (),
     told: Sequence[Finding] = (),
 ) -> Prediction:
     """Predict the displacement in a duty cycle from heating and cooling tests, and how to correct it.
 
-    A correction program is made if `operations_s` or `tolerance_um` is given: without operations the whole duty cycle
-    is one, without a tolerance it is `USUAL_TOLERANCE_UM`. `resolution_s` rounds its times, see `correction_program`.
-    What was `told` before stands first among the findings.
+    `hall` are temperatures around the machine during the duty cycle, named as in the tests. It begins cold or where the
+    tests end (`start`; None: where the tests end if they are one long run, else cold). Responses may be `temperatures`.
+    A correction program is made for displacements if `operations_s` or `tolerance_um` is given: without operations the
+    whole duty cycle is one, without a tolerance it is `USUAL_TOLERANCE_UM`; a tolerance is for all, or by response, one
+    for all operations or for each. `resolution_s` rounds its times, see `correction_program`. What was `told` before
+    stands first among the findings.
 
     Raises
     ------
     InputError
         If the tests are too few or too short, a speed is outside of them, or the program's options cannot be used.
     """
+    if isinstance(tolerance_um, Mapping) and (unknown := sorted(set(tolerance_um) - set(responses))):
+        raise OptionError(
+            f"a tolerance of {unknown[0]!r}", expected="one of " + ", ".join(responses), where="--tolerance",
+            advice="name a response that is predicted",
+        )  # fmt: skip
     usable, findings = _usable(tests, responses)
     findings += movement_findings(usable, responses)
-    findings += warm_start_findings(usable, responses)
     findings += speed_findings(usable, cyclogram)
-    modes: tuple[Mode, ...] = ()
-    residual: Vector | None = None
-    heldout: Vector | None = None
-    mode_um: Vector | None = None
-    if method == "modal":
-        from selector.physics.thermal.modes.choice import choose_modes
-
-        fit = choose_modes(usable, responses)
-        modes = tuple(
-            Mode(float(tau), _finite(low), _finite(high))
-            for tau, low, high in zip(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s, strict=True)
-        )
-        residual, heldout = fit.residual_um, fit.heldout_um
-        # said above, about the speeds of this duty cycle
-        findings += [one for one in fit.findings if one.id != ONE_TESTED_SPEED]
-        findings += _longer_than_tests(usable, cyclogram)
-        time = _times(lambda t: fit.model.displacement_um(cyclogram, t), cyclogram, operations_s)
-        displacement = fit.model.displacement_um(cyclogram, time)
-        mode_um = fit.model.mode_displacement_um(cyclogram, time)
-        repeats = modal_repeats(usable, fit.model, warm=fit.warm, with_hall=fit.with_hall)
-    else:
-        curves = characteristics(usable, responses)
-        time = _times(lambda t: piecewise_displacement_um(curves, cyclogram, t)[0], cyclogram, operations_s)
-        displacement, assumed = piecewise_displacement_um(curves, cyclogram, time)
-        findings += assumed
-        repeats = piecewise_repeats(usable, curves)
-    findings += contradiction_findings(usable, repeats, responses)
+    units = tuple("K" if name in temperatures else "µm" for name in responses)
+    ask = Asked(tuple(usable), tuple(responses), cyclogram, hall, start, units)
+    answer = _modal(ask) if method == "modal" else _piecewise(ask)
+    findings += answer.findings
+    findings += _halls_not_used(ask, answer)
+    time = _times(answer.course, cyclogram, operations_s)
+    displacement = answer.course(time)
     programs: dict[str, CorrectionProgram] = {}
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
-        tolerance = USUAL_TOLERANCE_UM if tolerance_um is None else tolerance_um
         for r, name in enumerate(responses):
-            programs[name] = correction_program(time, displacement[:, r], lengths, tolerance, resolution_s)
-        findings += _of_program(cyclogram, operations_s, tolerance_um, responses, heldout)
+            if name not in temperatures:
+                tolerance = _tolerance_of(tolerance_um, name, len(lengths))
+                programs[name] = correction_program(time, displacement[:, r], lengths, tolerance, resolution_s)
+        claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
+        named = tolerance_um if isinstance(tolerance_um, Mapping) else dict.fromkeys(responses, tolerance_um)
+        usual = [name for name in programs if named.get(name) is None]
+        findings += _of_program(cyclogram, operations_s, usual, programs, responses, claims)
     elif resolution_s is not None:
         raise OptionError(
             "a resolution without a program", expected="--operations or --tolerance beside it", where="resolution",
             advice="give --operations or --tolerance, or leave the resolution out",
         )  # fmt: skip
-    findings = [*told, *findings]
     return Prediction(
         tuple(responses),
         method,
         cyclogram,
         time,
         displacement,
-        modes,
+        answer.modes,
         programs,
-        residual,
-        heldout,
-        tuple(findings),
-        repeats,
-        mode_um,
+        answer.residual_um,
+        answer.heldout_um,
+        (*told, *findings),
+        answer.repeats,
+        None if answer.mode_course is None else answer.mode_course(time),
+        answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time),
+        answer.left_out_um,
+        answer.start,
+        tuple(temperatures),
     )
+
+
+def _modal(ask: Asked) -> Answer:
+    """By modes that the hall drives too, or that run on through a long record; else by those of cold tests."""
+    from selector.physics.thermal.modes.driven_model import driven_model
+
+    driven = driven_model(ask.tests, ask.responses, whatever=ask.start == "tests")
+    if driven is not None:
+        return driven_answer(driven, ask)
+    from selector.physics.thermal.modes.choice import choose_modes
+
+    fit, cycle = choose_modes(ask.tests, ask.responses), ask.cyclogram
+    repeats = modal_repeats(ask.tests, fit.model, warm=fit.warm)
+    findings = [
+        *warm_start_findings(ask.tests, ask.responses),
+        # said already, about the speeds of this duty cycle
+        *(one for one in fit.findings if one.id != ONE_TESTED_SPEED),
+        *longer_than_tests(ask.tests, cycle),
+        *contradiction_findings(ask.tests, repeats, ask.responses),
+    ]
+    return Answer(
+        course=lambda time: fit.model.displacement_um(cycle, time),
+        findings=tuple(findings),
+        modes=modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
+        mode_course=lambda time: fit.model.mode_displacement_um(cycle, time),
+        residual_um=fit.residual_um,
+        heldout_um=fit.heldout_um,
+        repeats=repeats,
+    )
+
+
+def _piecewise(ask: Asked) -> Answer:
+    if ask.start == "tests":
+        raise OptionError(
+            "pieces of characteristics that begin warm", expected="a duty cycle that begins cold", where="--start",
+            advice="take the modal method, or leave --start out",
+        )  # fmt: skip
+    curves = characteristics(ask.tests, ask.responses)
+    repeats = piecewise_repeats(ask.tests, curves)
+    findings = [
+        *warm_start_findings(ask.tests, ask.responses),
+        *piecewise_displacement_um(curves, ask.cyclogram, np.array([ask.cyclogram.end_s]))[1],
+        *contradiction_findings(ask.tests, repeats, ask.responses),
+    ]
+    return Answer(
+        course=lambda time: piecewise_displacement_um(curves, ask.cyclogram, time)[0],
+        findings=tuple(findings),
+        repeats=repeats,
+    )
+
+
+def _halls_not_used(ask: Asked, answer: Answer) -> Iterator[Finding]:
+    for name in () if ask.hall is None else ask.hall.names:
+        if name not in answer.ambients:
+            yield FINDINGS.finding(
+                "ambient-not-used",
+                f"The duty cycle says how {name} moves; the tests do not show that it drives a displacement.",
+                Where(channel=name),
+            )  # fmt: skip
+
+
+def _rms(error_um: Vector, time_s: Vector) -> Vector:
+    """(n_responses,): Root of the mean over time of squares."""
+    return np.asarray(np.sqrt(np.trapezoid(error_um**2, time_s, axis=0) / (time_s[-1] - time_s[0])))
+
+
+def _tolerance_of(asked: Tolerance | None, response: str, operations: int) -> float | list[float]:
+    """The tolerance of one response [µm]: for all operations, or one for each."""
+    told = asked.get(response, USUAL_TOLERANCE_UM) if isinstance(asked, Mapping) else asked
+    values = [USUAL_TOLERANCE_UM if told is None else float(told)] if not isinstance(told, Sequence) else [*told]
+    if len(values) not in (1, operations):
+        raise OptionError(
+            f"{len(values)} tolerances of {response}", expected=f"one, or {operations}: one an operation",
+            where="--tolerance", advice="give as many tolerances as --operations has lengths, or a single one",
+        )  # fmt: skip
+    return values if len(values) > 1 else values[0]
 
 
 def _usable(tests: Sequence[ThermalTest], responses: Sequence[str]) -> tuple[list[ThermalTest], list[Finding]]:
@@ -280,27 +376,18 @@ def _times(course: Callable[[Vector], Vector], cyclogram: Cyclogram, operations_
     return np.asarray(time)
 
 
-def _longer_than_tests(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
-    longest = max(float(test.time_s[-1] - test.time_s[0]) for test in tests)
-    if cyclogram.end_s > 1.5 * longest:
-        yield FINDINGS.finding(
-            "longer-than-tests",
-            f"The duty cycle lasts {cyclogram.end_s / 3600:.3g} h, the longest test {longest / 3600:.3g} h: slower "
-            "parts of the warming than the tests could show are not in the prediction.",
-            Where(), {"cycle_s": cyclogram.end_s, "longest_test_s": longest},
-        )  # fmt: skip
-
-
 def _of_program(
     cyclogram: Cyclogram,
     operations_s: Sequence[float] | None,
-    tolerance_um: float | None,
+    usual: Sequence[str],
+    programs: Mapping[str, CorrectionProgram],
     responses: Sequence[str],
-    heldout: Vector | None,
+    claims: Vector | None,
 ) -> Iterator[Finding]:
-    if tolerance_um is None:
+    if usual:
         yield FINDINGS.finding(
-            "usual-tolerance", f"No tolerance was given; {USUAL_TOLERANCE_UM:g} µm was taken.",
+            "usual-tolerance",
+            f"No tolerance of {', '.join(usual)} was given; {USUAL_TOLERANCE_UM:g} µm was taken.",
         )  # fmt: skip
     if operations_s is None:
         yield FINDINGS.finding(
@@ -318,13 +405,12 @@ def _of_program(
         "sign-not-verified",
         "Corrections are counted as the gauge counted in the tests: each is a displacement to be subtracted.",
     )  # fmt: skip
-    allowed_um = USUAL_TOLERANCE_UM if tolerance_um is None else tolerance_um
-    for r, name in enumerate(responses):
-        error = _at(heldout, r)
+    for name, program in programs.items():
+        error = _at(claims, responses.index(name))
         known = (
-            "pieces of characteristics give no error of their own"
+            "it gives no error of its own, and no test could be left out to see one"
             if error is None
-            else f"what was left out of the fit was predicted to {error:.2g} µm (RMS)"
+            else f"what was left out of the fit says {error:.2g} µm (RMS)"
         )
         yield FINDINGS.finding(
             "drift-beyond-tolerance",
@@ -332,13 +418,9 @@ def _of_program(
             f"the prediction is wrong: {known}. Largest errors are larger, most of all in pauses that no test has.",
             Where(channel=name), {"heldout_um": error},
             "record one run like the duty cycle and compare" + ("" if error else "; try --method modal as well"),
-            level="warning" if error is None or error > LARGE_ERROR * allowed_um else "info",
+            level="warning" if error is None or error > LARGE_ERROR * program.tolerance_um else "info",
         )  # fmt: skip
 
 
 def _at(values: Vector | None, r: int) -> float | None:
-    return None if values is None else _finite(values[r])
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if value is not None and np.isfinite(value) else None
+    return None if values is None or not np.isfinite(values[r]) else float(values[r])

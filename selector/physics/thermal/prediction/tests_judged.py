@@ -42,28 +42,24 @@ class RepeatedTest:
 
 
 def modal_repeats(
-    tests: Sequence[ThermalTest], model: ModalModel, *, warm: Collection[str] = (), with_hall: bool = False
+    tests: Sequence[ThermalTest], model: ModalModel, *, warm: Collection[str] = ()
 ) -> tuple[RepeatedTest, ...]:
     """The tests as thermal modes repeat them: from rest and cold, each with a zero of its own.
 
-    What else was fitted to the tests is fitted here again, with the modes as they are: the state at the start of runs
-    that were `warm` then (their names), and the part of the hall temperature, if it drove the modes.
+    The state at the start of runs that were `warm` (their names) is fitted here again, with the modes as they are.
     """
     data = mode_data(tests)
     cyclograms = [_cyclogram(data, run) for run in range(len(tests))]
-    taken = [_samples(test) for test in tests]
+    taken = [samples(test) for test in tests]
     plain = [
         model.displacement_um(_within(cyclogram, model.fastest_rpm), time)
         for cyclogram, (time, _) in zip(cyclograms, taken, strict=True)
     ]
     columns = []
-    for run, (cyclogram, (time, _)) in enumerate(zip(cyclograms, taken, strict=True)):
-        own = [np.ones(len(time))]
-        if tests[run].run in warm:
-            own += list(_fading(model, _within(cyclogram, model.fastest_rpm), time).T)
-        shared = _hall_states(data, run, cyclogram, model.tau_s, time) if with_hall else np.zeros((len(time), 0))
-        columns.append((np.column_stack(own), shared))
-    fitted = _fitted([m - p for (_, m), p in zip(taken, plain, strict=True)], columns)
+    for test, cyclogram, (time, _) in zip(tests, cyclograms, taken, strict=True):
+        fading = [_fading(model, _within(cyclogram, model.fastest_rpm), time)] if test.run in warm else []
+        columns.append(np.hstack([np.ones((len(time), 1)), *fading]))
+    fitted = [fitted_um(m - p, own) for (_, m), p, own in zip(taken, plain, columns, strict=True)]
     return tuple(
         RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest)
         for test, cyclogram, (time, measured), first, rest in zip(tests, cyclograms, taken, plain, fitted, strict=True)
@@ -79,19 +75,19 @@ def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteris
     repeats = []
     for run, test in enumerate(tests):
         cyclogram = _at_levels(_cyclogram(data, run), data)
-        time, measured = _samples(test)
+        time, measured = samples(test)
         if not (cyclogram.speed_rpm > 0).any():
             continue
         try:
             first = piecewise_displacement_um(curves, cyclogram, time)[0]
         except InputError:
             continue
-        rest = _fitted([measured - first], [(np.ones((len(time), 1)), np.zeros((len(time), 0)))])[0]
+        rest = fitted_um(measured - first, np.ones((len(time), 1)))
         repeats.append(RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest))
     return tuple(repeats)
 
 
-def _samples(test: ThermalTest) -> tuple[Vector, Vector]:
+def samples(test: ThermalTest) -> tuple[Vector, Vector]:
     """Times from the start and displacements where anything was read, thinned where there are very many."""
     read = np.flatnonzero(np.isfinite(test.displacement_um).any(axis=1))
     read = read[:: max(1, -(-len(read) // MOST_SAMPLES))]
@@ -138,40 +134,25 @@ def _fading(model: ModalModel, cyclogram: Cyclogram, time_s: Vector) -> Vector:
     return np.hstack([left(k) for k in range(modes)])
 
 
-def _hall_states(data: ModeData, run: int, cyclogram: Cyclogram, tau_s: Vector, time_s: Vector) -> Vector:
-    """The hall temperature as every mode follows it [K], shape (n_times, n_modes); films that grow are left out."""
-    if data.ambient_k is None:
-        return np.zeros((len(time_s), 0))
-    hall = data.ambient_k[slice(*data.bounds[run])]
-    at = np.clip(np.searchsorted(cyclogram.start_s, time_s, side="right") - 1, 0, None)
-    lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
-    entry = np.zeros((len(hall), len(tau_s)))
-    for i in range(1, len(hall)):
-        entry[i] = hall[i - 1] + (entry[i - 1] - hall[i - 1]) * np.exp(-lengths[i - 1] / tau_s)
-    since = (time_s - cyclogram.start_s[at])[:, None]
-    return np.asarray(hall[at, None] + (entry[at] - hall[at, None]) * np.exp(-since / tau_s))
+def fitted_um(rest_um: Vector, columns: Vector) -> Vector:
+    """What columns (n_times, n_columns) describe of the rest (n_times, n_responses) [µm], the smallest solution."""
+    answer = np.zeros(rest_um.shape)
+    for r, rest in enumerate(rest_um.T):
+        there = np.isfinite(rest)
+        answer[:, r] = columns @ np.linalg.lstsq(columns[there], rest[there], rcond=1e-8)[0]
+    return answer
 
 
-def _fitted(rest_um: Sequence[Vector], columns: Sequence[tuple[Vector, Vector]]) -> list[Vector]:
-    """What the columns of each run's own and those shared by all describe of the rest, run by run [µm]."""
-    answers = [np.zeros(rest.shape) for rest in rest_um]
-    for r in range(rest_um[0].shape[1]):
-        there = [np.isfinite(rest[:, r]) for rest in rest_um]
-        seen = [
-            (own[rows], shared[rows], rest[rows, r])
-            for (own, shared), rest, rows in zip(columns, rest_um, there, strict=True)
-        ]
-        design = np.vstack([shared - own @ _best(own, shared) for own, shared, _ in seen])
-        aim = np.concatenate([rest - own @ _best(own, rest) for own, _, rest in seen])
-        gains = _best(design, aim)
-        for answer, (own, shared), (own_seen, shared_seen, rest) in zip(answers, columns, seen, strict=True):
-            answer[:, r] = shared @ gains + own @ _best(own_seen, rest - shared_seen @ gains)
-    return answers
-
-
-def _best(design: Vector, aim: Vector) -> Vector:
-    """Least squares; the smallest solution where columns are alike."""
-    return np.asarray(np.linalg.lstsq(design, aim, rcond=1e-8)[0])
+def longer_than_tests(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
+    """A warning if the duty cycle is much longer than the longest test."""
+    longest = max(float(test.time_s[-1] - test.time_s[0]) for test in tests)
+    if cyclogram.end_s > 1.5 * longest:
+        yield FINDINGS.finding(
+            "longer-than-tests",
+            f"The duty cycle lasts {cyclogram.end_s / 3600:.3g} h, the longest test {longest / 3600:.3g} h: slower "
+            "parts of the warming than the tests could show are not in the prediction.",
+            Where(), {"cycle_s": cyclogram.end_s, "longest_test_s": longest},
+        )  # fmt: skip
 
 
 LEAST_UM = 1e-3

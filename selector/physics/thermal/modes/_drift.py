@@ -1,0 +1,66 @@
+"""Readings with white noise upon a slow random walk, made independent of each other (compiled)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from selector.types import Vector
+
+UNKNOWN_UM = 1e4
+"""Standard deviation of a zero that nothing is known of [µm]."""
+
+
+def _whitened_loop(
+    values: Vector,
+    time_s: Vector,
+    variance: Vector,
+    walk: float,
+    ripple: float,
+    ripple_s: float,
+    first: NDArray[np.bool_],
+) -> tuple[Vector, float]:
+    """Values (n, n_columns) less what the rows before predict, per standard deviation, and the sum of its logarithms.
+
+    Every run begins (`first`) with an unknown zero, which then walks by `walk` [µm²/s]. Upon it is a ripple of variance
+    `ripple` [µm²] that forgets itself within `ripple_s` [s], and white noise of `variance` (n,) [µm²]; where that is
+    infinite the row tells nothing and becomes 0. A Kalman filter of two states.
+    """
+    n, columns = values.shape
+    out = np.zeros((n, columns))
+    zero, wave = np.zeros(columns), np.zeros(columns)
+    a, b, c = 0.0, 0.0, 0.0  # covariance of zero and ripple: [[a, b], [b, c]]
+    logs = 0.0
+    for i in range(n):
+        if first[i]:
+            zero[:] = 0.0
+            wave[:] = 0.0
+            a, b, c = UNKNOWN_UM**2, 0.0, ripple
+        else:
+            since = time_s[i] - time_s[i - 1]
+            kept = np.exp(-since / ripple_s)
+            a += walk * since
+            b *= kept
+            c = ripple + (c - ripple) * kept * kept
+            for j in range(columns):
+                wave[j] *= kept
+        if np.isfinite(variance[i]):
+            total = a + 2.0 * b + c + variance[i]
+            gain, other, scale = (a + b) / total, (b + c) / total, 1.0 / np.sqrt(total)
+            for j in range(columns):
+                ahead = values[i, j] - zero[j] - wave[j]
+                out[i, j] = ahead * scale
+                zero[j] += gain * ahead
+                wave[j] += other * ahead
+            ab, bc = a + b, b + c
+            a -= gain * ab
+            b -= gain * bc
+            c -= other * bc
+            logs += 0.5 * np.log(total)
+    return out, logs
+
+
+whitened: Callable[..., tuple[Vector, float]] = njit(cache=True)(_whitened_loop)

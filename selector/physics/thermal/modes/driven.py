@@ -1,0 +1,369 @@
+"""Thermal modes that speed and hall drive, upon a drift that nobody measured: fit, left-out tests, what to expect.
+
+For recordings in which the hall moves the machine, and for long ones in which it never begins cold.
+
+What is recorded of one response is y = Φ·c + w(t) + v(t) + e: Φ the states of the modes, which are carried through
+the whole run; c their gains per term of the speed law and per kelvin of each hall temperature, and the state at the
+start of every run; w a random walk that begins at an unknown zero; v a ripple (a cooler that switches); e white. Gains
+and starts are normal about 0, with standard deviations that are learnt, as are those of w, v and e, by maximum marginal
+likelihood (Rasmussen, Williams, Gaussian Processes for Machine Learning, 2006, eq. 5.8); time constants and exponents
+maximise the sum over the responses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from selector.physics.thermal.modes._drift import whitened
+from selector.physics.thermal.modes.fit import (
+    USUAL_EXPONENT,
+    USUAL_FILM_EXPONENT,
+    Law,
+    ModeSpec,
+    columns,
+    expectations,
+    limits,
+)
+from selector.physics.thermal.modes.thermal_test import ModeData
+from selector.types import Vector
+
+Rows = NDArray[np.bool_]
+MOST_MODES, MOST_WITH_FILM = 6, 4
+LAWS: tuple[Law, ...] = ("powers", "turning-squares")
+"""A mixture of two sources; what runs at any speed (pumps, axes), dry and viscous friction."""
+LOOSE = 1.2
+"""A standard error of log τ above this is no bound: the interval spans more than a factor of 100."""
+_STEP = 0.02
+COST = 2.0
+"""What a searched parameter has to add to the logarithm of the likelihood: Akaike's 1, and once more."""
+FLATTEST = 0.25
+"""A likelihood that is flatter than this in a logarithm bounds nothing: half of what is expected within e²."""
+APART = 2.2
+"""Neighbouring time constants have at least this ratio: a walk and a ripple leave no more to be told."""
+FURTHEST = 5.0
+"""Spreads stay within so many of the widths that are expected of them."""
+REST, SHORTEST_REST_S = 0.25, 1800.0
+PRIOR_TESTS = 2.0
+"""As many tests as expected are counted to those that were left out."""
+
+
+@dataclass(frozen=True)
+class DrivenFit:
+    """A fit, with what is known of its coefficients."""
+
+    spec: ModeSpec
+    theta: Vector  #: Logarithms of time constants [s], then exponents
+    #: (n_responses, 7): Logarithms of the standard deviations of gains [µm], per kelvin [µm/K], starts [µm],
+    #: of the walk [µm/√s], the rows and the ripple [µm]; and of the time in which this forgets itself [s]
+    spreads: Vector
+    coefficients: Vector  #: (n_columns, n_responses): Most likely ones
+    covariance: Vector  #: (n_responses, n_columns, n_columns): Their covariance
+    loss: float  #: Negative logarithm of the marginal likelihood, with what is expected of exponents
+
+    @property
+    def tau_s(self) -> Vector:
+        """Time constants [s]."""
+        return np.exp(self.theta[: self.spec.n_modes])
+
+
+def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, NDArray[np.int64]]:
+    """Columns (n_blocks, n_columns), and of which kind each is: 0 speed, 1 hall, 2 start of a run."""
+    states, left = columns(spec, data, theta)
+    halls = data.ambient_k.shape[1] if spec.with_hall and data.ambient_k is not None else 0
+    terms = states.shape[2] - halls
+    starts = []
+    for begin, end in data.bounds:
+        own = np.zeros_like(left)
+        own[begin:end] = left[begin:end]
+        starts.append(own)
+    parts = [states[:, :, :terms].reshape(len(states), -1), states[:, :, terms:].reshape(len(states), -1), *starts]
+    kinds = np.repeat([0, 1, *[2] * len(starts)], [part.shape[1] for part in parts])
+    return np.hstack(parts), kinds
+
+
+def _loss(
+    values: Vector, kinds: NDArray[np.int64], spreads: Vector, data: ModeData, r: int, there: Rows
+) -> tuple[float, Vector, Vector]:
+    """Negative log marginal likelihood of one response, its most likely coefficients, and a root of their precision.
+
+    `values` (n_blocks, n_columns + 1): columns, then the response.
+    """
+    gain = np.exp(spreads[kinds])
+    white = np.exp(2.0 * spreads[4]) + data.noise_um[r] ** 2 / np.maximum(data.counts[:, r], 1.0)
+    known = there & (data.counts[:, r] > 0)
+    rows, logs = whitened(
+        values,
+        data.middle_s,
+        np.where(known, white, np.inf),
+        *np.exp([2.0 * spreads[3], 2.0 * spreads[5], spreads[6]]),
+        data.first,
+    )
+    scaled, aim = rows[:, :-1] * gain, rows[:, -1]
+    precision = scaled.T @ scaled + np.eye(len(gain))
+    root = np.linalg.cholesky(precision)
+    half = np.linalg.solve(root, scaled.T @ aim)
+    most_likely = np.linalg.solve(root.T, half)
+    loss = logs + float(np.log(np.diag(root)).sum()) + 0.5 * float(aim @ aim - half @ half)
+    return loss, most_likely * gain, root / gain[:, None]
+
+
+def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
+    """Bounds of the searched parameters; what is slower than half of a run is the walk's."""
+    low, high = limits(spec, data)
+    high[: spec.n_modes] = np.log(data.longest_s / 2.0)
+    return low, high
+
+
+def _expectations(spec: ModeSpec, theta: Vector) -> Vector:
+    """What is known without the tests: as for other modes, and that they are further apart."""
+    gap = np.diff(np.sort(theta[: spec.n_modes])) - np.log(APART)
+    return np.r_[expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)]
+
+
+def _spreads(values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, there: Rows, start: Vector) -> Vector:
+    """The spreads of one response that make its readings most likely; each is expected within factors of e² or so."""
+    span = max(float(np.ptp(data.displacement_um[there & (data.counts[:, r] > 0), r])), 1e-6)
+    usual = np.log([span, 0.3 * span, 0.3 * span, 0.003 * span / 60.0, 0.01 * span, 0.03 * span, 1200.0])
+    width = np.array([1.5, 1.5, 1.5, 1.5, 2.0, 1.5, 1.0])
+
+    def lost(spreads: Vector) -> float:
+        far = (spreads - usual) / width
+        return _loss(values, kinds, spreads, data, r, there)[0] + 0.5 * float(far @ far)
+
+    low, high = usual - FURTHEST * width, usual + FURTHEST * width
+    begin = usual if not np.isfinite(start).all() else np.clip(start, low, high)
+    bounds = list(zip(low, high, strict=True))
+    return np.asarray(minimize(lost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}).x)
+
+
+def fitted(
+    spec: ModeSpec,
+    data: ModeData,
+    theta: Vector,
+    *,
+    there: Rows | None = None,
+    spreads: Vector | None = None,
+    rounds: int = 3,
+) -> DrivenFit:
+    """Time constants, exponents and spreads in turn, from these on; `there` (n_blocks,) are rows that may be seen."""
+    seen = np.ones(len(data.speed_rpm), np.bool_) if there is None else there
+    responses = range(data.displacement_um.shape[1])
+    known = np.full((len(responses), 7), np.nan) if spreads is None else spreads.copy()
+    low, high = _limits(spec, data)
+
+    def filled(at: Vector) -> tuple[list[Vector], NDArray[np.int64]]:
+        phi, kinds = design(spec, data, at)
+        return [np.column_stack([phi, data.displacement_um[:, r]]) for r in responses], kinds
+
+    def lost(at: Vector) -> float:
+        values, kinds = filled(at)
+        far = _expectations(spec, at)
+        return sum(_loss(values[r], kinds, known[r], data, r, seen)[0] for r in responses) + 0.5 * float(far @ far)
+
+    theta = np.clip(theta, low + 1e-6, high - 1e-6)
+    for _ in range(rounds):
+        values, kinds = filled(theta)
+        known = np.array([_spreads(values[r], kinds, data, r, seen, known[r]) for r in responses])
+        bounds = list(zip(low, high, strict=True))
+        theta = minimize(lost, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-4}).x
+    values, kinds = filled(theta)
+    found = [_loss(values[r], kinds, known[r], data, r, seen) for r in responses]
+    inverses = [np.linalg.inv(root) for _, _, root in found]
+    coefficients = np.column_stack([most_likely for _, most_likely, _ in found])
+    covariance = np.array([inverse.T @ inverse for inverse in inverses])
+    return DrivenFit(spec, theta, known, coefficients, covariance, lost(theta))
+
+
+def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
+    """The best fit, and what else might be true: another law of the speed, convection that grows or does not.
+
+    The law is taken with three modes, then the number of modes with that law, then whether convection grows. The
+    likelihood decides, less `COST` for every parameter that is searched.
+    """
+    laws = LAWS if len(data.levels_rpm) > 2 else LAWS[:1]
+    plain, *other = sorted((_of_size(ModeSpec(3, law, with_hall=with_hall), data) for law in laws), key=_worth)
+    plain = _climbed(plain, lambda size: _of_size(replace(plain.spec, n_modes=size), data), MOST_MODES)
+
+    def with_film(size: int) -> DrivenFit:
+        return _with_film(_of_size(replace(plain.spec, n_modes=size), data), data)
+
+    film = _climbed(with_film(min(plain.spec.n_modes, MOST_WITH_FILM)), with_film, MOST_WITH_FILM)
+    return tuple(sorted((plain, film, *other), key=_worth))
+
+
+def _climbed(best: DrivenFit, of_size: Callable[[int], DrivenFit], most: int) -> DrivenFit:
+    """The fit with fewer or more modes than this one, as long as each is better than the one before."""
+    for direction in (-1, 1):
+        while 0 < (size := best.spec.n_modes + direction) <= most:
+            other = of_size(size)
+            if _worth(other) >= _worth(best):
+                break
+            best = other
+    return best
+
+
+def _with_film(fit: DrivenFit, data: ModeData) -> DrivenFit:
+    """The fit with a film that grows with the speed, from films that act on all modes alike or on every other."""
+    modes = fit.spec.n_modes
+    starts = [
+        np.r_[fit.theta, 0.7 * np.resize(signs, modes), np.zeros(modes - 1), USUAL_FILM_EXPONENT[0]]
+        for signs in ([1.0, 1.0], [1.0, -1.0])[: 2 if modes > 1 else 1]
+    ]
+    spec = replace(fit.spec, film="growing")
+    return min((fitted(spec, data, start, spreads=fit.spreads) for start in starts), key=lambda one: one.loss)
+
+
+def _worth(fit: DrivenFit) -> float:
+    return fit.loss + COST * fit.spec.n_searched
+
+
+def _of_size(spec: ModeSpec, data: ModeData) -> DrivenFit:
+    spread = np.linspace(
+        np.log(max(5.0 * data.period_s, data.longest_s / 500.0)), np.log(data.longest_s / 7.0), spec.n_modes
+    )
+    return fitted(spec, data, np.r_[spread, np.full(spec.n_powers, USUAL_EXPONENT[0])])
+
+
+def tau_intervals(fit: DrivenFit, data: ModeData) -> tuple[Vector, Vector]:
+    """95 % intervals of the time constants [s] by the curvature of the likelihood; NaN where there is no bound."""
+    modes, n = fit.spec.n_modes, len(fit.theta)
+    phi_rows = range(data.displacement_um.shape[1])
+    seen = np.ones(len(data.speed_rpm), np.bool_)
+
+    def lost(theta: Vector) -> float:
+        phi, kinds = design(fit.spec, data, theta)
+        far = _expectations(fit.spec, theta)
+        losses = [
+            _loss(np.column_stack([phi, data.displacement_um[:, r]]), kinds, fit.spreads[r], data, r, seen)[0]
+            for r in phi_rows
+        ]
+        return sum(losses) + 0.5 * float(far @ far)
+
+    steps = _STEP * np.eye(n)
+    curvature = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            corners = [lost(fit.theta + a * steps[i] + b * steps[j]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            curvature[i, j] = curvature[j, i] = (corners[0] - corners[1] - corners[2] + corners[3]) / (4.0 * _STEP**2)
+    value, vector = np.linalg.eigh(curvature)
+    # a direction without curvature is one that the tests say nothing about
+    variance = (vector**2 / np.maximum(value, FLATTEST)).sum(axis=1)[:modes]
+    low, high = _limits(fit.spec, data)
+    error = np.sqrt(variance)
+    inside = (fit.theta[:modes] > low[:modes] + 0.01) & (fit.theta[:modes] < high[:modes] - 0.01)
+    error[(error > LOOSE) | ~inside] = np.nan
+    return fit.tau_s * np.exp(-1.96 * error), fit.tau_s * np.exp(1.96 * error)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A test: a part of a run that begins when the spindle has rested."""
+
+    run: int  #: Position of the run
+    begin: int  #: begin and end: First block, and the one behind the last
+    end: int
+    from_s: float  #: from_s and to_s: Where in its run it is [s]
+    to_s: float
+
+
+def parts_of(data: ModeData) -> tuple[Part, ...]:
+    """The tests of all runs: one begins where the spindle turns again after a rest worth the name.
+
+    A rest counts that lasts at least `REST` of the time since the test began; so breaks of an intermittent duty cycle
+    do not cut it, and a record of days is cut at every warming after a cooling.
+    """
+    found = []
+    still = data.speed_rpm < 0.01 * data.fastest_rpm
+    length = data.before_s + data.after_s
+    for run, (begin, end) in enumerate(data.bounds):
+        edges = np.r_[0.0, np.cumsum(length[begin:end])]
+        cuts, rested, turned = [begin], 0.0, False
+        for i in range(begin, end):
+            if still[i]:
+                rested += length[i]
+                continue
+            since = edges[i - begin] - edges[cuts[-1] - begin]
+            if turned and rested >= max(REST * since, SHORTEST_REST_S):
+                # the last block at rest is the zero of the test
+                cuts.append(i - 1)
+                since = 0.0
+            rested, turned = 0.0, True
+        stops = [*cuts[1:], end]
+        found += [
+            Part(run, a, b, float(edges[a - begin]), float(edges[b - begin])) for a, b in zip(cuts, stops, strict=True)
+        ]
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What tests that were left out say of the error, counted from their start as that of a duty cycle is."""
+
+    error_um: Vector  #: (n_parts, n_responses): Root mean square [µm]; NaN for tests that only others surround
+    expected_um: Vector  #: (n_parts, n_responses): What the fit without the test expected [µm]
+
+    @property
+    def factor(self) -> Vector:
+        """(n_responses,): Errors as multiples of what was expected; as few tests say little, they are drawn to 1."""
+        ratio = (self.error_um / self.expected_um) ** 2
+        known = np.isfinite(ratio).sum(axis=0)
+        return np.asarray(np.sqrt((np.nansum(ratio, axis=0) + PRIOR_TESTS) / (known + PRIOR_TESTS)))
+
+
+def left_out(fit: DrivenFit, data: ModeData, parts: Sequence[Part]) -> LeftOut:
+    """Every test predicted by a fit to the others, and again from every change of its speed on (composed duty cycles).
+
+    A test at the fastest speed alone is not counted, because nobody asks beyond it; nor is the first of a run, whose
+    state at the start only it can tell.
+    """
+    n_responses = data.displacement_um.shape[1]
+    error, expected = (np.full((len(parts), n_responses), np.nan) for _ in range(2))
+    for k, part in enumerate(parts):
+        rows = np.zeros(len(data.speed_rpm), np.bool_)
+        rows[part.begin : part.end] = True
+        rest = data.speed_rpm[~rows]
+        if not rest.size or rest.max() < 0.9 * data.speed_rpm[rows].max() or not (data.speed_rpm[rows] > 0).any():
+            continue
+        if not any(other.run == part.run and other.begin < part.begin for other in parts) and len(parts) > 3:
+            continue
+        without = fitted(fit.spec, data, fit.theta, there=~rows, spreads=fit.spreads, rounds=1)
+        phi, _ = design(fit.spec, data, without.theta)
+        squares, variances = [], []
+        for first in _beginnings(data, part):
+            at = slice(first, part.end)
+            there = data.counts[at] > 0
+            time = data.middle_s[at] - data.middle_s[first]
+            if not there[0].all() or len(time) < 5:
+                continue
+            weight = (data.before_s + data.after_s)[at][:, None] * there
+            moved = phi[at] - phi[first]
+            off = data.displacement_um[at] - data.displacement_um[first] - moved @ without.coefficients
+            squares.append((weight * off**2).sum(axis=0) / weight.sum(axis=0))
+            spread = expected_um(without, moved, time) ** 2
+            variances.append((weight * spread).sum(axis=0) / weight.sum(axis=0))
+        if squares:
+            error[k], expected[k] = np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(variances, axis=0))
+    return LeftOut(error, expected)
+
+
+def _beginnings(data: ModeData, part: Part) -> list[int]:
+    """Blocks at which the test, or another speed in it, begins."""
+    speed = data.speed_rpm[part.begin : part.end]
+    changed = 1 + np.flatnonzero(np.abs(np.diff(speed)) > 0.05 * data.fastest_rpm)
+    return [part.begin, *(part.begin + changed[1:] - 1).tolist()]
+
+
+def expected_um(fit: DrivenFit, moved: Vector, time_s: Vector) -> Vector:
+    """Standard deviation of what columns (n_times, n_columns) describe after so long [µm], (n_times, n_responses).
+
+    Of the coefficients, of the walk since time 0, and of the ripple then and now.
+    """
+    known = np.stack([np.einsum("ij,jk,ik->i", moved, one, moved) for one in fit.covariance], axis=1)
+    walk = np.exp(2.0 * fit.spreads[:, 3]) * time_s[:, None]
+    faded = 1.0 - np.exp(-time_s[:, None] / np.exp(fit.spreads[:, 6]))
+    return np.asarray(np.sqrt(np.maximum(known + walk + 2.0 * np.exp(2.0 * fit.spreads[:, 5]) * faded, 0.0)))

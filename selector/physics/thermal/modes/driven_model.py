@@ -1,0 +1,247 @@
+"""What driven modes say of a duty cycle: its course, what each mode gives to it, how sure it is, and of the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from selector.physics.thermal.modes.choice import hall_drives
+from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.driven import (
+    DrivenFit,
+    LeftOut,
+    Part,
+    chosen,
+    design,
+    expected_um,
+    left_out,
+    parts_of,
+    tau_intervals,
+)
+from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
+from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
+from selector.types import Vector
+
+Entry = tuple[Vector, Vector]
+"""The states (n_modes, n_inputs), and what is left of a start (n_modes,)."""
+LEAST_HALL_K = 0.1
+"""A hall that moves by less drives nothing that could be seen."""
+
+
+@dataclass(frozen=True)
+class DrivenModel:
+    """Modes that speed and hall drive, with the tests that taught them."""
+
+    #: tests, responses, data, parts and fit: The runs; what is predicted; blocks; tests in the runs; the fit
+    tests: tuple[ThermalTest, ...]
+    responses: tuple[str, ...]
+    data: ModeData
+    parts: tuple[Part, ...]
+    fit: DrivenFit
+    tau_low_s: Vector  #: tau_low_s and tau_high_s: (n_modes,): 95 % intervals [s]; NaN where there is no bound
+    tau_high_s: Vector
+    unseen: LeftOut  #: Errors of tests that were left out
+    others: tuple[DrivenFit, ...] = ()  #: What else might be true: how far it is from this is part of the error
+
+    @property
+    def ambients(self) -> tuple[str, ...]:
+        """Names of the hall temperatures that drive the modes."""
+        return self.tests[0].ambients if self.fit.spec.with_hall else ()
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """A name for every test: that of its run, with a number where a run has several."""
+        counts = [sum(one.run == part.run for one in self.parts) for part in self.parts]
+        numbers = [sum(one.run == part.run for one in self.parts[: k + 1]) for k, part in enumerate(self.parts)]
+        return tuple(
+            self.tests[part.run].run + (f" test {number}" if count > 1 else "")
+            for part, count, number in zip(self.parts, counts, numbers, strict=True)
+        )
+
+    @property
+    def heldout_um(self) -> Vector | None:
+        """(n_responses,): RMS error of left-out tests from their start [µm]; None if none can be judged."""
+        error = self.unseen.error_um
+        return np.sqrt(np.nanmean(error**2, axis=0)) if np.isfinite(error).any() else None
+
+    @property
+    def residual_um(self) -> Vector:
+        """(n_responses,): What modes and walk leave of the blocks [µm], root mean square."""
+        phi, _ = design(self.fit.spec, self.data, self.fit.theta)
+        off = self.data.displacement_um - phi @ self.fit.coefficients
+        squares, count = np.zeros(off.shape[1]), np.zeros(off.shape[1])
+        for part in self.parts:
+            at = slice(part.begin, part.end)
+            weight = self.data.counts[at]
+            mean = (weight * off[at]).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0)
+            squares += (weight * (off[at] - mean) ** 2).sum(axis=0)
+            count += weight.sum(axis=0)
+        return np.asarray(np.sqrt(squares / np.maximum(count, 1.0)))
+
+    def moved(self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool) -> Vector:
+        """Columns (n_times, n_columns) of the fit in a duty cycle, less those at its beginning.
+
+        It begins in equilibrium with the hall, or `follows` the last run. Without a course the hall stays as it is.
+
+        Raises InputError if a speed is outside the tests.
+        """
+        require_tested(cyclogram.speed_rpm, self.data.fastest_rpm)
+        run, entry = None, None
+        if follows:
+            run = len(self.tests) - 1
+            course, before = self._hall(run), self.cyclogram_of(run)
+            _, entry = self._courses(before, np.zeros(0), course, run, None)
+            if hall is None and course is not None:
+                hall = AmbientCourse.constant(course.ambient_degc[-1])
+        columns, _ = self._courses(cyclogram, np.r_[0.0, np.asarray(time_s, dtype=np.float64)], hall, run, entry)
+        return np.asarray(columns[1:] - columns[0])
+
+    @property
+    def mode_of(self) -> NDArray[np.int64]:
+        """(n_columns,): The mode to which each column belongs, by increasing time constants."""
+        modes = np.argsort(np.argsort(self.fit.theta[: self.fit.spec.n_modes]))
+        parts = (np.repeat(modes, self.law.size), np.repeat(modes, len(self.ambients)))
+        return np.concatenate([*parts, np.tile(modes, len(self.tests))])
+
+    @property
+    def law(self) -> SpeedLaw:
+        """How heat depends on the speed."""
+        return self.fit.spec.speed_law(self.fit.theta, self.data)
+
+    def _courses(
+        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, run: int | None, entry: Entry | None
+    ) -> tuple[Vector, Entry]:
+        """Columns (n_times, n_columns) at times [s], and the state at the end of the duty cycle.
+
+        From rest, or from the `entry` that was left before; of a `run` with what is left of its start. The hall counts
+        from its temperature at the start of the run, without a run from its first one. Exact between changes of the
+        speed and knots of the hall: x' = −A(n)·x + b·u(t), with u straight there and A symmetric.
+        """
+        spec, theta, modes = self.fit.spec, self.fit.theta, self.fit.spec.n_modes
+        film, drive, exponent = spec.films(theta)
+        rate = np.exp(-theta[:modes])
+        known = self.data.ambient_start_degc
+        knots, halls = np.zeros(1), np.zeros((1, len(self.ambients)))
+        if self.ambients and hall is not None:
+            rest = hall.ambient_degc[0] if run is None or known is None else known[run]
+            knots, halls = hall.time_s, hall.ambient_degc - rest
+        edges = np.unique(np.r_[cyclogram.start_s, knots[knots < cyclogram.end_s], cyclogram.end_s])
+        terms = self.law.terms(cyclogram.speed_at(edges))
+        degrees = np.array([np.interp(edges, knots, one) for one in halls.T]).reshape(-1, len(edges)).T
+        share = (cyclogram.speed_at(edges) / self.data.fastest_rpm) ** exponent
+        state, left = entry or (np.zeros((modes, terms.shape[1] + degrees.shape[1])), np.ones(modes))
+        at = np.clip(np.searchsorted(edges, time_s, side="right") - 1, 0, len(edges) - 2)
+        states, starts = np.empty((len(time_s), *state.shape)), np.empty((len(time_s), modes))
+        for i, length in enumerate(np.diff(edges)):
+            value, vector = np.linalg.eigh(np.diag(rate) + share[i] * film)
+            level = np.r_[terms[i], degrees[i]]
+            slope = np.r_[np.zeros(terms.shape[1]), (degrees[i + 1] - degrees[i]) / length]
+            rows = np.flatnonzero(at == i)
+            since = np.r_[time_s[rows] - edges[i], length][:, None, None]
+            push = (vector.T @ (drive * rate))[:, None]
+            lag = push / value[:, None] * (level + slope * since - slope / value[:, None])
+            inward = vector.T @ state - lag[0] + push / value[:, None] * slope * since[0]
+            course = vector @ (lag + inward * np.exp(-since * value[:, None]))
+            faded = left * np.exp(-since[:, :, 0] * (rate + share[i] * np.diag(film)))
+            states[rows], state = course[:-1], course[-1]
+            starts[rows], left = faded[:-1], faded[-1]
+        of_runs = np.zeros((len(time_s), len(self.tests), modes))
+        if run is not None:
+            of_runs[:, run] = starts
+        size = terms.shape[1]
+        parts = (states[:, :, :size], states[:, :, size:], of_runs)
+        widths = [int(np.prod(part.shape[1:])) for part in parts]
+        columns = [part.reshape(len(time_s), width) for part, width in zip(parts, widths, strict=True)]
+        return np.hstack(columns), (state, left)
+
+    def cyclogram_of(self, run: int) -> Cyclogram:
+        """The speeds of a run."""
+        blocks = slice(*self.data.bounds[run])
+        ends = np.cumsum(self.data.before_s[blocks] + self.data.after_s[blocks])
+        speed = np.minimum(self.data.speed_rpm[blocks], self.data.fastest_rpm)
+        speed = np.where(speed < 0.01 * self.data.fastest_rpm, 0.0, speed)
+        return Cyclogram(np.r_[0.0, ends[:-1]], speed, float(ends[-1]))
+
+    def _hall(self, run: int) -> AmbientCourse | None:
+        """The recorded hall, block by block."""
+        if not self.ambients or self.data.ambient_k is None or self.data.ambient_start_degc is None:
+            return None
+        blocks = slice(*self.data.bounds[run])
+        degc = self.data.ambient_k[blocks] + self.data.ambient_start_degc[run]
+        return AmbientCourse(np.r_[0.0, self.data.middle_s[blocks][1:]], degc)
+
+    def displacement_um(
+        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool
+    ) -> Vector:
+        """Displacements from the start of the duty cycle [µm], (n_times, n_responses)."""
+        return np.asarray(self.moved(cyclogram, time_s, hall, follows=follows) @ self.fit.coefficients)
+
+    def error_um(self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool) -> Vector:
+        """Standard deviation of the error [µm], (n_times, n_responses).
+
+        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
+        how far other laws of the speed, and convection that grows or does not, are from this course.
+        """
+        time = np.asarray(time_s, dtype=np.float64)
+        moved = self.moved(cyclogram, time, hall, follows=follows)
+        squares = (expected_um(self.fit, moved, time) * self.unseen.factor) ** 2
+        here = moved @ self.fit.coefficients
+        for other in self.others:
+            there = replace(self, fit=other, others=()).displacement_um(cyclogram, time, hall, follows=follows)
+            squares += (there - here) ** 2 / (len(self.others) + 1)
+        return np.asarray(np.sqrt(squares))
+
+    def mode_displacement_um(
+        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool
+    ) -> Vector:
+        """What each mode contributes [µm], (n_times, n_modes, n_responses)."""
+        moved = self.moved(cyclogram, time_s, hall, follows=follows)
+        return np.stack(
+            [
+                moved[:, self.mode_of == k] @ self.fit.coefficients[self.mode_of == k]
+                for k in range(len(self.fit.tau_s))
+            ],
+            axis=1,
+        )
+
+    def course_of(self, part: Part, time_s: Vector) -> Vector:
+        """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""
+        cyclogram = self.cyclogram_of(part.run)
+        inside = np.minimum(time_s, cyclogram.end_s)
+        columns, _ = self._courses(cyclogram, inside, self._hall(part.run), part.run, None)
+        return np.asarray(columns @ self.fit.coefficients)
+
+    def last_ambient_degc(self) -> Vector:
+        """(n_halls,): Temperatures around the machine at the end of the tests [°C]; NaN where nothing drives."""
+        course = self._hall(len(self.tests) - 1)
+        return np.full(len(self.ambients), np.nan) if course is None else np.asarray(course.ambient_degc[-1])
+
+    def walk_um(self, time_s: float) -> Vector:
+        """(n_responses,): Standard deviation of the drift that nobody measured, after so long [µm]."""
+        return np.asarray(np.exp(self.fit.spreads[:, 3]) * np.sqrt(time_s))
+
+
+def driven_model(
+    tests: Sequence[ThermalTest], responses: Sequence[str], *, whatever: bool = False
+) -> DrivenModel | None:
+    """The model of recordings in which the hall moves the machine, or a run is several tests; `whatever`: of any.
+
+    None where the hall is constant and every run one test: `choose_modes` is for them.
+
+    Raises InputError if the tests cannot be used: none, none that turns, too few samples.
+    """
+    data = mode_data(tests)
+    parts = parts_of(data)
+    moves = data.ambient_k is not None and float(np.ptp(data.ambient_k, axis=0).max()) > LEAST_HALL_K
+    if not whatever and len(parts) == len(tests) and not (moves and hall_drives(data)):
+        return None
+    with threadpool_limits(1, "blas"):
+        fit, *others = chosen(data, with_hall=moves)
+        order = np.argsort(fit.tau_s)
+        low, high = (bound[order] for bound in tau_intervals(fit, data))
+        unseen = left_out(fit, data, parts)
+    return DrivenModel(tuple(tests), tuple(responses), data, parts, fit, low, high, unseen, tuple(others))

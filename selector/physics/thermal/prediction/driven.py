@@ -1,0 +1,157 @@
+"""A duty cycle by modes that speed and hall drive: how it begins, which hall it has, and what is told of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from selector.findings import Finding, Where
+from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.modes.cyclogram import AmbientCourse
+from selector.physics.thermal.modes.driven_model import DrivenModel
+from selector.physics.thermal.modes.findings import loose_findings
+from selector.physics.thermal.prediction.answer import Answer, Asked, Start, modes_of
+from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
+from selector.types import Vector
+
+WORTH_TELLING = 0.3
+"""Share of the claimed error from which on a difference is worth a warning."""
+
+
+def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
+    """What the model says of the duty cycle that is asked."""
+    usual: Start = "tests" if len(model.tests) == 1 and len(model.parts) > 1 else "cold"
+    start = ask.start or usual
+    follows, cycle, hall = start == "tests", ask.cyclogram, _hall(model, ask)
+    heldout = model.heldout_um
+    names = model.part_names
+    return Answer(
+        course=lambda time: model.displacement_um(cycle, time, hall, follows=follows),
+        findings=tuple(_findings(model, ask, hall, start)),
+        repeats=_repeats(model),
+        modes=modes_of(np.sort(model.fit.tau_s), model.tau_low_s, model.tau_high_s),
+        mode_course=lambda time: model.mode_displacement_um(cycle, time, hall, follows=follows),
+        residual_um=model.residual_um,
+        heldout_um=heldout,
+        error_um=lambda time: (np.nan if heldout is None else 1.0) * model.error_um(cycle, time, hall, follows=follows),
+        left_out_um={
+            name: errors for name, errors in zip(names, model.unseen.error_um, strict=True) if np.isfinite(errors).any()
+        },
+        start=start,
+        ambients=model.ambients,
+    )
+
+
+def _hall(model: DrivenModel, ask: Asked) -> AmbientCourse | None:
+    """The temperatures that drive the modes, each from the duty cycle, or as it was at the end of the tests."""
+    if not model.ambients or ask.hall is None or not set(ask.hall.names) & set(model.ambients):
+        return None
+    last = model.last_ambient_degc()
+    courses = [
+        ask.hall.ambient_degc[:, ask.hall.names.index(name)]
+        if name in ask.hall.names
+        else np.full(len(ask.hall.time_s), last[k])
+        for k, name in enumerate(model.ambients)
+    ]
+    return AmbientCourse(ask.hall.time_s, np.column_stack(courses), model.ambients)
+
+
+def _repeats(model: DrivenModel) -> tuple[RepeatedTest, ...]:
+    """Every test from the state in which it began, with a zero of its own."""
+    repeats = []
+    for part, name in zip(model.parts, model.part_names, strict=True):
+        time, measured = samples(model.tests[part.run])
+        rows = (time >= part.from_s) & (time < part.to_s)
+        course = model.course_of(part, time[rows])
+        zero = fitted_um(measured[rows] - course, np.ones((int(rows.sum()), 1)))
+        speed = model.cyclogram_of(part.run).speed_at(time[rows])
+        repeats.append(RepeatedTest(name, time[rows] - part.from_s, speed, measured[rows], course + zero))
+    return tuple(repeats)
+
+
+def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start: Start) -> Iterator[Finding]:
+    cycle, fit = ask.cyclogram, model.fit
+    yield from _of_tests(model)
+    yield from loose_findings(np.sort(fit.tau_s), model.data, model.tau_low_s, model.tau_high_s)
+    yield from longer_than_tests(ask.tests, cycle)
+    time = np.linspace(0.0, cycle.end_s, 200)
+    claims = model.error_um(cycle, time, hall, follows=start == "tests")
+    other = model.displacement_um(cycle, time, hall, follows=start != "tests")
+    differs = _rms(other - model.displacement_um(cycle, time, hall, follows=start == "tests"))
+    begins = {"tests": "where the tests end", "cold": "at rest and in equilibrium with the hall"}
+    told = ask.listed(differs)
+    yield FINDINGS.finding(
+        "start-of-the-duty-cycle",
+        f"The duty cycle is taken to begin {begins[start]}. If it began "
+        f"{begins['cold' if start == 'tests' else 'tests']}, the course would differ by {told} (root mean square).",
+        evidence={"start": start, "difference_um": differs.tolist()},
+        suggestion=f"If that is wrong, give --start {'cold' if start == 'tests' else 'tests'}.",
+        level="warning" if ask.start is None and (differs > WORTH_TELLING * _rms(claims)).any() else "info",
+    )
+    if model.ambients:
+        yield from _of_hall(model, ask, hall)
+    if fit.spec.film == "growing":
+        growth = float(np.trace(np.diag(fit.tau_s) @ fit.spec.films(fit.theta)[0]))
+        yield FINDINGS.finding(
+            "cooling-grows-with-speed",
+            "The machine cools better while the spindle turns; the time constants given are of the standing spindle.",
+            evidence={"growth_at_fastest": round(growth, 3), "exponent": round(fit.spec.films(fit.theta)[2], 2)},
+            suggestion="",
+        )
+    drift = model.walk_um(cycle.end_s)
+    yield FINDINGS.finding(
+        "unmeasured-drift",
+        "Something that nobody measured moves the displacements slowly: by "
+        + ask.listed(model.walk_um(3600.0))
+        + f" in an hour, and by {ask.listed(drift)} over the duty cycle (standard deviation of a random walk). "
+        "No time constant was made of it, and no prediction can contain it; it is part of the claimed error.",
+        evidence={"um_in_an_hour": model.walk_um(3600.0).tolist(), "um_over_the_cycle": drift.tolist()},
+        level="warning" if (drift > WORTH_TELLING * _rms(claims)).any() else "info",
+    )
+    if model.heldout_um is None:
+        yield FINDINGS.finding(
+            "claimed-error-unknown",
+            f"{len(model.parts)} test{'s' * (len(model.parts) > 1)}: none can be left out and predicted by the others, "
+            "so no error is claimed.",
+        )
+
+
+def _of_tests(model: DrivenModel) -> Iterator[Finding]:
+    for run, test in enumerate(model.tests):
+        cuts = [part.from_s for part in model.parts if part.run == run]
+        if len(cuts) > 1:
+            hours = ", ".join(f"{cut / 3600:.3g}" for cut in cuts)
+            yield FINDINGS.finding(
+                "record-cut-into-tests",
+                f"Run {test.run} is {len(cuts)} tests, which begin at {hours} h: where the spindle turned again after "
+                "a rest. The state of the machine is carried from one to the next.",
+                Where(run=test.run), {"from_s": cuts},
+            )  # fmt: skip
+
+
+def _of_hall(model: DrivenModel, ask: Asked, hall: AmbientCourse | None) -> Iterator[Finding]:
+    terms = model.law.size * model.fit.spec.n_modes
+    gains = model.fit.coefficients[terms:].reshape(-1, len(model.responses))
+    for k, name in enumerate(model.ambients):
+        here = gains[k : len(model.ambients) * model.fit.spec.n_modes : len(model.ambients)].sum(axis=0)
+        known = hall is not None and ask.hall is not None and name in ask.hall.names
+        yield FINDINGS.finding(
+            "hall-temperature-drives-displacement",
+            f"{name} moved during the tests and moves the displacements, in the end by "
+            + ask.listed(here)
+            + " for every kelvin"
+            + (
+                ". The duty cycle says how it moves."
+                if known
+                else ". The duty cycle does not say how it moves: it was taken to stay as it is at the beginning."
+            ),
+            Where(channel=name),
+            {"um_per_k": here.tolist()},
+            "" if known else f"add a column {name} with the temperature that is foreseen to the duty cycle",
+            level="info" if known else "warning",
+        )
+
+
+def _rms(values: Vector) -> Vector:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

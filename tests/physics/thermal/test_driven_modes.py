@@ -1,0 +1,204 @@
+"""Modes that speed and hall drive, on simulated machines whose law of the hall is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_triangular
+
+from selector.errors import InputError, OptionError
+from selector.physics.thermal.modes._drift import UNKNOWN_UM, _whitened_loop
+from selector.physics.thermal.modes.choice import choose_modes
+from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.driven_model import driven_model
+from selector.physics.thermal.modes.thermal_test import ThermalTest
+from selector.physics.thermal.prediction.prediction import predict
+from tests.physics.thermal.driven_machines import (
+    CYCLE,
+    FASTEST_RPM,
+    HALL_UM_PER_K,
+    TAU_S,
+    course_um,
+    hall_at,
+    long_record,
+    truth_after,
+)
+from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, random_bar, recorded
+
+PAIR = ("Z", "X")
+
+
+@pytest.fixture(scope="module")
+def record():
+    return long_record(np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def model(record):
+    return driven_model([record[0]], PAIR)
+
+
+@pytest.fixture(scope="module")
+def wandering():
+    test, end = long_record(np.random.default_rng(2), walk_um=0.5)
+    return driven_model([test], PAIR), end
+
+
+def ids(prediction):
+    return [finding.id for finding in prediction.findings]
+
+
+def test_a_long_record_is_cut_where_the_spindle_turns_after_a_rest(model):
+    assert model.part_names == tuple(f"days test {k}" for k in range(1, 6))
+    # each test begins with the last block at rest: of 10 min standing, blocks are below 12 min
+    assert [part.from_s for part in model.parts] == pytest.approx([k * 480 * 60 for k in range(5)], abs=1800)
+
+
+def test_breaks_of_an_intermittent_run_do_not_cut_it():
+    rng = np.random.default_rng(0)
+    machine = modal_machine((600, 5400), [[20, 10, 5], [30, -10, 15]], (1.2, 1.2))
+    breaks = Cyclogram.of_segments(*[(40.0, 2000.0), (20.0, 0.0)] * 6)
+    assert driven_model(recorded(machine, rng, 0.1, 60.0, {"a": breaks}), RESPONSES) is None
+
+
+def test_time_constants_and_the_law_of_the_hall_are_recovered(model):
+    assert len(model.fit.tau_s) == 2
+    # 95 % intervals, twice as wide: both of them miss once in 10 000 times
+    spread = np.log(model.tau_high_s / model.tau_low_s)
+    assert (np.abs(np.log(model.fit.tau_s / TAU_S)) < spread).all()
+    steady = AmbientCourse(np.array([0.0, 1.0]), np.array([[20.0], [21.0]]), ("hall",))
+    long = Cyclogram.of_segments((3000.0, 0.0))
+    moved = model.displacement_um(long, np.array([long.end_s]), steady, follows=False)[0]
+    # a kelvin for 50 h; gauges of 0.1 µm and 2400 samples under 4 K of hall leave below 1 % of 3 µm
+    np.testing.assert_allclose(moved, HALL_UM_PER_K.sum(axis=0), atol=0.05)
+
+
+def test_the_duty_cycle_after_the_record_is_predicted_from_its_state(record, model):
+    time, hall, true = truth_after(record[1])
+    found = model.displacement_um(CYCLE, time, hall, follows=True)
+    # 0.1 µm of noise on 20 µm; the law n^1.2 and both time constants are found
+    assert np.abs(found - true).max() < 0.1
+    cold = model.displacement_um(CYCLE, time, hall, follows=False)
+    assert np.abs(cold - true).max() > 2.0  # what is left of five tests
+    constant = model.displacement_um(CYCLE, time, None, follows=True)
+    assert np.abs(constant - true).max() > 0.5  # what the hall does in five hours
+
+
+def test_a_cold_duty_cycle_counts_from_equilibrium_with_its_hall(model):
+    time = np.arange(0.0, CYCLE.end_s + 1.0, 60.0)
+    degc = hall_at(time + 3e4)
+    true, _ = course_um(CYCLE, time, degc)
+    hall = AmbientCourse(time, degc[:, None], ("hall",))
+    assert np.abs(model.displacement_um(CYCLE, time, hall, follows=False) - true).max() < 0.2  # as above, and steps
+
+
+def test_modes_add_up_and_tests_are_repeated(record, model):
+    time = np.linspace(0.0, CYCLE.end_s, 50)
+    parts = model.mode_displacement_um(CYCLE, time, None, follows=True)
+    whole = model.displacement_um(CYCLE, time, None, follows=True)
+    np.testing.assert_allclose(parts.sum(axis=1), whole, atol=1e-9)  # roundings
+    prediction = predict([record[0]], PAIR, CYCLE)
+    assert [one.run for one in prediction.repeats] == list(model.part_names)
+    # noise of 0.1 µm, the hall held within blocks of 12 min, and blocks of the start
+    assert max(one.rmse_um.max() for one in prediction.repeats) < 0.2
+    assert prediction.start == "tests"
+    assert {"record-cut-into-tests", "start-of-the-duty-cycle", "unmeasured-drift"} <= set(ids(prediction))
+    assert "time-constant-unbounded" not in ids(prediction)
+    assert "run-begins-warm" not in ids(prediction)
+
+
+def test_slow_drift_is_told_and_makes_no_time_constant(wandering):
+    model, _ = wandering
+    # 40 h of a walk tell its size within 20 % if nothing else moved; the modes take their share
+    assert (np.abs(np.log(model.walk_um(3600.0) / 0.5)) < np.log(1.6)).all()
+    assert np.isfinite(model.tau_high_s).all()
+    assert (model.tau_low_s < TAU_S).all()
+    assert (model.tau_high_s > TAU_S).all()
+
+
+def test_the_claimed_error_is_that_of_unseen_duty_cycles(model, record, wandering):
+    ratios = []
+    for one, end in ((model, record[1]), wandering):
+        time, hall, true = truth_after(end)
+        found = one.displacement_um(CYCLE, time, hall, follows=True)
+        claimed = one.error_um(CYCLE, time, hall, follows=True)
+        ratios.append(np.sqrt(((found - true) ** 2).mean(axis=0) / (claimed**2).mean(axis=0)))
+    # the walk goes on in what was claimed, not in this truth: claims may be too large, never far too small
+    assert np.max(ratios) < 1.5
+
+
+def test_without_a_hall_and_long_runs_nothing_changes():
+    rng = np.random.default_rng(4)
+    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
+    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+    assert driven_model(tests, RESPONSES) is None
+    still = [replace(test, ambient_degc=np.full(len(test.time_s), 21.0), ambients=("hall",)) for test in tests]
+    assert driven_model(still, RESPONSES) is None
+    foreseen = AmbientCourse(np.zeros(1), np.array([[25.0]]), ("hall",))
+    cycle = Cyclogram.of_segments((60, 1000.0))
+    prediction = predict(still, RESPONSES, cycle, hall=foreseen)
+    model = choose_modes(still, RESPONSES).model
+    np.testing.assert_array_equal(prediction.displacement_um, model.displacement_um(cycle, prediction.time_s))
+    assert "ambient-not-used" in ids(prediction)
+
+
+def test_one_test_claims_nothing():
+    test, _ = long_record(np.random.default_rng(3))
+    first = test.time_s < 480 * 60
+    one = ThermalTest("one", test.time_s[first], test.speed_rpm[first], test.displacement_um[first], None)
+    prediction = predict([one], PAIR, Cyclogram.of_segments((60, 1500.0)), start="tests")
+    assert "claimed-error-unknown" in ids(prediction)
+    assert not np.isfinite(prediction.claimed_um).any()
+    assert prediction.as_dict()["accuracy"]["Z"]["claimed_um"] is None
+
+
+def test_temperatures_are_told_in_kelvin(record):
+    prediction = predict([record[0]], PAIR, CYCLE, temperatures=["X"], operations_s=[3600.0])
+    told = prediction.as_dict()
+    assert list(told["displacement_um"]) == ["Z"]
+    assert list(told["temperature_k"]) == ["X"]
+    assert {one["response"] for one in told["program"]} == {"Z"}
+    (drift,) = [finding for finding in prediction.findings if finding.id == "unmeasured-drift"]
+    assert " K in X" in drift.statement
+    assert " µm in Z" in drift.statement
+
+
+def test_what_cannot_be_used_is_refused(record):
+    with pytest.raises(InputError, match="fastest tested"):
+        predict([record[0]], PAIR, Cyclogram.of_segments((60, 1.1 * FASTEST_RPM)))
+    with pytest.raises(OptionError, match="begin warm"):
+        predict([record[0]], PAIR, CYCLE, method="piecewise", start="tests")
+
+
+def test_convection_that_grows_with_the_speed_is_followed():
+    rng = np.random.default_rng(6)
+    machine = random_bar(rng, film=1.0)
+    speeds = (800.0, 2000.0, 1250.0, 1600.0)
+    record = Cyclogram.of_segments(*[part for n in speeds for part in ((10.0, 0.0), (200.0, n), (300.0, 0.0))])
+    time, speed, states = machine.states(record, 60.0)
+    read = states @ machine.output.T + rng.normal(0.0, 0.1, (len(time), 3))
+    model = driven_model([ThermalTest("bar", time, speed, read)], RESPONSES)
+    assert model.fit.spec.film == "growing"
+    cycle = Cyclogram.of_segments((40, 1800.0), (20, 0.0), (60, 1000.0), (30, 0.0), (40, 2000.0))
+    time, _, true = machine.course(cycle, 60.0, states[-1])
+    found = model.displacement_um(cycle, np.minimum(time, cycle.end_s), None, follows=True)
+    # a continuum of modes by four at most: 2 % of 60 µm are asked for
+    assert np.abs(found - (true - true[0]))[:, 0].max() < 0.02 * 60.0
+
+
+def test_whitening_is_the_cholesky_factor_of_walk_ripple_and_noise():
+    rng = np.random.default_rng(5)
+    time = np.cumsum(rng.uniform(60.0, 900.0, 30))
+    variance = rng.uniform(0.01, 0.1, 30)
+    values = rng.standard_normal((30, 3))
+    first = np.arange(30) == 0
+    found, logs = _whitened_loop(values, time, variance, 1e-4, 0.3, 1200.0, first)
+    since = time - time[0]
+    covariance = UNKNOWN_UM**2 + 1e-4 * np.minimum.outer(since, since)
+    covariance += 0.3 * np.exp(-np.abs(np.subtract.outer(since, since)) / 1200.0) + np.diag(variance)
+    root = np.linalg.cholesky(covariance)
+    # an unknown zero of 1e8 µm² beside 0.01 µm²: ten of sixteen digits are its
+    np.testing.assert_allclose(found, solve_triangular(root, values, lower=True), atol=1e-4)
+    assert logs == pytest.approx(np.log(np.diag(root)).sum(), abs=1e-4)
