@@ -18,23 +18,12 @@ from selector.diagnosis.evidence.confirmation import confirmation, held_out_faul
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
-from selector.diagnosis.evidence.naming import (
-    input_fault_effect,
-    is_far_above_noise,
-    named_effect,
-    unit_of,
-    whole_record_effect,
-)
+from selector.diagnosis.evidence.naming import input_fault_effect, is_far_above_noise, named_effect, whole_record_effect
 from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, seen_only, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import Search, Standing, numbers, search, unseen_rms
-from selector.diagnosis.matching.usable import (
-    diagnosis_of_copy,
-    told_of_copies,
-    with_copies,
-    without_fitted_difference,
-)
+from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, unexplained
 from selector.diagnosis.mismatch.wandering import told_of_wandering
@@ -238,7 +227,7 @@ def _recalibrated(state: _State) -> _State:
             bench,
             numbers(found.named, name),
             _noise(bench, found, name),
-            unit_of(state.comparison, name),
+            state.comparison.channel(name).unit,
             seed=state.asked.seed,
         )
         for name, bench in found.benches.items()
@@ -357,7 +346,7 @@ def _fitted(state: _State) -> _State:
             state.comparison,
             bench,
             numbers(found.named, name),
-            unit_of(state.comparison, name),
+            state.comparison.channel(name).unit,
             recalibrate=is_improved or state.again[name].matters,
             seed=state.asked.seed,
             is_noise=found.misfit[name] == 1.0,
@@ -429,9 +418,9 @@ def _part(found: Search, effect: NamedEffect) -> float:
     """Mean square of an effect's course in parts of that of the mismatch beside recalibration, fitted rows."""
     parts = []
     for name, course in effect.courses.items():
-        rows = found.benches[name].fitted
-        alone = float(np.mean(found.benches[name].residual([])[rows] ** 2))
-        parts.append(float(np.var(course[rows])) / alone if alone > 0.0 else 0.0)
+        bench = found.benches[name]
+        alone = bench.mean_square([])
+        parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
     return max(parts)
 
 

@@ -18,6 +18,7 @@ from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.matching.repeats import rms
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
+from selector.diagnosis.shapes.signals import rise
 from selector.types import Vector
 
 _FALL = 3.84
@@ -128,11 +129,6 @@ _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
 
-def unit_of(comparison: Comparison, name: str) -> str:
-    """Unit of a response."""
-    return comparison.channel(name).unit
-
-
 def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The effect as the answer has it."""
     standing, by_response = found.standing[id_], found.named[id_]
@@ -217,11 +213,9 @@ def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
         if other == v:
             course = bench.raw(v) @ beta[first : first + width]
         first += width
-    rows = bench.fitted
-    alone = float(np.mean(bench.residual([])[rows] ** 2))
-    without = float(np.mean(bench.residual([other for other in named if other != v])[rows] ** 2))
-    with_it = float(np.mean(bench.residual(named)[rows] ** 2))
-    return course, (without - with_it) / alone if alone > 0.0 else 0.0
+    alone = bench.mean_square([])
+    fall = bench.mean_square([other for other in named if other != v]) - bench.mean_square(named)
+    return course, fall / alone if alone > 0.0 else 0.0
 
 
 def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
@@ -233,10 +227,10 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
     candidate = bench.candidates[v]
     scale = bench.scales[candidate.columns]
     shape, intervals = shape_intervals(bench, named, v)
-    risen = _since_start(comparison, course)[bench.fitted]
+    risen = rise(comparison, course, over_samples=1)[bench.fitted]
     return Fitted(
         response=response,
-        unit=unit_of(comparison, response),
+        unit=comparison.channel(response).unit,
         variant=replace(candidate.variant, shape=shape),
         coefficients=beta[here] / scale,
         standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
@@ -245,14 +239,6 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
         largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
         extremes=(float(risen.min()), float(risen.max())),
     )
-
-
-def _since_start(comparison: Comparison, course: Vector) -> Vector:
-    """A course less its value at the start of each run."""
-    result = np.array(course)
-    for _, rows in comparison.rows_of_runs():
-        result[rows] -= result[rows.start]
-    return result
 
 
 def whole_record_effect(
@@ -266,7 +252,7 @@ def whole_record_effect(
     effect = effect_of(id_)
     main = max(shown, key=lambda name: again[name].gain)
     word = shown[main]
-    value, unit = again[main].quantities[word], unit_of(comparison, main)
+    value, unit = again[main].quantities[word], comparison.channel(main).unit
     courses = {}
     for name in shown:
         bench = benches[name]

@@ -117,7 +117,7 @@ def _explained(comparison: Comparison, found: Search) -> Iterator[float]:
         named = numbers(found.named, name)
         if not named:
             continue
-        alone, left = (float(np.mean(bench.residual(of)[bench.fitted] ** 2)) for of in ([], named))
+        alone, left = bench.mean_square([]), bench.mean_square(named)
         above = alone - noise_floor(comparison, bench, named, is_noise=found.misfit[name] == 1.0) ** 2
         yield (alone - left) / above if above > 0.0 else 1.0
 

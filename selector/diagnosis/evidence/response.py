@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
 from selector.diagnosis.matching.repeats import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
@@ -141,24 +141,13 @@ class Bench:
         """The target behind the noise filter, fitted rows only; 0 where it is missing."""
         if self.pseudo_target is not None:
             return self.pseudo_target
-        return self._single(whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows])[:, 0]
-
-    @cached_property
-    def _whole_target(self) -> Vector:
-        result = np.zeros(len(self.target))
-        for part in self.parts:
-            seen = np.isfinite(self.target[part])
-            at = np.arange(part.stop - part.start)
-            result[part] = np.interp(at, at[seen], self.target[part][seen])
-        return result
+        whole = filled_rows(self.target, self.parts)[:, None]
+        return self._single(whitened(self.noise, whole, self.parts)[self.rows])[:, 0]
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
         """The fitted rows that have a past within their stretch."""
-        told = np.zeros(len(self.target), dtype=bool)
-        for part in self.parts:
-            told[part.start + len(self.noise.phi) : part.stop] = True
-        return np.flatnonzero(told & self.fitted)
+        return np.flatnonzero(with_past(self.noise, self.parts, len(self.target)) & self.fitted)
 
     @cached_property
     def blocks(self) -> list[slice]:
@@ -235,6 +224,10 @@ class Bench:
             return left
         return np.asarray(left - self.cycle.repeated(left[:, None], self.fitted)[:, 0])
 
+    def mean_square(self, named: Sequence[int]) -> float:
+        """Of the residual beside the candidates `named`, over the fitted rows [unit²]."""
+        return float(np.mean(self.residual(named)[self.fitted] ** 2))
+
     def quick(self, left: Vector) -> float:
         """Root mean square of third differences of what is left [unit]: of white noise its own; NaN in short parts.
 
@@ -250,12 +243,13 @@ class Bench:
     def white_residual(self, named: Sequence[int]) -> Vector:
         """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
         left = self.residual(named)
+        told = with_past(self.noise, self.parts, len(left)) & np.isfinite(left)
+        return np.where(told, self.white(left), np.nan)
+
+    def white(self, left: Vector) -> Vector:
+        """A course behind the noise filter, all rows; 0 where it is missing or has no past."""
         seen = np.isfinite(left)
-        result = whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0]
-        told = np.zeros(len(left), dtype=bool)
-        for part in self.parts:
-            told[part.start + len(self.noise.phi) : part.stop] = True
-        return np.where(told & seen, result, np.nan)
+        return whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0] * seen
 
     def refitted_noise(self, named: Sequence[int]) -> Bench:
         """The same with the noise that is left beside the candidates `named`."""

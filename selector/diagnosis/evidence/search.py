@@ -355,8 +355,7 @@ def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[
 def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
     """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better."""
     without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    alone = float(np.mean(bench.residual([])[bench.fitted] ** 2))
-    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * alone:
+    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * bench.mean_square([]):
         return False
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, Errors, Fit
-from selector.diagnosis.comparison import Comparison, read_only
+from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import BEYOND_MEASURE, FINDINGS, NOT_COMPARED
+from selector.diagnosis.matching.repeats import rms
 from selector.errors import InputError
 from selector.findings import Finding, Level, Where
 from selector.quality.break_codes import broken_sensors, out_of_range
@@ -72,7 +72,7 @@ def at_readings(comparison: Comparison) -> Comparison:
         else "diagnose the other responses by themselves, with --response, to use all their rows",
         level="info" if alone else "warning",
     )
-    thinned = _only(comparison, read)
+    thinned = comparison.only(read)
     return at_readings(dataclasses.replace(thinned, findings=(*thinned.findings, said)))
 
 
@@ -120,21 +120,6 @@ def _rows_between(comparison: Comparison, name: str) -> float:
 
 def _compared(comparison: Comparison, name: str) -> Mask:
     return np.asarray(np.isfinite(comparison.difference(name)), dtype=np.bool_)
-
-
-def _only(comparison: Comparison, kept: Mask) -> Comparison:
-    """The comparison with some of its rows; runs without any are gone."""
-    counts = [(run, int(kept[rows].sum())) for run, rows in comparison.rows_of_runs()]
-    counts = [(run, count) for run, count in counts if count]
-    return dataclasses.replace(
-        comparison,
-        runs=tuple(run for run, _ in counts),
-        starts=(0, *np.cumsum([count for _, count in counts]).tolist()),
-        time_s=read_only(comparison.time_s[kept]),
-        recorded={name: read_only(values[kept]) for name, values in comparison.recorded.items()},
-        simulated={name: read_only(values[kept]) for name, values in comparison.simulated.items()},
-        held_out=comparison.held_out[kept],
-    )
 
 
 def _more_rarely(name: str, every: float) -> Finding:
@@ -411,7 +396,7 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
     """Errors of a response that was simulated as it was recorded: nothing to gain."""
     course = comparison.simulated[response]
     difference = comparison.difference(response)
-    train, held = (_rmse(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
+    train, held = (rms(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
     return Fit(
         unit=comparison.channel(response).unit,
         train=Errors(train, train),
@@ -423,8 +408,3 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
         recalibrated=course,
         after=course,
     )
-
-
-def _rmse(values: NDArray[np.float64]) -> float:
-    seen = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")

@@ -14,7 +14,7 @@ from selector.diagnosis.answer import NamedEffect, NextRun
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened, with_past
 from selector.diagnosis.evidence.response import Bench, recalibration_columns
 from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.next_run.emulation import NEW_RUN, extended
@@ -188,10 +188,7 @@ def _scene(
     n = len(target) - len(fitted)
     counted = np.r_[fitted, np.ones(n, dtype=bool)] & np.isfinite(target)
     parts = stretches(longer, np.isfinite(target))
-    told = np.zeros(len(target), dtype=bool)
-    for part in parts:
-        told[part.start + len(noise.phi) : part.stop] = True
-    rows = np.flatnonzero(counted & told)
+    rows = np.flatnonzero(counted & with_past(noise, parts, len(target)))
     columns = recalibration_columns(longer, response, counted)[0]
     white = whitened(noise, columns, parts)[rows]
     return _Scene(longer, response, noise, parts, rows, np.flatnonzero(rows < len(fitted)), white, tested, {})
@@ -273,23 +270,7 @@ def kept_rows(comparison: Comparison) -> NDArray[np.intp]:
 
 def shortened(comparison: Comparison) -> Comparison:
     """The comparison with its `kept_rows` alone."""
-    kept = kept_rows(comparison)
-    of = comparison.run_index[kept]
-    numbered = np.unique(of)
-
-    def shorter(part: Mapping[str, Vector]) -> dict[str, Vector]:
-        return {name: values[kept] for name, values in part.items()}
-
-    return replace(
-        comparison,
-        runs=tuple(comparison.runs[k] for k in numbered),
-        starts=(0, *np.cumsum([np.sum(of == k) for k in numbered]).tolist()),
-        time_s=comparison.time_s[kept],
-        recorded=shorter(comparison.recorded),
-        simulated=shorter(comparison.simulated),
-        held_out=comparison.held_out[kept],
-        tangents={},
-    )
+    return replace(comparison.only(np.isin(np.arange(len(comparison.time_s)), kept_rows(comparison))), tangents={})
 
 
 def _noise(short: Comparison, bench: Bench, named: list[int], kept: NDArray[np.intp]) -> NoiseModel:

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import rounding_of
@@ -131,16 +131,6 @@ def noise_of(fit: RefitProblem, courses: Mapping[str, Vector]) -> dict[str, Nois
         size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
         found[name] = NoiseModel(np.zeros(0), max(size, rounding_of(fit.comparison, name), 1e-300))
     return found
-
-
-def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
-    """The course without holes inside its stretches, 0 outside."""
-    result = np.zeros(len(values))
-    for part in parts:
-        seen = np.isfinite(values[part])
-        at = np.arange(part.stop - part.start)
-        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
-    return result
 
 
 Say = Callable[[int, int, str], None]

@@ -11,7 +11,7 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, rate, rise, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, rate, rise, time_constants
 from selector.quality.survey import duration
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -28,6 +28,7 @@ _SOURCE = (
 _SQUARED = ("current", "force", "voltage", "acceleration")
 _MOVING = ("feed_rate", "velocity")
 _SWITCHED = ("state", "flow")
+_SENSED = ("temperature", "ambient")
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class Sources:
 @lru_cache(maxsize=16)
 def sources(comparison: Comparison, response: str) -> Sources:
     """What heats, cools or surrounds the machine of this comparison, as far as it was recorded and moves."""
+    # the steps of what is switched or set are no resolution
+    grain = {c.name: comparison.resolution.get(c.name, 0.0) * (c.role in _SENSED) for c in comparison.channels}
     moving = [
-        channel
-        for channel in comparison.channels
-        if channel.name != response and excited(course(comparison, channel.name), _grain(comparison, channel))
+        c for c in comparison.channels if c.name != response and excited(course(comparison, c.name), grain[c.name])
     ]
     warm = [channel for channel in moving if channel.role == "temperature"]
     switched = [channel for channel in moving if channel.role in _SWITCHED and channel.name not in comparison.responses]
@@ -58,12 +59,8 @@ def sources(comparison: Comparison, response: str) -> Sources:
         coolant = [channel for channel in switched if not _says(channel, _SOURCE)][:1]
     hall = [c for c in moving if c.role == "ambient"] + [c for c in warm if _says(c, _HALL)]
     fluid = [channel for channel in warm if _says(channel, _COOLANT) and channel not in hall]
-    others = [
-        channel
-        for channel in moving
-        if channel.name not in comparison.responses
-        and (channel.role in (*_MOVING, *_SQUARED, "position") or (channel in switched and channel not in coolant))
-    ]
+    driven = [c for c in moving if c.role in (*_MOVING, *_SQUARED, "position") or (c in switched and c not in coolant)]
+    others = [c for c in driven if c.name not in comparison.responses]
     commands = [c for c in moving if c.role == "position_command" and c.axis not in {o.axis for o in others}]
     return Sources(
         spindle=next((channel.name for channel in moving if channel.role == "spindle_speed"), None),
@@ -138,11 +135,6 @@ def shown_unit(unit: str) -> str:
     return {"um": "µm", "degC": "K"}.get(unit, unit)
 
 
-def _grain(comparison: Comparison, channel: Channel) -> float:
-    """Resolution of a sensor; the steps of what is switched or set are no resolution."""
-    return comparison.resolution.get(channel.name, 0.0) if channel.role in ("temperature", "ambient") else 0.0
-
-
 def _says(channel: Channel, words: str) -> bool:
     text = f"{channel.name} {channel.place or ''}".lower().replace("_", " ")
     return re.search(words, text) is not None
@@ -157,12 +149,8 @@ def cooled(comparison: Comparison, source: Vector, gate: Vector, tau_s: float, e
 
     Source and gate count as their means between two samples. With r = 0 it is a lag of first order.
     """
-    result = np.empty(len(source))
-    for _, rows in comparison.rows_of_runs():
-        part = np.ascontiguousarray(source[rows], dtype=np.float64)
-        blown = np.ascontiguousarray(gate[rows], dtype=np.float64)
-        result[rows] = _cooled(part, blown, comparison.time_s[rows], tau_s, extra_per_s)
-    return result
+    courses = (*(np.ascontiguousarray(of, dtype=np.float64) for of in (source, gate)), comparison.time_s)
+    return by_run(comparison, lambda s, g, time: _cooled(s, g, time, tau_s, extra_per_s), *courses)
 
 
 @njit(cache=True, nogil=True)
@@ -236,7 +224,8 @@ def spindle_law(comparison: Comparison, response: str) -> SpindleLaw | None:
     if name is None or float(np.std(target)) <= 0.0:
         return None
     others = _surroundings(comparison, response)
-    without = _misfit(others, target, _every(comparison))
+    rows = _every(comparison)
+    without = float(np.mean((target[rows] - others[rows] @ _ridge(others[rows], target[rows])) ** 2))
     tau_s = np.concatenate([[0.0], time_constants(comparison, _OWN_LAGS)])
     tried = {p: _fit(comparison, name, p, tau_s, others, target) for p in EXPONENTS}
     best = _between({p: misfit for p, (misfit, _) in tried.items()})
@@ -316,11 +305,8 @@ def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
 
 def _smoothed(comparison: Comparison, values: Vector) -> Vector:
     """Mean over half an hour about every sample, run by run."""
-    result = np.empty(len(values))
     samples = max(3, round(_CALM_S / comparison.period_s) | 1)
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = uniform_filter1d(values[rows], samples, mode="nearest")
-    return result
+    return by_run(comparison, lambda part: uniform_filter1d(part, samples, mode="nearest"), values)
 
 
 @lru_cache(maxsize=32)
@@ -372,10 +358,6 @@ def _fit(
     coefficients = _ridge(design, target[rows])
     misfit = float(np.mean((target[rows] - design @ coefficients) ** 2))
     return misfit, coefficients[: len(tau_s)]
-
-
-def _misfit(design: Matrix, target: Vector, rows: slice) -> float:
-    return float(np.mean((target[rows] - design[rows] @ _ridge(design[rows], target[rows])) ** 2))
 
 
 def _ridge(design: Matrix, target: Vector) -> Vector:

@@ -14,7 +14,7 @@ from scipy.stats import chi2, gamma
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited
+from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited, on_even_clock
 from selector.types import Matrix, Vector
 
 _ORDER = 12
@@ -353,12 +353,12 @@ def is_turning(comparison: Comparison, name: str) -> bool:
 
 def turns_of(comparison: Comparison, rpm: Vector) -> Vector:
     """∫ n/60 dt from the start of every run [turns]."""
-    turns = np.zeros(len(rpm))
-    for run in even_runs(comparison):
-        per_sample = run.on(rpm) / 60.0 * comparison.period_s
-        summed = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], per_sample))
-        turns[run.rows] = run.back(summed - summed[0])
-    return turns + 1e-12 * np.arange(len(turns))
+
+    def summed(part: Vector) -> Vector:
+        course = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], part / 60.0 * comparison.period_s))
+        return course - course[0]
+
+    return on_even_clock(comparison, summed, rpm) + 1e-12 * np.arange(len(rpm))
 
 
 def rotating_forces(comparison: Comparison) -> Matrix:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numba import njit
@@ -11,7 +12,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.reservoirs import Brims, Stores, refitted, stores_of
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_flow, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, no_flow, time_constants
 from selector.types import Vector
 
 _FALLING = ((-np.inf, 0.0),)
@@ -30,8 +31,6 @@ _TUNED = 4.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     simulated = filled(comparison, comparison.simulated[response])
     ceilings = _ceilings(comparison, response, simulated)
     unit = comparison.channel(response).unit
@@ -46,7 +45,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         for tau_s in (*taus[1::2], np.inf):
             lost = spilled(comparison, simulated, ceiling, float(tau_s))
             if np.any(lost):
-                shape = {"ceiling": Quantity(ceiling, unit)} | _lag(float(tau_s))
+                lag = {"tau_s": Quantity(float(tau_s), "s")} if np.isfinite(tau_s) else {}
+                shape = {"ceiling": Quantity(ceiling, unit)} | lag
                 yield Variant(lost[:, None], (f"spills at {ceiling:.3g} {unit}",), shape, bounds=_RISING)
     for name, level, lost in _uppers(comparison, response, taus):
         shape = {"upper_ceiling": Quantity(level, "1")}
@@ -57,7 +57,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 def inflows(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Channels that may fill the store: flows before voltages of pumps, then levels of other stores."""
     names = comparison.with_role("flow") + comparison.with_role("voltage")
-    names += tuple(n for n in comparison.with_role("displacement", "position", "size", "state"))
+    names += comparison.with_role("displacement", "position", "size", "state")
     return tuple(n for n in names if n != response and excited(course(comparison, n)))[:3]
 
 
@@ -65,7 +65,7 @@ def _of_stores(
     comparison: Comparison, response: str, stores: Stores, ceilings: list[float], inflow: str
 ) -> Iterator[Variant]:
     """The same stores with brims: on a grid, and where they explain most."""
-    remainder = Remainder(comparison, response)
+    remainder, unit = Remainder(comparison, response), comparison.channel(response).unit
     whole, plain = stores.levels(comparison)
     fitted = ~comparison.held_out
     shares = (*_UPPER_SHARES, *_HIGH_SHARES)
@@ -91,22 +91,18 @@ def _of_stores(
         column = lost(brims)
         if np.any(column):
             looked_at = 1.0 if brims in on_grid else _TUNED
-            yield _with_brims(comparison, response, column, brims, whole, inflow, looked_at)
+            yield _with_brims(comparison, unit, column, brims, whole, inflow, looked_at)
     recorded = comparison.recorded[response]
     without, _, _ = refitted(comparison, stores, recorded, None)
     for brims in best:
         error, anew, moved = refitted(comparison, stores, recorded, brims)
         if moved is not None and error < _BETTER * without:
             whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
-            yield _with_brims(comparison, response, course_ - plain, moved, whole, inflow, _TUNED)
+            yield _with_brims(comparison, unit, course_ - plain, moved, whole, inflow, _TUNED)
 
 
 def _refined(
-    remainder: Remainder,
-    lost: Callable[[Brims], Vector],
-    brims: Brims,
-    upper_size: float,
-    lower_size: float,
+    remainder: Remainder, lost: Callable[[Brims], Vector], brims: Brims, upper_size: float, lower_size: float
 ) -> Brims:
     """Brims moved one by one, by ever smaller steps, as long as they explain more."""
     best, score = brims, remainder.share(lost(brims), most=1.0)
@@ -126,15 +122,9 @@ def _refined(
 
 
 def _with_brims(
-    comparison: Comparison,
-    response: str,
-    column: Vector,
-    brims: Brims,
-    whole: Vector,
-    inflow: str,
-    looked_at: float,
+    comparison: Comparison, unit: str, column: Vector, brims: Brims, whole: Vector, inflow: str, looked_at: float
 ) -> Variant:
-    unit, shape, words = comparison.channel(response).unit, {}, []
+    shape, words = {}, []
     if np.isfinite(brims[1]):
         shape["ceiling"] = Quantity(float(brims[1]), unit)
         words.append(f"spills at {brims[1]:.3g} {unit}")
@@ -149,10 +139,7 @@ def _with_brims(
 
 def spilled(comparison: Comparison, level: Vector, ceiling: float, tau_s: float) -> Vector:
     """What a simulated level loses by spilling at a ceiling [its unit], ≤ 0: at once there, forgotten with `tau_s`."""
-    result = np.zeros(len(level))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = _reflected(np.ascontiguousarray(level[rows]), comparison.time_s[rows], ceiling, tau_s)
-    return result
+    return by_run(comparison, lambda y, t: _reflected(y, t, ceiling, tau_s), level, comparison.time_s)
 
 
 @njit(cache=True, nogil=True)
@@ -184,10 +171,8 @@ def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tup
     The level above is recorded, simulated alone, or the inflow lagged; what is lost reaches the response late.
     """
     levels: list[tuple[str, Vector]] = []
-    for name in (
-        *comparison.with_role("flow", "voltage", "displacement", "position", "size"),
-        *_only_simulated(comparison),
-    ):
+    names = comparison.with_role("flow", "voltage", "displacement", "position", "size")
+    for name in (*names, *(name for name in comparison.simulated if name not in comparison.recorded)):
         values = course(comparison, name)
         if not excited(values):
             continue
@@ -205,14 +190,6 @@ def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tup
                     yield name, ceiling, lost
 
 
-def _only_simulated(comparison: Comparison) -> tuple[str, ...]:
-    return tuple(name for name in comparison.simulated if name not in comparison.recorded)
-
-
-def _lag(tau_s: float) -> dict[str, Quantity]:
-    return {"tau_s": Quantity(tau_s, "s")} if np.isfinite(tau_s) else {}
-
-
 def _recorded(comparison: Comparison, name: str) -> tuple[str, ...]:
     return (name,) if name in comparison.recorded else ()
 
@@ -226,17 +203,15 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     shape = fitted.variant.shape
-    parameters = {"largest": Quantity(fitted.largest, fitted.unit)}
-    parts = []
+    parameters, parts = fitted.size, []
     if "ceiling" in shape:
-        low, high = fitted.shape_intervals.get("ceiling", (None, None))
-        parameters["ceiling"] = Quantity(shape["ceiling"].value, fitted.unit, low, high)
+        parameters["ceiling"] = replace(fitted.parameter("ceiling"), unit=fitted.unit)
         parts.append(f"spills at {shape['ceiling'].value:.3g} {fitted.unit}")
     if "caught" in shape:
         parameters |= {"upper_ceiling": shape["upper_ceiling"], "caught": shape["caught"]}
     if "upper_ceiling" in shape:
         parts.append("loses inflow while the store above it spills")
-    text = f"{fitted.response} {' and '.join(parts)}; this takes up to {fitted.largest:.3g} {fitted.unit}"
+    text = f"{fitted.response} {' and '.join(parts)}; this takes up to {fitted.up_to}"
     return Reading(text, parameters)
 
 
@@ -244,9 +219,8 @@ EFFECT = Effect(
     id="flow.overflow",
     title="A store spills at a level",
     physics=(
-        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The "
-        "level stays at its ceiling "
-        "while inflow goes on, and is lower than simulated for a time afterwards, in the store below too."
+        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at its "
+        "ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too."
     ),
     reference=(
         "Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, 2016"

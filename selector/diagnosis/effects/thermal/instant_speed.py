@@ -13,17 +13,11 @@ _EXPONENTS = (0.5, 1.0, 1.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name = sources(comparison, response).spindle
-    if name is None or _testable(comparison, response) is not None:
-        return
+    name = sources(comparison, response).spindle or ""
+    place = place_of(comparison, name) or "spindle"
     for exponent in _EXPONENTS:
-        yield Variant(
-            speed_power(comparison, name, exponent)[:, None],
-            (f"({name} / its highest value)^{exponent:g}",),
-            {"speed_exponent": Quantity(exponent, "1")},
-            place=place_of(comparison, name) or "spindle",
-            sources=(name,),
-        )
+        column, shape = speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
+        yield Variant(column[:, None], (f"({name} / its highest value)^{exponent:g}",), shape, place, (name,))
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -40,15 +34,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} shifts at once with {name}^{exponent:.2g}: "
         f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top:.0f} rpm; {worth(fitted)}.",
-        quantities(fitted, comparison)
-        | {
-            "at_top_speed": Quantity(
-                float(fitted.coefficients[0]),
-                fitted.unit,
-                float(fitted.coefficients[0] - 1.96 * fitted.standard_errors[0]),
-                float(fitted.coefficients[0] + 1.96 * fitted.standard_errors[0]),
-            )
-        },
+        quantities(fitted) | {"at_top_speed": fitted.coefficient()},
     )
 
 

@@ -15,8 +15,6 @@ _MOST_SENSORS = 8
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     known = sources(comparison, response)
     names = known.machine[:_MOST_SENSORS]
     rises = {name: calm_rise(comparison, response, name) for name in names}
@@ -31,14 +29,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _variant(comparison: Comparison, pair: tuple[str, str], product: Vector, unit: str) -> Variant:
-    first, second = (name if unit or name in _recorded(comparison) else f"simulated {name}" for name in pair)
+    inputs = {channel.name for channel in comparison.channels} - set(comparison.responses)
+    first, second = (name if unit or name in inputs else f"simulated {name}" for name in pair)
     words = f"square of {first}" if first == second else f"{first} × {second}"
     place = place_of(comparison, pair[1])
     return Variant(product[:, None], (words,), {}, place=place, sources=tuple(dict.fromkeys(pair)))
-
-
-def _recorded(comparison: Comparison) -> set[str]:
-    return {channel.name for channel in comparison.channels if channel.name not in comparison.responses}
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -58,7 +53,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} goes with {subject} by an amount that depends on {slope}{other}: "
         f"{fitted.coefficients[0]:+.2g} {shown_unit(fitted.unit)} a unit of their product; {worth(fitted)}.",
-        quantities(fitted, comparison) | {"product": Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2")},
+        quantities(fitted) | {"product": Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2")},
     )
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
     free_part,
     lacking,
@@ -19,7 +19,7 @@ from selector.diagnosis.shapes.heating import (
     spindle_part,
     temperature_rise,
 )
-from selector.diagnosis.shapes.signals import excited, lagged, start_decay, time_constants
+from selector.diagnosis.shapes.signals import excited, start_decay, time_constants
 from selector.types import Vector
 
 _MOST_SENSORS = 3
@@ -27,33 +27,19 @@ _WARM_START_K = 1.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     taus = time_constants(comparison, 10)
     for name, words, heat in _heats(comparison, response):
-        place = place_of(comparison, name)
         for tau_s in taus:
-            column = lagged(comparison, heat, float(tau_s))
-            shape = {"tau_s": Quantity(float(tau_s), "s")}
-            yield Variant(column[:, None], (_behind(words, tau_s),), shape, place=place, sources=(name,))
+            yield late(comparison, name, [(words, heat, tau_s)])
         for some in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8), (1, 4, 8), (3, 6, 9)):
-            columns = [lagged(comparison, heat, float(taus[k])) for k in some]
-            ends = {"tau_s": Quantity(float(taus[some[0]]), "s"), "slow_tau_s": Quantity(float(taus[some[-1]]), "s")}
-            names = tuple(_behind(words, taus[k]) for k in some)
-            yield Variant(np.column_stack(columns), names, ends, place=place, sources=(name,))
+            yield late(comparison, name, [(words, heat, taus[k]) for k in some])
         if comparison.channel(name).role == "temperature" and name != response:
             for tau_s in taus[3::2]:
-                columns = [heat, lagged(comparison, heat, float(tau_s))]
-                shape = {"tau_s": Quantity(float(tau_s), "s")}
-                yield Variant(
-                    np.column_stack(columns), (words, _behind(words, tau_s)), shape, place=place, sources=(name,)
-                )
+                yield late(comparison, name, [(words, heat, 0.0), (words, heat, tau_s)], taus_s=(tau_s,))
         if _warm_start(comparison, response):
             for tau_s in taus[4::2]:
-                columns = [lagged(comparison, heat, float(tau_s)), start_decay(comparison, float(tau_s))]
-                names = _behind(words, tau_s), f"what was left of earlier heat, with {tau_s / 60:.3g} min"
-                shape = {"tau_s": Quantity(float(tau_s), "s")}
-                yield Variant(np.column_stack(columns), names, shape, place=place, sources=(name,))
+                earlier = "what was left of earlier heat", start_decay(comparison, float(tau_s)), 0.0
+                yield late(comparison, name, [(words, heat, tau_s), earlier], taus_s=(tau_s,))
 
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
@@ -95,10 +81,6 @@ def _warm_start(comparison: Comparison, response: str) -> bool:
     return len(starts) > 1 and max(starts) - min(starts) > _WARM_START_K
 
 
-def _behind(words: str, tau_s: float) -> str:
-    return f"{words} delayed by {tau_s / 60:.3g} min"
-
-
 def _testable(comparison: Comparison, response: str) -> str | None:
     lack = lacking(comparison, response)
     if lack is None and not excited(simulated_rise(comparison, response)):
@@ -111,7 +93,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     heat = "its simulated course" if name == fitted.response else f"the heating {with_place(comparison, name)}"
     return Reading(
         f"{fitted.response} follows {heat} {delay_of(fitted)} that the simulation does not carry; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 

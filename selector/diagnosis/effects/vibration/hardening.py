@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,8 +30,6 @@ _ANY = (-np.inf, np.inf)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     swept = swept_hz(comparison, response)
     if swept is not None:
         simulated = filled(comparison, comparison.simulated[response])
@@ -107,21 +106,21 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
     gain, sources = fitted.variant.shape.get("static_gain"), fitted.variant.sources
-    moves = f"moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    moves = f"moves {fitted.response} by up to {fitted.up_to}"
     if gain is None or not sources or sources[0] not in comparison.recorded:
-        return Reading(f"stiffness grows with amplitude, which {moves}", largest)
+        return Reading(f"stiffness grows with amplitude, which {moves}", fitted.size)
     member = sources[0]
     recorded = filled(comparison, comparison.recorded[member])
     top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
     rise = 300.0 * top**2 * gain.value
-    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    stiffening = Quantity(rise * value, "percent", rise * (value - error), rise * (value + error))
-    parameters = largest | {"stiffening": stiffening}
+    cubic = fitted.coefficient()
+    low, high = (rise * end for end in (cubic.low or 0.0, cubic.high or 0.0))
+    stiffening = Quantity(rise * cubic.value, "percent", low, high)
+    parameters = fitted.size | {"stiffening": stiffening}
     if len(sources) > 1 and sources[1] in comparison.recorded:
         unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
-        parameters["cubic_stiffness"] = Quantity(value, unit, value - error, value + error)
+        parameters["cubic_stiffness"] = replace(cubic, unit=unit)
     text = (
         f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above "
         "that at rest; this "
@@ -133,9 +132,8 @@ EFFECT = Effect(
     id="vibration.hardening",
     title="Stiffness that grows with amplitude",
     physics=(
-        "Contact, preload or large deflection add a restoring force that grows with the cube of the "
-        "displacement. Resonances "
-        "move up with amplitude, tops are flattened, and odd harmonics of the excitation appear."
+        "Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
+        "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear."
     ),
     reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",
     enters="force",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -37,8 +38,6 @@ _FREE = ((0.0, np.inf),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     remainder = Remainder(comparison, response)
     for member, path, onward in joints(comparison, response):
         yield from _at_joint(comparison, remainder, member, path, onward)
@@ -123,21 +122,17 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    low, high = fitted.shape_intervals.get("slip", (None, None))
     member, *force = fitted.variant.sources
-    slip, role = fitted.variant.shape["slip"], comparison.channel(member).role
-    unit = {"acceleration": "m", "velocity": "m"}.get(role, comparison.channel(member).unit)
-    parameters = {"slip": Quantity(slip.value, unit, low, high), "largest": Quantity(fitted.largest, fitted.unit)}
-    text = (
-        f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {unit} after each "
-        "reversal and moves "
-        f"{fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    channel = comparison.channel(member)
+    slip = replace(
+        fitted.parameter("slip"), unit={"acceleration": "m", "velocity": "m"}.get(channel.role, channel.unit)
     )
+    parameters = {"slip": slip} | fitted.size
+    text = f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {slip.unit} after each reversal"
+    text += f" and moves {fitted.response} by up to {fitted.up_to}"
     if force and force[0] in comparison.recorded:
-        value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-        of_force = comparison.channel(force[0]).unit
-        parameters["force"] = Quantity(value, of_force, value - error, value + error)
-        text += f"; its force is at most {value:.3g} {of_force}"
+        largest = parameters["force"] = fitted.coefficient(comparison.channel(force[0]).unit)
+        text += f"; its force is at most {largest.value:.3g} {largest.unit}"
     return Reading(text, parameters)
 
 
@@ -145,10 +140,9 @@ EFFECT = Effect(
     id="vibration.hysteresis",
     title="Restoring force with memory",
     physics=(
-        "Joints that stick and slip hold a force that depends on the motion since the last reversal, "
-        "not on the position "
-        "alone. Loops of force over displacement open, damping depends on amplitude, and the "
-        "stiffness falls as joints slip."
+        "Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
+        "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
+        "as joints slip."
     ),
     reference=(
         "Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
