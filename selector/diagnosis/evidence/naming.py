@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -29,14 +30,6 @@ _LAG = "tau_s"
 """Ends the names of parameters that stand on a grid of time constants, even in its logarithm."""
 
 
-@dataclass(frozen=True)
-class _Point:
-    """A shape of the same kind: value of one parameter, and its gain."""
-
-    value: float
-    gain: float
-
-
 def shape_intervals(
     bench: Bench, named: Sequence[int], v: int
 ) -> tuple[Mapping[str, Quantity], dict[str, tuple[float, float]]]:
@@ -49,25 +42,24 @@ def shape_intervals(
     others = [other for other in named if other != v]
     gains = solved(bench.moments(bench.base(others))).gain
     own = bench.candidates[v]
+    alike = [(k, one.variant) for k, one in enumerate(bench.candidates) if one.effect.id == own.effect.id]
+    tried = [variant.shape for _, variant in alike if variant.sources == own.variant.sources]
+    key_of = attrgetter("sources", "regime", "run")
     family = [
-        (candidate.variant, float(gains[k]))
-        for k, candidate in enumerate(bench.candidates)
-        if candidate.effect.id == own.effect.id and _is_alike(candidate.variant, own.variant)
-    ]
-    tried = [
-        candidate.variant.shape
-        for candidate in bench.candidates
-        if candidate.effect.id == own.effect.id and candidate.variant.sources == own.variant.sources
+        (variant.shape, float(gains[k]))
+        for k, variant in alike
+        if key_of(variant) == key_of(own.variant) and variant.shape.keys() == own.variant.shape.keys()
     ]
     shape, intervals = dict(own.variant.shape), {}
     for key, quantity in own.variant.shape.items():
-        near = [_Point(one.shape[key].value, gain) for one, gain in family]
-        inside = [point.value for point in near if point.gain >= gains[v] - _FALL]
+        near = sorted((one[key].value, gain) for one, gain in family)
+        inside = [value for value, gain in near if gain >= gains[v] - _FALL]
         intervals[key] = (min(inside), max(inside))
         if not key.endswith(_LAG) or quantity.value <= 0.0:
             continue
         grid = sorted({one.value for of in tried for name, one in of.items() if name.endswith(_LAG)})
-        top = _top(_profile(near), quantity.value, grid) if len(own.variant.shape) == 1 else None
+        # the best gain at every value is the last of it
+        top = _top(dict(near), quantity.value, grid) if len(own.variant.shape) == 1 else None
         if top is None:
             intervals[key] = (_next(grid, intervals[key][0], -1), _next(grid, intervals[key][1], 1))
             continue
@@ -76,26 +68,14 @@ def shape_intervals(
     return shape, intervals
 
 
-def _is_alike(one: Variant, own: Variant) -> bool:
-    same = one.sources == own.sources and one.regime == own.regime and one.run == own.run
-    return same and one.shape.keys() == own.shape.keys()
-
-
-def _profile(points: Sequence[_Point]) -> list[_Point]:
-    """The best gain at every value."""
-    best: dict[float, float] = {}
-    for point in points:
-        best[point.value] = max(point.gain, best.get(point.value, -np.inf))
-    return [_Point(value, best[value]) for value in sorted(best)]
-
-
-def _top(points: Sequence[_Point], value: float, grid: Sequence[float]) -> tuple[float, float, float] | None:
+def _top(gains: Mapping[float, float], value: float, grid: Sequence[float]) -> tuple[float, float, float] | None:
     """Top of the parabola through a value and its neighbours, and where the gain has fallen; None without a top."""
-    number = next((k for k, point in enumerate(points) if point.value == value), 0)
-    if not 0 < number < len(points) - 1 or points[number - 1].value <= 0.0:
+    values = sorted(gains)
+    number = values.index(value)
+    if not 0 < number < len(values) - 1 or values[number - 1] <= 0.0:
         return None
-    three = points[number - 1 : number + 2]
-    x, y = np.log([point.value for point in three]), np.array([point.gain for point in three])
+    three = values[number - 1 : number + 2]
+    x, y = np.log(three), np.array([gains[one] for one in three])
     curve, slope, _ = np.polyfit(x - x[1], y - y[1], 2)
     if curve >= 0.0 or y[1] < max(y[0], y[2]):
         return None
@@ -103,11 +83,8 @@ def _top(points: Sequence[_Point], value: float, grid: Sequence[float]) -> tuple
     step = 0.5 * float(x[2] - x[0])
     half = float(np.hypot(np.sqrt(_FALL / -curve), _OF_A_STEP * step))
     low, high = (float(value * np.exp(top + side * half)) for side in (-1.0, 1.0))
-    return (
-        float(f"{value * np.exp(top):.6g}"),
-        low if low >= grid[0] else 0.0,
-        high if high <= grid[-1] else float("inf"),
-    )
+    low, high = low if low >= grid[0] else 0.0, high if high <= grid[-1] else float("inf")
+    return float(f"{value * np.exp(top):.6g}"), low, high
 
 
 def _next(grid: Sequence[float], value: float, step: int) -> float:
@@ -134,17 +111,13 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     standing, by_response = found.standing[id_], found.named[id_]
     gains = {name: found.standing[id_].tested[name].gain for name in by_response}
     main = max(gains, key=lambda name: gains[name])
-    courses, shares = {}, []
-    for name, v in by_response.items():
-        bench = found.benches[name]
-        course, share = _course(bench, numbers(found.named, name), v)
-        courses[name] = course
-        shares.append(share)
+    told = {name: _course(found.benches[name], numbers(found.named, name), v) for name, v in by_response.items()}
+    courses = {name: course for name, (course, _) in told.items()}
     fitted = _fitted(comparison, found, id_, main, courses[main])
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
-    share = float(np.clip(max(shares), 0.0, 1.0))
+    share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
     if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
         large = share >= _MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
         confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
@@ -152,7 +125,10 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if gap is not None and gap.high is not None:
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
-    is_checked = fitted.variant.run is not None or any(_is_held_out(comparison, name) for name in by_response)
+    # with nothing meant to be kept nothing is lacking
+    held = comparison.held_out
+    is_checked = fitted.variant.run is not None or not held.any()
+    is_checked = is_checked or any(np.isfinite(comparison.difference(name)[held]).any() for name in by_response)
     return NamedEffect(
         id=id_,
         channel=main,
@@ -184,17 +160,9 @@ def _or_what_it_reads(comparison: Comparison, id_: str, response: str, sources: 
     """A fault in a reading that drives the simulation looks like one of the response."""
     if not id_.startswith("data.") or any(name != response for name in sources):
         return ""
-    read = read_by(comparison, response)
-    if not read:
-        return ""
-    names = ", ".join(read)
-    return f" The simulation of {response} follows {names}: the fault may be in one of these readings instead."
-
-
-def _is_held_out(comparison: Comparison, name: str) -> bool:
-    """Whether any reading of a response was kept for the proof; with nothing meant to be kept nothing is lacking."""
-    held = comparison.held_out
-    return not held.any() or bool(np.isfinite(comparison.difference(name)[held]).any())
+    names = ", ".join(read_by(comparison, response))
+    text = f" The simulation of {response} follows {names}: the fault may be in one of these readings instead."
+    return text if names else ""
 
 
 def _acts(variant: Variant) -> tuple[str, float | None, float | None] | None:
@@ -258,26 +226,24 @@ def whole_record_effect(
         bench = benches[name]
         column = bench.nuisance_names.index(shown[name])
         courses[name] = bench.nuisance[:, column] * bench.coefficients([])[0][column]
-    low, high = f"{value.low:.4g}", f"{value.high:.4g}"
-    interval = f"{value.value:.4g} ({low} to {high}) {'' if value.unit == '1' else value.unit}".rstrip()
-    statements = {
-        "data.gain": f"{main} is recorded {interval} times too large in all runs, and no other response is.",
-        "data.zero": f"{main} reads {interval} more than simulated, in all runs and whatever the machine does.",
-        "data.clock": f"{main} is recorded {interval} late, in all runs, and no other response is.",
-        "drive.offset_force": f"A constant of {interval} acts in {main} whatever the motion, at rest too.",
-    }
-    keys = {
-        "data.gain": "gain",
-        "data.zero": "zero",
-        "data.clock": "shift_s",
-        "drive.offset_force": f"force_{unit.lower()}",
-    }
+    shown_unit = "" if value.unit == "1" else value.unit
+    interval = f"{value.value:.4g} ({value.low:.4g} to {value.high:.4g}) {shown_unit}".rstrip()
+    force = f"force_{unit.lower()}"
+    statement, key = {
+        "data.gain": (f"{main} is recorded {interval} times too large in all runs, and no other response is.", "gain"),
+        "data.zero": (
+            f"{main} reads {interval} more than simulated, in all runs and whatever the machine does.",
+            "zero",
+        ),
+        "data.clock": (f"{main} is recorded {interval} late, in all runs, and no other response is.", "shift_s"),
+        "drive.offset_force": (f"A constant of {interval} acts in {main} whatever the motion, at rest too.", force),
+    }[id_]
     return NamedEffect(
         id=id_,
         channel=main,
         place=comparison.channel(main).place,
-        statement=statements[id_],
-        parameters={keys.get(id_, f"force_{unit.lower()}"): value},
+        statement=statement,
+        parameters={key: value},
         confidence=0.7,
         p_value=again[main].p_value,
         share=float(np.clip(again[main].share, 0.0, 1.0)),

@@ -96,9 +96,14 @@ class Standing:
         return tail_probability(self.score, self.noise)
 
     @property
-    def gain(self) -> float:
-        """Fall of the whitened sum of squares, where it shows."""
-        return sum(self.tested[name].gain for name in self.responses)
+    def chosen(self) -> dict[str, int]:
+        """Response → number of the candidate that fits best, where it shows."""
+        return {name: self.tested[name].best for name in self.responses}
+
+    @property
+    def main(self) -> str:
+        """The response that shows it most."""
+        return max(self.responses, key=lambda name: self.tested[name].gain)
 
     @property
     def is_the_same_in_all_runs(self) -> bool:
@@ -171,29 +176,46 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     fitted = {name: (with_pseudo_target(bench, chosen), chosen) for name, (bench, chosen) in fitted.items()}
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
-    named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
+    given = _Given(noise, dict.fromkeys(benches, 1.0), false_alarm, seed)
+    named, small = _selected(benches, given), Named()
     times = {name: misfit(bench, numbers(named, name), seed=seed) for name, bench in benches.items()}
-    small: Named = {}
-    if max(times.values()) > 1.0:
+    given = replace(given, times=times)
+    if given.is_misfit:
         benches = {name: tempered(bench, times[name]) for name, bench in benches.items()}
-        named, small = _selected_by_size(benches, noise, times, false_alarm=false_alarm, seed=seed)
-    benches, named = _with_own(benches, named, noise, times, false_alarm=false_alarm, seed=seed)
+        named, small = _selected_by_size(benches, given)
+    benches, named = _with_own(benches, named, given)
     named, small = _without_small(benches, named, small, times)
-    named, alike, ahead = _by_transfer(benches, named, noise, times, level=false_alarm, seed=seed)
-    told = _told(benches, named, noise, seed=seed)
+    named, alike, ahead = _by_transfer(benches, named, given)
+    told = _told(benches, named, given)
     rivals = {id_: tuple(dict.fromkeys((*of, *alike.get(id_, ())))) for id_, of in told.rivals.items()}
     return replace(told, rivals=rivals, misfit=times, small=small, ahead=ahead)
 
 
-def _with_own(
-    benches: Benches,
-    named: Named,
-    noise: Mapping[str, Vector],
-    times: Mapping[str, float],
-    *,
-    false_alarm: float,
-    seed: int,
-) -> tuple[Benches, Named]:
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What a search tests by: whitened noise of every response, times that misfit is more, family-wise level, seed."""
+
+    noise: Mapping[str, Vector]
+    times: Mapping[str, float]
+    level: float
+    seed: int
+
+    @property
+    def is_misfit(self) -> bool:
+        """Whether more is left than noise."""
+        return max(self.times.values()) > 1.0
+
+    def standings(self, benches: Benches, named: Named) -> dict[str, Standing]:
+        """Every effect that is not named, beside those that are."""
+        return standings(benches, named, self.noise, seed=self.seed)
+
+    def supports(self, one: Standing) -> bool:
+        """Beyond what noise does and the gauge reads, and alike in all runs."""
+        seen = max(one.tested[name].largest for name in one.responses)
+        return one.p_value <= self.level and one.is_the_same_in_all_runs and seen > _FINEST
+
+
+def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, Named]:
     """Own parameters of the simulation that are missing themselves, and do not only make room for what is named.
 
     Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
@@ -202,21 +224,16 @@ def _with_own(
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
         if not named:
             # beside a parameter that is free to vary what resembles it may have gone unseen
-            level = 0.5 * false_alarm
-            alone = (
-                _selected(freed, noise, false_alarm=level, seed=seed)
-                if max(times.values()) == 1.0
-                else _selected_by_size(freed, noise, times, false_alarm=level, seed=seed)[0]
-            )
+            half = replace(given, level=0.5 * given.level)
+            alone = _selected_by_size(freed, half)[0] if given.is_misfit else _selected(freed, half)
             if alone:
                 benches, named = freed, alone
             continue
-        standing = standings(freed, named, noise, seed=seed)
-        one = standing[id_]
-        if not is_supported(one, false_alarm):
+        one = given.standings(freed, named)[id_]
+        if not given.supports(one):
             continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
-        main = max(one.responses, key=lambda name: one.tested[name].gain)
+        main = one.main
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
         if beta[-freed[main].counts[chosen[main]]] > 0.0:
             benches, named = freed, named | {id_: chosen}
@@ -299,28 +316,25 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
     return np.asarray(left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1)))
 
 
-def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
     clearest = 0.0
     for _ in range(_MOST):
-        standing = standings(benches, named, noise, seed=seed)
-        floor = _TRIFLE * clearest
-        supported = [one for one in standing.values() if is_supported(one, false_alarm) and one.score > floor]
+        standing, floor = given.standings(benches, named), _TRIFLE * clearest
+        supported = [one for one in standing.values() if given.supports(one) and one.score > floor]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
         clearest = max(clearest, best.score)
-        named[best.id] = {name: best.tested[name].best for name in best.responses}
-        named = _retested(benches, named, noise, false_alarm=false_alarm, seed=seed)
+        named[best.id] = best.chosen
+        named = _retested(benches, named, given)
         if best.id not in named:
             break
     return named
 
 
-def _selected_by_size(
-    benches: Benches, noise: Mapping[str, Vector], times: Mapping[str, float], *, false_alarm: float, seed: int
-) -> tuple[Named, Named]:
-    """The same where more is left than noise, `times` as much: what adds a part that matters, and what is refused.
+def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
+    """The same where more is left than noise: what adds a part that matters, and what is refused.
 
     Shapes that are nearly alike share a mismatch among them until none has a part of its own. So one is taken after the
     other, and only if it adds a tenth of the mismatch and makes unseen rows better.
@@ -328,17 +342,14 @@ def _selected_by_size(
     named: Named = {}
     refused: Named = {}
     while len(named) < _MOST and len(refused) < _MOST_REFUSED:
-        standing = standings(benches, named, noise, seed=seed)
-        supported = [one for id_, one in standing.items() if id_ not in refused and is_supported(one, false_alarm)]
+        standing = given.standings(benches, named)
+        supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        chosen = {name: best.tested[name].best for name in best.responses}
-        main = max(best.responses, key=lambda name: best.tested[name].gain)
-        if times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
-            named[best.id] = chosen
-        else:
-            refused[best.id] = chosen
+        main, chosen = best.main, best.chosen
+        is_added = given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main])
+        (named if is_added else refused)[best.id] = chosen
     return named, refused
 
 
@@ -361,35 +372,29 @@ def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
 
-def is_supported(one: Standing, level: float) -> bool:
-    """Beyond what noise does and the gauge reads, and alike in all runs."""
-    seen = max(one.tested[name].largest for name in one.responses)
-    return one.p_value <= level and one.is_the_same_in_all_runs and seen > _FINEST
-
-
-def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+def _retested(benches: Benches, named: Named, given: _Given) -> Named:
     """Every named effect tested beside the others: shapes chosen anew, proxies exchanged for what is better."""
     for name in list(named):
         if len(named) < 2:
             break
         others = without(named, name)
-        standing = standings(benches, others, noise, seed=seed)
-        best = max(standing.values(), key=lambda one: one.score if is_supported(one, false_alarm) else -np.inf)
-        if not is_supported(best, false_alarm):
+        standing = given.standings(benches, others)
+        best = max(standing.values(), key=lambda one: one.score if given.supports(one) else -np.inf)
+        if not given.supports(best):
             named = others
             continue
         own = standing[name]
-        chosen = own if is_supported(own, false_alarm) and own.score > best.score - 1.0 else best
-        named = others | {chosen.id: {key: chosen.tested[key].best for key in chosen.responses}}
+        best = own if given.supports(own) and own.score > best.score - 1.0 else best
+        named = others | {best.id: best.chosen}
     return named
 
 
-def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> Search:
-    standing = standings(benches, named, noise, seed=seed)
+def _told(benches: Benches, named: Named, given: _Given) -> Search:
+    standing = given.standings(benches, named)
     rivals: dict[str, tuple[str, ...]] = {}
     weights: dict[str, Mapping[str, float]] = {}
     for name in named:
-        beside = standings(benches, without(named, name), noise, seed=seed)
+        beside = given.standings(benches, without(named, name))
         standing[name] = beside[name]
         weighed = _weights(beside, name)
         rivals[name] = _rivals(benches, beside, named, name, weighed)
@@ -398,7 +403,7 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
 
 
 def _by_transfer(
-    benches: Benches, named: Named, noise: Mapping[str, Vector], times: Mapping[str, float], *, level: float, seed: int
+    benches: Benches, named: Named, given: _Given
 ) -> tuple[Named, dict[str, tuple[str, ...]], dict[str, float]]:
     """Names that do best on unseen rows where more is left than noise, and for each what does about as well there.
 
@@ -409,24 +414,20 @@ def _by_transfer(
     ahead: dict[str, float] = {}
     for id_, of in list(named.items()):
         others = without(named, id_)
-        beside = standings(benches, others, noise, seed=seed)
+        beside = given.standings(benches, others)
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
-        if times[main] == 1.0:
+        if given.times[main] == 1.0:
             continue
-        falls = {
-            other: _unseen_share(
-                benches, others, of, {name: one.tested[name].best for name in of if name in one.tested}
-            )
-            for other, one in beside.items()
-            if other != id_
-            and main in one.responses
-            and one.p_value <= level
-            and adds(benches[main], numbers(others, main), one.tested[main].best)
-        }
+        falls = {}
+        for other, one in beside.items():
+            is_rival = other != id_ and main in one.responses and one.p_value <= given.level
+            if is_rival and adds(benches[main], numbers(others, main), one.tested[main].best):
+                rival = {name: one.tested[name].best for name in of if name in one.tested}
+                falls[other] = _unseen_share(benches, others, of, rival)
         good = [other for other in sorted(falls, key=lambda one: -falls[one]) if falls[other] >= _AS_GOOD]
         best = good[0] if good else id_
         if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
-            chosen = {name: beside[best].tested[name].best for name in beside[best].responses}
+            chosen = beside[best].chosen
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             good = [id_, *(other for other in good if other != best)]
         else:
@@ -490,7 +491,7 @@ def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # no
 def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
     """Whether two effects make nearly the same course in the response that shows the first one most."""
     first, second = beside[id], beside[other]
-    response = max(first.responses, key=lambda name: first.tested[name].gain)
+    response = first.main
     if response not in second.tested:
         return False
     bench = benches[response]

@@ -66,8 +66,7 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
     for run, bins in groups:
         frequency, power = of.frequency[bins], ratio[:, bins]
         narrow = len(runs) if run is None else 1
-        sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
-        width = narrow
+        sums, width = _running(power), narrow
         while width <= len(bins):
             step = 1 if width <= 4 * narrow else width // 4
             first = np.arange(0, len(bins) - width + 1, step)
@@ -147,7 +146,7 @@ def jump(clipped: Matrix, noise: Background, rows: Rows) -> list[Tested]:
             n = len(here)
             if n < 4 * length:
                 continue
-            sums = np.concatenate([np.zeros((len(clipped), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
+            sums = _running(clipped[:, here])
             at = np.arange(length, n - length)
             after = sums[:, at + length] - sums[:, at + 1]
             before = sums[:, at] - sums[:, at - length]
@@ -215,8 +214,7 @@ def burst(even: Matrix, rows: Rows) -> list[Tested]:
     found, start = [], 0
     for k, here in enumerate(rows):
         n = len(here)
-        sums = np.concatenate([np.zeros((len(stack), 1)), np.cumsum(stack[:, start : start + n], axis=1)], axis=1)
-        length = 8
+        sums, length = _running(stack[:, start : start + n]), 8
         while length <= n // 2:
             first = np.arange(0, n - length + 1, max(1, length // 4))
             score = (sums[:, first + length] - sums[:, first]) / np.sqrt(2.0 * length)
@@ -386,11 +384,7 @@ def unexplained(
 
 
 def _tests(
-    stack: Matrix,
-    rows: Sequence[NDArray[np.intp]],
-    states: tuple[Variable, ...],
-    *,
-    wanders: bool,
+    stack: Matrix, rows: Rows, states: tuple[Variable, ...], *, wanders: bool
 ) -> tuple[list[Tested], Background, float]:
     """Tests of one response, its noise, and the standard deviation of noise with the memory of its short scales."""
     own = spectrum(stack[:1], rows)
@@ -407,11 +401,7 @@ def _tests(
 
 
 def _tests_of(
-    stack: Matrix,
-    rows: Sequence[NDArray[np.intp]],
-    states: Sequence[ColumnsOfState],
-    *,
-    wanders: bool,
+    stack: Matrix, rows: Rows, states: Sequence[ColumnsOfState], *, wanders: bool
 ) -> tuple[list[Tested], Background]:
     of = spectrum(stack, rows)
     noise = background(of, wanders=wanders)
@@ -448,17 +438,17 @@ def _structure(
     comparison: Comparison, response: str, test: Tested, p_value: float, residual: Vector, spread: float
 ) -> Structure:
     run = None if test.run is None else comparison.runs[test.run]
-    window = None if test.rows is None else (comparison.time_s[test.rows[0]], comparison.time_s[test.rows[1]])
-    seen = residual[residual != 0.0]
+    from_s, to_s, seen = None, None, residual[residual != 0.0]
     if test.rows is not None:
         seen = residual[test.rows[0] : test.rows[1] + 1]
+        from_s, to_s = (float(comparison.time_s[row]) for row in test.rows)
     band = None if test.frequency is None else tuple(f / comparison.period_s for f in test.frequency)
     return Structure(
         kind=test.kind,
         channel=response,
         run=run,
-        from_s=None if window is None else float(window[0]),
-        to_s=None if window is None else float(window[1]),
+        from_s=from_s,
+        to_s=to_s,
         frequency_hz=band,  # type: ignore[arg-type]
         regime=test.words,
         size=float(np.sqrt(max(float(np.mean(seen**2)) - spread**2, 0.0))),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import FINDINGS
@@ -39,7 +38,8 @@ def told_of_wandering(
         rows = seen_rows(comparison, residuals[response])
         if not any(len(here) for here in rows):
             continue
-        variance, memory = (values.ravel() for values in _parts(residuals[response], rows))
+        parts = wandering(spectrum(np.nan_to_num(residuals[response])[None, :], rows))
+        variance, memory = (values.ravel() for values in parts)
         slow = memory >= _SLOW
         share = float(variance[slow].sum() / max(float(variance.sum()), 1e-300))
         if share < _TRIFLE:
@@ -59,7 +59,3 @@ def told_of_wandering(
             )
         )
     return tuple(sorted(found, key=lambda finding: finding.where.channel or ""))
-
-
-def _parts(residual: Vector, rows: Sequence[NDArray[np.intp]]) -> tuple[Vector, Vector]:
-    return wandering(spectrum(np.nan_to_num(residual)[None, :], rows))

@@ -235,10 +235,11 @@ def refitted(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     left_alone = tuple(name for k, name in enumerate(names) if sd[k] > _UNDETERMINED and not fit.free[k])
     values = dict(zip(fit.names, (fit.centre + fit.spread * z).tolist(), strict=True))
-    quantities = {
-        name: _quantity(values[name], float(fit.spread[k] * sd[k]), runnable.parameters[name])
-        for k, name in enumerate(fit.names)
-    }
+    quantities = {}
+    for k, name in enumerate(fit.names):
+        one, half = runnable.parameters[name], 1.96 * float(fit.spread[k] * sd[k])
+        ends = max(values[name] - half, one.low), min(values[name] + half, one.high)
+        quantities[name] = Quantity(values[name], one.unit, *ends)
     comparison = replace(
         nominal,
         simulated={**nominal.simulated, **courses},
@@ -430,10 +431,6 @@ def _directions(
         response: dict(zip(words, (columns[:, kept] @ turned.T).T, strict=True))
         for response, columns in tangents.items()
     }
-
-
-def _quantity(value: float, sd: float, one: Parameter) -> Quantity:
-    return Quantity(value, one.unit, max(value - 1.96 * sd, one.low), min(value + 1.96 * sd, one.high))
 
 
 def _pulled(fit: RefitProblem, z: Vector, sd: Vector, extra: Mapping[str, float]) -> list[Finding]:

@@ -218,13 +218,10 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="flow.overflow",
     title="A store spills at a level",
-    physics=(
-        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at its "
-        "ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too."
-    ),
-    reference=(
-        "Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, 2016"
-    ),
+    physics="A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at "
+    "its ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too.",
+    reference="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, "
+    "2016",
     enters="limit",
     acts_at="every store with a recorded level, and a store above it",
     parameters=(
@@ -237,9 +234,8 @@ EFFECT = Effect(
     needs="an inflow that fills the store to the brim",
     confounders=("drive.saturation", "data.stuck", "data.gain"),
     refuted_by="the recorded level exceeds the ceiling at any time, or no liquid leaves over the brim",
-    experiment=(
-        "Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; twice."
-    ),
+    experiment="Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; "
+    "twice.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

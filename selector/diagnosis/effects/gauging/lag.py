@@ -24,8 +24,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     feeds = infeed(comparison)
     if part_by_part(comparison, response):
         for name, rate_um_per_s in feeds.items():
-            words, shape = (f"infeed {name} at the stop",), {"rows": Quantity(1.0, "part")}
-            yield Variant(-rate_um_per_s[:, None], words, shape, sources=(name,))
+            shape = {"rows": Quantity(1.0, "part")}
+            yield Variant(-rate_um_per_s[:, None], (f"infeed {name} at the stop",), shape, sources=(name,))
         return
     simulated = filled(comparison, comparison.simulated[response])
     # where the simulated reading jumps the gauge is put onto the next part
@@ -99,11 +99,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="gauging.lag",
     title="The gauge is late",
-    physics=(
-        "The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted size "
-        "was reached. The error of the size is that time times the infeed at the stop; a reading in time trails what "
-        "it measures."
-    ),
+    physics="The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted "
+    "size was reached. The error of the size is that time times the infeed at the stop; a reading in time trails what "
+    "it measures.",
     reference="G (Trompet, Aleksandrov) eq. 20 to 23: the mean reading is late by T_Φ",
     enters="measurement",
     acts_at="the gauge between probe and relay",

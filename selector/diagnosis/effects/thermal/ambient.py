@@ -51,16 +51,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="thermal.ambient",
     title="hall temperature acts on the structure",
-    physics=(
-        "Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
-        "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
-        "spindle turns or not."
-    ),
-    reference=(
-        "Environmental temperature variation error: ISO 230-3 and ISO/TR 16015; a body in a film of air follows as "
-        "a lag of first order with τ = ρ·c·V/(h·A): Incropera, DeWitt, Fundamentals of Heat and Mass Transfer, "
-        "lumped capacitance method"
-    ),
+    physics="Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
+    "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
+    "spindle turns or not.",
+    reference="Environmental temperature variation error: ISO 230-3 and ISO/TR 16015; a body in a film of air follows "
+    "as a lag of first order with τ = ρ·c·V/(h·A): Incropera, DeWitt, Fundamentals of Heat and Mass Transfer, lumped "
+    "capacitance method",
     enters="heat flow",
     acts_at="structure",
     parameters=(
@@ -71,10 +67,8 @@ EFFECT = Effect(
     needs="a recorded temperature of the hall that moves by some tenths of a kelvin",
     confounders=("thermal.second_source", "thermal.memory", "data.drift"),
     refuted_by="drift that stays when the hall is held constant, or none while the idle machine's hall moves",
-    experiment=(
-        "Leave the machine idle with drives on for 24 h in the changing hall (open the gate for 2 h, close it for "
-        "4 h) and record displacement and hall temperature: what moves then is the hall."
-    ),
+    experiment="Leave the machine idle with drives on for 24 h in the changing hall (open the gate for 2 h, close it "
+    "for 4 h) and record displacement and hall temperature: what moves then is the hall.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

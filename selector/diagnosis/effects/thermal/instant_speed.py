@@ -41,15 +41,11 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="thermal.instant_speed",
     title="shift at once with the spindle speed",
-    physics=(
-        "Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
-        "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
-        "stops, before anything has warmed up."
-    ),
-    reference=(
-        "Rotating ring: radial growth proportional to ρ·ω²·r³/E (Timoshenko, Goodier, Theory of Elasticity, rotating "
-        "disks); speed-induced axial shift of spindles recorded with the thermal drift: ISO 230-3"
-    ),
+    physics="Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
+    "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
+    "stops, before anything has warmed up.",
+    reference="Rotating ring: radial growth proportional to ρ·ω²·r³/E (Timoshenko, Goodier, Theory of Elasticity, "
+    "rotating disks); speed-induced axial shift of spindles recorded with the thermal drift: ISO 230-3",
     enters="displacement",
     acts_at="spindle nose",
     parameters=(
@@ -59,10 +55,8 @@ EFFECT = Effect(
     needs="a recorded spindle speed with changes, samples within a minute or so of them",
     confounders=("thermal.speed_heating", "thermal.memory", "vibration.imbalance"),
     refuted_by="no step within one sample of a change of speed, or a step that takes minutes to come",
-    experiment=(
-        "On the warm machine run 0 – full speed – 0 – half speed – 0, 60 s each, three times, sampling every second: "
-        "heat cannot follow that quickly, the instant shift does."
-    ),
+    experiment="On the warm machine run 0 – full speed – 0 – half speed – 0, 60 s each, three times, sampling every "
+    "second: heat cannot follow that quickly, the instant shift does.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

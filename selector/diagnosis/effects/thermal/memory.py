@@ -100,15 +100,11 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="thermal.memory",
     title="thermal memory",
-    physics=(
-        "Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
-        "with different displacements according to what was run before. It shows as a lag of the heating, with a "
-        "time constant that the simulation does not have, most of all while the machine cools."
-    ),
-    reference=(
-        "C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the displacements "
-        "that differ by more than 50 % at one temperature"
-    ),
+    physics="Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
+    "with different displacements according to what was run before. It shows as a lag of the heating, with a "
+    "time constant that the simulation does not have, most of all while the machine cools.",
+    reference="C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the "
+    "displacements that differ by more than 50 % at one temperature",
     enters="state",
     acts_at="parts that heat reaches by conduction: column, headstock, bed",
     parameters=(
@@ -118,10 +114,8 @@ EFFECT = Effect(
     needs="runs that heat and cool, or heat at changing speed, for longer than the time constant",
     confounders=("thermal.speed_heating", "thermal.convection", "thermal.ambient"),
     refuted_by="the same displacement at the same temperatures whatever was run before",
-    experiment=(
-        "Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 min "
-        "off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements."
-    ),
+    experiment="Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 "
+    "min off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -68,14 +68,10 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="thermal.second_source",
     title="a source of heat that is not in the simulation",
-    physics=(
-        "Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
-        "programme. The displacement follows their work with the delay of the path between, whatever the spindle does."
-    ),
-    reference=(
-        "Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
-        "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3"
-    ),
+    physics="Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
+    "programme. The displacement follows their work with the delay of the path between, whatever the spindle does.",
+    reference="Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
+    "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3",
     enters="heat flow",
     acts_at="feed drives, hydraulics, tank, motors",
     parameters=(
@@ -85,10 +81,8 @@ EFFECT = Effect(
     needs="a channel that shows the source's work: feed, current, state, or a temperature beside it",
     confounders=("thermal.ambient", "thermal.coolant", "thermal.memory"),
     refuted_by="no drift when the source works alone with the spindle at standstill",
-    experiment=(
-        "With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
-        "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat."
-    ),
+    experiment="With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
+    "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

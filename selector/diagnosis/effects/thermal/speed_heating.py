@@ -98,15 +98,11 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="thermal.speed_heating",
     title="heating by the spindle, or its law of speed",
-    physics=(
-        "Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
-        "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
-        "mismatch comes with the delays of the machine and depends on the level of the speed."
-    ),
-    reference=(
-        "Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
-        "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis"
-    ),
+    physics="Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
+    "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
+    "mismatch comes with the delays of the machine and depends on the level of the speed.",
+    reference="Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
+    "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis",
     enters="heat flow",
     acts_at="spindle bearings, spindle motor",
     parameters=(
@@ -118,10 +114,8 @@ EFFECT = Effect(
     needs="a recorded spindle speed at two levels or more",
     confounders=("thermal.convection", "thermal.memory", "thermal.instant_speed"),
     refuted_by="the same ratio of recorded to simulated rise at every speed, after the same time",
-    experiment=(
-        "Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the steady "
-        "rise over speed shows the power."
-    ),
+    experiment="Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the "
+    "steady rise over speed shows the power.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

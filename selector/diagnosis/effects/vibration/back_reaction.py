@@ -65,11 +65,11 @@ def _of_pair(
             best = Remainder(comparison, response).best(moved, masses)
             # what was chosen from what is left pays for it
             tried = {float(masses[0]): 1.0, float(masses[3] if best is None else best): float(len(masses))}
-            names = (f"{words}, stiffness fitted with it" if is_fitted else words,)
+            name = f"{words}, stiffness fitted with it" if is_fitted else words
             for mass, looked_at in tried.items():
                 shape, columns = {"loop_gain": Quantity(mass * unit, "1")}, moved(mass)[:, None]
                 if np.any(columns):
-                    yield Variant(columns, names, shape, place, (successor,), bounds=_FREE, looked_at=looked_at)
+                    yield Variant(columns, (name,), shape, place, (successor,), bounds=_FREE, looked_at=looked_at)
         return
     force = inertia_force(comparison, successor, "simulated" if successor in comparison.simulated else "recorded")
     if force is None:
@@ -137,13 +137,10 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.back_reaction",
     title="A member acts back on its predecessor",
-    physics=(
-        "A chain that hands the force from member to member forgets that each member pulls on the one before it with "
-        "its own inertia. The predecessor's resonances shift and split, most where the successor itself resonates."
-    ),
-    reference=(
-        "Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it out"
-    ),
+    physics="A chain that hands the force from member to member forgets that each member pulls on the one before it "
+    "with its own inertia. The predecessor's resonances shift and split, most where the successor itself resonates.",
+    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it "
+    "out",
     enters="force",
     acts_at="every member of a chain that has a successor",
     parameters=(

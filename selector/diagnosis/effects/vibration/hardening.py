@@ -131,10 +131,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.hardening",
     title="Stiffness that grows with amplitude",
-    physics=(
-        "Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
-        "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear."
-    ),
+    physics="Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
+    "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear.",
     reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",
     enters="force",
     acts_at="the joint of the member whose motion is recorded, or between two members",

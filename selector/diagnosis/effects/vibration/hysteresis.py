@@ -139,15 +139,11 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.hysteresis",
     title="Restoring force with memory",
-    physics=(
-        "Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
-        "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
-        "as joints slip."
-    ),
-    reference=(
-        "Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
-        "Structural Dynamics, 2001"
-    ),
+    physics="Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
+    "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
+    "as joints slip.",
+    reference="Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
+    "Structural Dynamics, 2001",
     enters="force",
     acts_at="the joint of the member whose motion is recorded",
     parameters=(

@@ -183,11 +183,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.imbalance",
     title="Imbalance: a line that follows the spindle",
-    physics=(
-        "An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … "
-        "times the speed. The line moves with the recorded speed, its force grows with the square, and at a resonance "
-        "it swings up."
-    ),
+    physics="An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … "
+    "times the speed. The line moves with the recorded speed, its force grows with the square, and at a resonance "
+    "it swings up.",
     reference="ISO 21940-11:2016 (balance quality, U = m·e); Den Hartog, Mechanical Vibrations, 1956, ch. 2 and 6",
     enters="force",
     acts_at="the spindle; seen in every response that is recorded quickly or step by step over speed",

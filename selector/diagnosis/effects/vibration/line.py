@@ -86,11 +86,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.line",
     title="Vibration at a fixed frequency",
-    physics=(
-        "A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
-        "shakes it at a frequency "
-        "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does."
-    ),
+    physics="A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
+    "shakes it at a frequency "
+    "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does.",
     reference="Den Hartog, Mechanical Vibrations, 1956, ch. 2; V (Agafonov), external sources IK3 to IK5",
     enters="force",
     acts_at="any response that is recorded quickly, or step by step over frequency",

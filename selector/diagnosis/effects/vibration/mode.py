@@ -92,11 +92,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.mode",
     title="A resonance that the simulation lacks",
-    physics=(
-        "A member or a shape of motion that is not in the model swings at its own natural frequency, "
-        "driven by the same "
-        "forces. The residual follows the input through a lightly damped second-order filter, in all runs the same."
-    ),
+    physics="A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the "
+    "same forces. The residual follows the input through a lightly damped second-order filter, in all runs the same.",
     reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",
     enters="state",
     acts_at="any response that is recorded quickly, or step by step over frequency",
@@ -107,9 +104,8 @@ EFFECT = Effect(
     ),
     needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
     confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),
-    refuted_by=(
-        "the frequency response from the input to the residual has no peak there, or the peak moves with amplitude"
-    ),
+    refuted_by="the frequency response from the input to the residual has no peak there, or the peak moves with "
+    "amplitude",
     experiment="Excite with a slow sine sweep or hammer blows, at two amplitudes, over the whole range of frequencies.",
     variants=_variants,
     testable=_testable,
