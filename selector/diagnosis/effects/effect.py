@@ -136,6 +136,12 @@ class Fitted:
         return {"largest": Quantity(self.largest, self.unit)}
 
     @property
+    def where(self) -> str:
+        """Where a fault of the data acts, to stand at the end of a sentence."""
+        regime = self.variant.regime or "in all runs"
+        return f" in {regime}" if regime.startswith("run ") else f" {regime}"
+
+    @property
     def up_to(self) -> str:
         """The same in words, in the unit of the response."""
         return f"{self.largest:.3g} {self.unit}"

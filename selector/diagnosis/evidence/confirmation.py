@@ -13,7 +13,7 @@ from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, numbers, search, without
-from selector.diagnosis.matching.repeats import rms
+from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
 
 _SEEN = 10.0

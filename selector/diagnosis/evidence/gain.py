@@ -11,9 +11,9 @@ from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import all_moderated, inverse_of
-from selector.diagnosis.evidence.practical_size import noise_floor
+from selector.diagnosis.evidence.naming import noise_floor
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.matching.repeats import rms
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
@@ -23,14 +23,7 @@ _FAR = 1.2
 
 
 def fit_of(
-    comparison: Comparison,
-    bench: Bench,
-    named: Sequence[int],
-    unit: str,
-    *,
-    recalibrate: bool,
-    seed: int,
-    is_noise: bool = True,
+    comparison: Comparison, bench: Bench, named: Sequence[int], *, recalibrate: bool, seed: int, is_noise: bool = True
 ) -> Fit:
     """Errors of the simulation as given, recalibrated, and with the named candidates, in one response.
 
@@ -44,7 +37,7 @@ def fit_of(
     before, middle, after = target, target - recalibrated, target - explained
     floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
     return Fit(
-        unit=unit,
+        unit=comparison.channel(bench.response).unit,
         train=Errors(rms(before[bench.fitted]), rms(after[bench.fitted])),
         heldout=Errors(rms(before[held]), rms(after[held]), floor),
         recalibrated_heldout=rms(middle[held]),

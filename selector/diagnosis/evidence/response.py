@@ -15,11 +15,11 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
 from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
-from selector.diagnosis.matching.repeats import repeats, rms
+from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import by_run, filled, rate
 from selector.types import Matrix, Vector
 
 _BLOCKS = 24
@@ -85,15 +85,15 @@ class Bench:
         """The same with an own parameter as a candidate instead."""
         if id not in self.own:
             return self
-        kept = np.ones(self.nuisance.shape[1], dtype=bool)
-        kept[self.own[id]] = False
-        gone = self.own[id].stop - self.own[id].start
+        gone = self.own[id]
+        width = gone.stop - gone.start
         own = {
-            name: slice(part.start - gone, part.stop - gone) if part.start > self.own[id].start else part
+            name: slice(part.start - width, part.stop - width) if part.start > gone.start else part
             for name, part in self.own.items()
             if name != id
         }
-        names = tuple(name for name, keep in zip(self.nuisance_names, kept, strict=True) if keep)
+        kept = np.r_[: gone.start, gone.stop : self.nuisance.shape[1]]
+        names = (*self.nuisance_names[: gone.start], *self.nuisance_names[gone.stop :])
         return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
 
     def with_noise(self, noise: NoiseModel) -> Bench:
@@ -371,9 +371,7 @@ def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: N
 
 
 def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
-    result = np.array(course)
-    for _, rows in comparison.rows_of_runs():
-        time = comparison.time_s[rows]
-        if len(time) > 1:
-            result[rows] = CubicSpline(time, course[rows])(np.clip(time - delay_s, time[0], time[-1]))
-    return result
+    def late(time: Vector, part: Vector) -> Vector:
+        return CubicSpline(time, part)(np.clip(time - delay_s, time[0], time[-1])) if len(time) > 1 else part
+
+    return by_run(comparison, late, comparison.time_s, course)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.exchanged_runs import exchanged_runs
+from selector.diagnosis.matching.runs import exchanged_runs
 from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
@@ -46,9 +46,8 @@ def comparable_rows(at_s: Vector, stamps_s: Vector, recorded: Sequence[Vector], 
     step_s = float(np.median(np.diff(at_s)))
     if float(np.median(np.diff(stamps_s))) < _COARSE * step_s:
         return everything
-    if not any(
-        _cut_off(stamps_s, course) > _SEEN * _noise(values) for values, course in zip(recorded, simulated, strict=True)
-    ):
+    pairs = zip(recorded, simulated, strict=True)
+    if not any(_cut_off(stamps_s, course) > _SEEN * _noise(values) for values, course in pairs):
         return everything
     inside = stamps_s[(stamps_s >= at_s[0] - 0.5 * step_s) & (stamps_s <= at_s[-1] + 0.5 * step_s)]
     after = np.clip(np.searchsorted(at_s, inside), 1, len(at_s) - 1)
@@ -335,13 +334,11 @@ def _simulated_times(recording: Recording, simulation: Recording, run: str) -> t
     # a logger may count from when it was switched on, a simulation from the start of the run
     if not from_zero or shift_s == 0.0 or (overlap_s >= 0.5 * min(span_s, span_simulated_s) and not same_span):
         return time + shift_s, tolerance_s, []
-    told = FINDINGS.finding(
-        "clocks-with-other-zeros",
+    statement = (
         f"Run {run}: the recorded clock starts at {shift_s:.6g} s and the simulated one at 0, and they cover the same "
-        "span or hardly meet; both are counted from their first sample.",
-        Where(run=run),
-        {"shift_s": shift_s},
+        "span or hardly meet; both are counted from their first sample."
     )
+    told = FINDINGS.finding("clocks-with-other-zeros", statement, Where(run=run), {"shift_s": shift_s})
     return time, tolerance_s, [told]
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from selector.diagnosis.answer import Diagnosis, Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import BEYOND_MEASURE, FINDINGS, NOT_COMPARED
-from selector.diagnosis.matching.repeats import rms
+from selector.diagnosis.matching.runs import rms
 from selector.errors import InputError
 from selector.findings import Finding, Level, Where
 from selector.quality.break_codes import broken_sensors, out_of_range

@@ -291,11 +291,8 @@ def _with_fitted(put: Sequence[NamedEffect], found: Sequence[_Found], last: _Tur
     """The effects with the numbers of the last fit, everything together, in the place of those they were found with."""
     result = []
     for effect, one in zip(put, found, strict=True):
-        numbers = {
-            name.rpartition(".")[2]: last.refit.quantities[name]
-            for name in one.switch.parameters
-            if name in last.refit.quantities
-        }
+        fitted = last.refit.quantities
+        numbers = {name.rpartition(".")[2]: fitted[name] for name in one.switch.parameters if name in fitted}
         words = ", ".join(
             f"{key} {q.value:.4g} ({q.low:.4g} to {q.high:.4g}) {'' if q.unit == '1' else q.unit}".rstrip()
             for key, q in numbers.items()
@@ -368,15 +365,13 @@ def _is_near_noise(answer: Diagnosis) -> bool:
 
 def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
     what = "own model" if runnable.mode == "C" else "a black box that can be run again"
-    refit = turns[0].refit
+    refit, times = turns[0].refit, sum(turn.refit.runs for turn in turns)
+    refitted = {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()}
     return FINDINGS.finding(
         "mode",
-        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated "
-        f"{sum(turn.refit.runs for turn in turns)} times.",
-        evidence={
-            "mode": runnable.mode,
-            "refitted": {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()},
-        },
+        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated {times} "
+        "times.",
+        evidence={"mode": runnable.mode, "refitted": refitted},
     )
 
 

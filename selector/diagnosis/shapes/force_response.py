@@ -25,7 +25,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
     telling_rows,
 )
-from selector.diagnosis.shapes.signals import by_run, filled, lagged
+from selector.diagnosis.shapes.signals import by_run, filled, lagged, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
@@ -205,7 +205,10 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     outputs = outputs or force
     if not outputs:
         return None
-    inputs += _under_way(comparison, speed / top)
+    for k, first in enumerate(comparison.starts[:-1]):
+        if abs(float(speed[first] / top)) > _FROM_REST:
+            # ones over a run that starts in motion: passed through the loop, what was before its first sample fades
+            inputs.append((comparison.run_index == k).astype(np.float64))
     found = (
         _of_rows(comparison, outputs, inputs, by_motion if force else None, rows) for rows in telling_rows(comparison)
     )
@@ -249,16 +252,6 @@ def _of_drive(comparison: Comparison, axis: str | None) -> tuple[list[Vector], f
     return [course], float(np.sqrt(np.mean(left**2)))
 
 
-def _under_way(comparison: Comparison, speed: Vector) -> list[Vector]:
-    """Ones over every run that starts in motion: passed through the loop, what was before its first sample fades."""
-    found = []
-    for _, rows in comparison.rows_of_runs():
-        if abs(float(speed[rows][0])) > _FROM_REST:
-            found.append(np.zeros(len(speed)))
-            found[-1][rows] = 1.0
-    return found
-
-
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
     """A simulated error, current… that shows the loop, of unit variance; None if the channel is no such thing."""
     channel = comparison.channel(name)
@@ -269,8 +262,7 @@ def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str |
     course = filled(comparison, comparison.simulated[name])
     if channel.role == "position":
         course = course - command
-    for _, rows in comparison.rows_of_runs():
-        course[rows] -= course[rows][0]
+    course = rise(comparison, course, over_samples=1)
     spread = float(np.std(course))
     return course / spread if spread > 0.0 else None
 

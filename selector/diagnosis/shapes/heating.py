@@ -200,12 +200,9 @@ class SpindleLaw:
         By `extra_per_s` [1/s] in every mode alike, or if that is None by the part `share` of its own rate.
         """
         result = np.zeros(len(source))
-        for tau_s, weight in zip(self.tau_s, self.weights, strict=True):
-            if tau_s > 0.0:
-                extra = share / float(tau_s) if extra_per_s is None else extra_per_s
-                result += weight * cooled(comparison, source, gate, float(tau_s), extra)
-            else:
-                result += weight * source
+        for tau_s, weight in zip(self.tau_s.tolist(), self.weights, strict=True):
+            extra = share / max(tau_s, 1e-300) if extra_per_s is None else extra_per_s
+            result += weight * (cooled(comparison, source, gate, tau_s, extra) if tau_s > 0.0 else source)
         return result
 
     @property
@@ -256,39 +253,21 @@ def follows_sensors(comparison: Comparison, response: str) -> bool:
     return bool(np.sum(left**2) < _LEFT_BY_SENSORS * np.sum(target**2))
 
 
-def spindle_part(comparison: Comparison, response: str, name: str) -> Vector:
-    """A recorded temperature's rise [K] without what hall, coolant and other sources explain of it, and calm.
-
-    What follows the speed, or with no speed recorded the simulated course, stays in it.
-    """
-    return _parts(comparison, response, name).spindle
-
-
-def calm_rise(comparison: Comparison, response: str, name: str) -> Vector:
-    """A recorded temperature's rise [K] without the steps of its resolution.
-
-    What the recorded sources explain of it is kept as it is, the rest as its mean over half an hour.
-    """
-    parts = _parts(comparison, response, name)
-    return parts.spindle + parts.others
-
-
-def free_part(comparison: Comparison, response: str, name: str) -> tuple[Vector, float]:
-    """What neither the spindle nor hall nor coolant explains of a rise [K], calm, and its share of variance."""
-    parts = _parts(comparison, response, name)
-    return parts.free, parts.free_share
-
-
 @dataclass(frozen=True, eq=False)
-class _Parts:
-    spindle: Vector
-    others: Vector
-    free: Vector
-    free_share: float
+class RiseParts:
+    """A recorded temperature's rise [K], without the steps of its resolution."""
+
+    #: Without what hall, coolant and other sources explain; what follows the speed, or with no speed recorded the
+    #: simulated course, stays in it
+    of_spindle: Vector
+    calm: Vector  #: What the recorded sources explain as it is, the rest as its mean over half an hour
+    unaccounted: Vector  #: What neither the spindle nor hall nor coolant explains, calm
+    unaccounted_share: float  #: Its share of variance
 
 
 @lru_cache(maxsize=64)
-def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
+def rise_parts(comparison: Comparison, response: str, name: str) -> RiseParts:
+    """What a recorded temperature's rise since the start of its run is made of."""
     values = temperature_rise(comparison, name)
     spindle = _spindle_columns(comparison, response)
     others = np.column_stack([_surroundings(comparison, response), *_cooled_by_coolant(comparison, response)])
@@ -297,16 +276,11 @@ def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
     by_spindle = spindle @ coefficients[: spindle.shape[1]]
     by_others = others @ coefficients[spindle.shape[1] :]
     free = values - by_spindle - by_others
-    calm = _smoothed(comparison, free)
+    samples = max(3, round(_CALM_S / comparison.period_s) | 1)
+    calm = by_run(comparison, lambda part: uniform_filter1d(part, samples, mode="nearest"), free)
     variance = float(np.var(values))
     share = float(np.var(calm)) / variance if variance > 0.0 else 0.0
-    return _Parts(by_spindle + calm, by_others, calm, share)
-
-
-def _smoothed(comparison: Comparison, values: Vector) -> Vector:
-    """Mean over half an hour about every sample, run by run."""
-    samples = max(3, round(_CALM_S / comparison.period_s) | 1)
-    return by_run(comparison, lambda part: uniform_filter1d(part, samples, mode="nearest"), values)
+    return RiseParts(by_spindle + calm, by_spindle + calm + by_others, calm, share)
 
 
 @lru_cache(maxsize=32)

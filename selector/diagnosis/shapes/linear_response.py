@@ -16,7 +16,18 @@ from scipy.signal import cont2discrete, find_peaks, freqz, lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import EvenRun, by_run, course, even_runs, excited, filled, on_even_clock, rate
+from selector.diagnosis.shapes.signals import (
+    EvenRun,
+    by_run,
+    course,
+    even_runs,
+    excited,
+    filled,
+    no_vibration,
+    of_a_drive,
+    on_even_clock,
+    rate,
+)
 from selector.diagnosis.shapes.spectral_lines import rotating_forces
 from selector.types import Matrix, Vector
 
@@ -397,6 +408,17 @@ def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
     names.sort(key=lambda name: name not in comparison.responses)
     return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
+
+
+JOINT_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
+
+
+def no_joint(comparison: Comparison, response: str) -> str | None:
+    """Why no force of a joint can be seen in this response, in one clause; None if it can."""
+    reason = no_vibration(comparison, response, roles=JOINT_ROLES) or of_a_drive(comparison, response)
+    if reason is None and not linear_responses(comparison, response):
+        return f"the simulated {response} shows no resonance that a force could pass through"
+    return reason
 
 
 def joints(comparison: Comparison, response: str) -> Iterator[tuple[str, LinearResponse, LinearResponse | None]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
+from selector.diagnosis.effects.effect import Quantity, Variant
 from selector.diagnosis.shown_units import displayed
 from selector.types import Mask, Vector
 
@@ -61,6 +61,12 @@ def in_one_run(comparison: Comparison, run: str) -> Part:
 def fitted_runs(comparison: Comparison) -> tuple[str, ...]:
     """Runs with rows that are not held out."""
     return tuple(run for run, rows in comparison.rows_of_runs() if not comparison.held_out[rows].all())
+
+
+def single_runs(comparison: Comparison) -> list[Part]:
+    """Every run with rows that are not held out, by itself; none where there is but one."""
+    runs = fitted_runs(comparison)
+    return [in_one_run(comparison, run) for run in runs if len(runs) > 1]
 
 
 def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None = None) -> Iterator[Part]:
@@ -136,12 +142,6 @@ def duration(seconds: float) -> str:
         if size >= 2.0 * length:
             return f"{seconds / length:.4g} {unit}"
     return f"{1e3 * seconds:.4g} ms" if size < 1.0 else f"{seconds:.4g} s"
-
-
-def where_of(fitted: Fitted) -> str:
-    """Where a fitted variant acts, to stand at the end of a sentence."""
-    regime = fitted.variant.regime or "in all runs"
-    return f" in {regime}" if regime.startswith("run ") else f" {regime}"
 
 
 _SHOWN = {"um": "µm", "degC": "K", "1": ""}

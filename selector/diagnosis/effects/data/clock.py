@@ -7,16 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import (
-    Part,
-    duration,
-    everywhere,
-    fitted_runs,
-    in_one_run,
-    later_parts,
-    where_of,
-    whole_runs,
-)
+from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, filled, rate
@@ -100,8 +91,7 @@ def _shifted_by(
 
 def _of_another_rate(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
     """Right at the start of a run and off by more and more."""
-    runs = fitted_runs(comparison)
-    parts = [everywhere(comparison), *(in_one_run(comparison, run) for run in (runs if len(runs) > 1 else ()))]
+    parts = [everywhere(comparison), *single_runs(comparison)]
     few = _FEW_SIZES if len(comparison.runs) > _MANY_RUNS else _SIZES
     large = []
     for part in parts:
@@ -151,13 +141,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         gap_s = off.value * comparison.longest_s
         return Reading(
             f"The clock of {channel} runs {abs(off.value):.3%} too {'slow' if off.value < 0 else 'fast'}"
-            f"{where_of(fitted)}: {duration(abs(gap_s))} at the end of the longest run.",
+            f"{fitted.where}: {duration(abs(gap_s))} at the end of the longest run.",
             {"rate_error": off},
         )
     late = fitted.coefficient("s", factor=_tried_value(variant, "shift_s"))
     return Reading(
-        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}"
-        f"{where_of(fitted)}.",
+        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}{fitted.where}.",
         {"shift_s": late} | {name: variant.shape[name] for name in ("from_s",) if name in variant.shape},
     )
 

@@ -15,7 +15,6 @@ from selector.diagnosis.effects.data._places import (
     fitted_runs,
     later_parts,
     step_unit,
-    where_of,
     window,
 )
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, always
@@ -53,7 +52,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     end = slope.value * (to_s - from_s) / 3600.0
     return Reading(
         f"The sensor of {fitted.response} runs away by {amount(slope.value, fitted.unit)}/h on average"
-        f"{where_of(fitted)}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
+        f"{fitted.where}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
         {"drift": slope} | ({"from_s": shape["from_s"]} if "from_s" in shape else {}),
     )
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import everywhere, where_of, whole_runs
+from selector.diagnosis.effects.data._places import everywhere, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import excited, filled
 
@@ -72,7 +72,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     meaning = known_factor(gain)
     means = f" Such a factor is known: {meaning}." if meaning else ""
     return Reading(
-        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{where_of(fitted)}.{means}",
+        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{fitted.where}.{means}",
         {"gain": gain},
     )
 

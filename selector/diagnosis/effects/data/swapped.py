@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from itertools import combinations
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import fitted_runs, in_one_run, where_of, whole_runs
+from selector.diagnosis.effects.data._places import single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
@@ -52,14 +52,13 @@ def _of_response(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _of_readings(comparison: Comparison, response: str) -> Iterator[Variant]:
     """Two readings that the simulation was computed from changed places in a run: how much that makes is known."""
-    weights, runs = weights_of_readings(comparison, response), fitted_runs(comparison)
+    weights = weights_of_readings(comparison, response)
     for one, other in combinations(weights, 2):
         if comparison.channel(one).role != comparison.channel(other).role:
             continue
         change = exchanged(comparison, weights, one, other)
         words = f"{one} and {other} put back in their places"
-        for run in runs if len(runs) > 1 else ():
-            part = in_one_run(comparison, run)
+        for part in single_runs(comparison):
             yield part.variant(change, words, "wiring", sources=(one, other), bounds=_AROUND_ONE)
 
 
@@ -70,7 +69,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     one, other = fitted.variant.sources
-    changed = f"have changed places{where_of(fitted)}"
+    changed = f"have changed places{fitted.where}"
     text = (
         f"{one} and {other} {changed}: so read, the simulation of {fitted.response} is off by up to {fitted.up_to}."
         if one != fitted.response

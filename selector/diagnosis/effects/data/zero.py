@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import amount, everywhere, step_unit, where_of, whole_runs
+from selector.diagnosis.effects.data._places import amount, everywhere, step_unit, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, always
 
 
@@ -26,7 +26,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     zero = fitted.coefficient(step_unit(fitted.unit))
     return Reading(
         f"{fitted.response} is recorded {amount(zero.value, fitted.unit)} too {'high' if zero.value > 0 else 'low'}"
-        f"{where_of(fitted)}.",
+        f"{fitted.where}.",
         {"zero": zero},
     )
 

@@ -122,9 +122,10 @@ def is_force(fitted: Fitted, comparison: Comparison) -> bool:
     return comparison.channel(fitted.response).role in FORCE_ROLES
 
 
-def key_of(fitted: Fitted) -> str:
-    """Name of a parameter that is a force in the unit of the response."""
-    return {"N": "force_n", "A": "current_a", "V": "voltage_v"}.get(fitted.unit, "amount")
+def force_key(fitted: Fitted, comparison: Comparison) -> str:
+    """Name of a parameter that is a force in the unit of the response; empty where it is none."""
+    key = {"N": "force_n", "A": "current_a", "V": "voltage_v"}.get(fitted.unit, "amount")
+    return key if is_force(fitted, comparison) else ""
 
 
 def waved(fitted: Fitted) -> Quantity:

@@ -7,15 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    is_force,
-    key_of,
-    motion_of,
-    of_forces,
-    presliding_m,
-    reverses,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _ALL = "friction that both directions differ by"
@@ -41,14 +33,15 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     one_way = fitted.variant.shape.get("direction")
     how = "" if one_way is None else (" forwards" if one_way.value > 0.0 else " backwards") + " only"
     law = " and grows with speed" if growing else ""
-    if is_force(fitted, comparison):
+    key = force_key(fitted, comparison)
+    if key:
         force = fitted.coefficient()
         at = " at the largest speed" if growing and len(fitted.coefficients) == 1 else ""
         text = f"has another law{how}, by {force.words(amount=True)} at the largest speed"
         if one_way is None:
             differ = Quantity(2.0 * abs(force.value), force.unit)
             text = f"differs by {differ.words()} between the two directions{at or law}"
-        return Reading(f"Friction {text}: {fitted.size_words}.", {key_of(fitted): force})
+        return Reading(f"Friction {text}: {fitted.size_words}.", {key: force})
     return Reading(f"Friction differs between the two directions{how}{law}: {fitted.size_words}.", fitted.size)
 
 

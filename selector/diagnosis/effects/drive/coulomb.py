@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, is_force, key_of, motion_of, of_forces, reverses
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
@@ -21,13 +21,14 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     presliding = fitted.parameter("presliding_um")
-    if is_force(fitted, comparison):
+    key = force_key(fitted, comparison)
+    if key:
         force = fitted.coefficient()
         turned = " against the sense that friction has" if force.value < 0.0 else ""
         return Reading(
             f"Dry friction of {force.words(amount=True)} by sign of motion{turned}, whatever the speed, acts on the "
             f"axis and is not in the simulation ({fitted.size_words}).",
-            {key_of(fitted): force, "presliding_um": presliding},
+            {key: force, "presliding_um": presliding},
         )
     return Reading(
         f"At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside: "

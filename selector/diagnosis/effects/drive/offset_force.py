@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, direct, is_force, key_of, of_forces
+from selector.diagnosis.effects.drive._forces import YIELD, direct, force_key, of_forces
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.force_response import responds
 from selector.diagnosis.shapes.signals import course, in_run
@@ -44,9 +44,10 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     run, regime = fitted.variant.run, fitted.variant.regime
     shift = fitted.coefficient()
     when = ("" if run is None else f" in run {run}") + ("" if regime is None else f" while {regime}")
-    if is_force(fitted, comparison):
+    key = force_key(fitted, comparison)
+    if key:
         text = f"A constant force of {shift.words()} acts on the axis{when}, at rest and in motion alike"
-        return Reading(f"{text} ({fitted.size_words}).", {key_of(fitted): shift})
+        return Reading(f"{text} ({fitted.size_words}).", {key: shift})
     text = f"A constant force holds the axis {shift.words()} aside{when}, at rest and in motion alike."
     return Reading(text, {"shift": shift})
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import is_force, key_of, leads, motion_of, of_forces, waved
+from selector.diagnosis.effects.drive._forces import force_key, leads, motion_of, of_forces, waved
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.force_response import responds
 
@@ -32,12 +32,13 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     lead = fitted.parameter("lead_mm")
-    if is_force(fitted, comparison):
+    key = force_key(fitted, comparison)
+    if key:
         amplitude = waved(fitted)
         return Reading(
             f"A force that repeats every {lead.value:.4g} mm, as cogging or commutation does, has an amplitude of "
             f"{amplitude.value:.3g} {fitted.unit} ({fitted.size_words}).",
-            {"lead_mm": lead, key_of(fitted): amplitude},
+            {"lead_mm": lead, key: amplitude},
         )
     text = f"A force that repeats every {lead.value:.4g} mm shakes the axis, less the slower it goes"
     return Reading(f"{text}: {fitted.size_words}.", {"lead_mm": lead} | fitted.size)

@@ -7,15 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    is_force,
-    key_of,
-    motion_of,
-    of_forces,
-    presliding_m,
-    reverses,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _N_SPEEDS = 6
@@ -52,13 +44,14 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     speed = fitted.parameter("stribeck_speed_m_per_s")
     below = f"below about {1e3 * speed.value:.3g} mm/s"
     parameters = {"stribeck_speed_m_per_s": speed}
-    if is_force(fitted, comparison):
+    key = force_key(fitted, comparison)
+    if key:
         force = fitted.coefficient()
         more = "more" if force.value > 0.0 else "less"
         return Reading(
             f"Friction is {force.words(amount=True)} {more} near standstill than at speed; it has changed {below} "
             f"({fitted.size_words}).",
-            {key_of(fitted): force} | parameters,
+            {key: force} | parameters,
         )
     return Reading(
         f"A friction that falls with speed, felt {below}, pushes the axis aside where it starts and turns: "

@@ -55,21 +55,14 @@ def place_of(comparison: Comparison, name: str) -> str | None:
     return next((channel.place for channel in comparison.channels if channel.name == name), None)
 
 
-def delay(tau_s: float) -> str:
-    """``"with a delay of 41 min"``, or ``"at once"``."""
-    return f"with a delay of {duration(tau_s)}" if tau_s > 0.0 else "at once"
-
-
 def delay_of(fitted: Fitted) -> str:
     """The delays of the fitted variant: one, or two that act together."""
     shape = fitted.variant.shape
-    if "tau_s" not in shape:
-        return "at once"
-    text = delay(shape["tau_s"].value)
-    if "tau_s" in fitted.shape_intervals:
-        text += f" ({_interval(*fitted.shape_intervals['tau_s'])})"
-    elif shape["tau_s"].value > 0.0:
-        text = f"with a delay of about {duration(shape['tau_s'].value)}"
+    tau_s = shape["tau_s"].value if "tau_s" in shape else 0.0
+    known = fitted.shape_intervals.get("tau_s")
+    text = f"with a delay of {'about ' if known is None else ''}{duration(tau_s)}" if tau_s > 0.0 else "at once"
+    if known is not None:
+        text += f" ({_interval(*known)})"
     if "slow_tau_s" not in shape:
         return text
     text += f" and one of {duration(shape['slow_tau_s'].value)}"

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import calm_rise, lacking, shown_unit, simulated_rise, sources
+from selector.diagnosis.shapes.heating import lacking, rise_parts, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
@@ -17,7 +17,7 @@ _MOST_SENSORS = 8
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     known = sources(comparison, response)
     names = known.machine[:_MOST_SENSORS]
-    rises = {name: calm_rise(comparison, response, name) for name in names}
+    rises = {name: rise_parts(comparison, response, name).calm for name in names}
     for k, first in enumerate(names):
         for second in names[k:]:
             yield _variant(comparison, (first, second), rises[first] * rises[second], "K²")

@@ -10,13 +10,12 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
-    free_part,
     lacking,
+    rise_parts,
     simulated_rise,
     sources,
     speed_power,
     spindle_law,
-    spindle_part,
     temperature_rise,
 )
 from selector.diagnosis.shapes.signals import excited, start_decay, time_constants
@@ -54,7 +53,7 @@ def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector
         found.append((speed, f"{speed}^{law.exponent:.2g}", speed_power(comparison, speed, law.exponent)))
     elif speed is None and found:
         for name in _carried(comparison, response, simulated):
-            found.append((name, name, spindle_part(comparison, response, name)))
+            found.append((name, name, rise_parts(comparison, response, name).of_spindle))
     return found
 
 
@@ -63,7 +62,7 @@ def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[s
     near = []
     for name in sources(comparison, response).machine:
         values = temperature_rise(comparison, name)
-        if excited(values) and free_part(comparison, response, name)[1] < 0.1:
+        if excited(values) and rise_parts(comparison, response, name).unaccounted_share < 0.1:
             near.append((abs(float(np.corrcoef(values, simulated)[0, 1])), name))
     return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import calm_rise, free_part, heats, lacking, says_other_source, sources
+from selector.diagnosis.shapes.heating import heats, lacking, rise_parts, says_other_source, sources
 from selector.diagnosis.shapes.signals import excited, time_constants
 from selector.types import Vector
 
@@ -36,13 +36,14 @@ def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, 
     """Temperatures that the spindle does not account for: whole if hardly, else what it leaves of them."""
     found: list[tuple[float, str, str, Vector]] = []
     for name in sources(comparison, response).machine:
-        free, share = free_part(comparison, response, name)
+        parts = rise_parts(comparison, response, name)
+        free, share = parts.unaccounted, parts.unaccounted_share
         said = says_other_source(comparison.channel(name))
         is_enough = share >= (_FREE_SHARE_IF_SAID if said else _FREE_SHARE)
         if not is_enough or not excited(free, comparison.resolution.get(name, 0.0)):
             continue
         if share > _OWN_SHARE or said:
-            found.append((share, name, f"rise of {name}", calm_rise(comparison, response, name)))
+            found.append((share, name, f"rise of {name}", rise_parts(comparison, response, name).calm))
         if share < 0.95:
             found.append((share, name, f"what spindle and hall leave of {name}", free))
     found.sort(key=lambda one: one[0], reverse=True)

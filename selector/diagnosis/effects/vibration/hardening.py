@@ -15,14 +15,13 @@ from selector.diagnosis.shapes.linear_response import (
     fed_back,
     joints,
     linear_part,
-    linear_responses,
+    no_joint,
     restoring,
 )
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
+from selector.diagnosis.shapes.signals import filled, rate, slope, swept_hz
 from selector.types import Vector
 
-_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
 """Stiffness that the cube adds at the swing of the simulation, over the linear one."""
 _FREE = (0.0, np.inf)
@@ -97,12 +96,7 @@ def _variant(
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if swept_hz(comparison, response) is not None:
-        return None
-    reason = no_vibration(comparison, response, roles=_ROLES) or of_a_drive(comparison, response)
-    if reason is None and not linear_responses(comparison, response):
-        return f"the simulated {response} shows no resonance that a force could pass through"
-    return reason
+    return no_joint(comparison, response) if swept_hz(comparison, response) is None else None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
