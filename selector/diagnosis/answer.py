@@ -18,6 +18,10 @@ Verdict = Literal["missing-physics", "nothing-missing", "data-fault", "miscalibr
 SCHEMA = "selector.diagnosis/1"
 CORRECTION_SCHEMA = "selector.correction/1"
 _ENDS = ("low", "high")
+_OF_EFFECT = (
+    "id", "channel", "channels", "place", "statement", "parameters", "confidence", "p_value", "share", "suspected",
+    "cannot_be_told_from", "experiment",
+)  # fmt: skip
 _LEAST_GAIN = 0.1
 """Of the simulated course: of less than that no delay can be told."""
 
@@ -157,7 +161,10 @@ class Diagnosis:
             "schema": SCHEMA,
             "verdict": self.verdict,
             "headline": self.headline,
-            "where": [_place(place) for place in self.where],
+            "where": [
+                {key: value for key, value in vars(place).items() if key != "p_value" or value is not None}
+                for place in self.where
+            ],
             "effects": [_effect(effect) for effect in self.effects],
             "also_seen": [_effect(effect) for effect in self.also_seen],
             "fit": {name: _fit(fit) for name, fit in self.fit.items()},
@@ -184,36 +191,20 @@ def recalibration_of(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
     return result
 
 
-def _place(place: Place) -> dict[str, Any]:
-    return {key: value for key, value in vars(place).items() if key != "p_value" or value is not None}
-
-
 def _effect(effect: NamedEffect) -> dict[str, Any]:
-    return {
-        "id": effect.id,
-        "channel": effect.channel,
-        "channels": list(effect.channels),
-        "place": effect.place,
-        "statement": effect.statement,
-        "parameters": {name: _quantity(quantity) for name, quantity in effect.parameters.items()},
-        "confidence": effect.confidence,
-        "p_value": effect.p_value,
-        "share": effect.share,
-        "suspected": effect.suspected,
-        "cannot_be_told_from": list(effect.cannot_be_told_from),
-        "experiment": effect.experiment,
-    }
+    parameters = {name: _quantity(quantity) for name, quantity in effect.parameters.items()}
+    told = {key: parameters if key == "parameters" else vars(effect)[key] for key in _OF_EFFECT}
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in told.items()}
 
 
 def _fit(fit: Fit) -> dict[str, Any]:
-    train, held = fit.train, fit.heldout
+    train, held = (
+        {"rmse_before": _known(errors.rmse_before), "rmse_after": _known(errors.rmse_after)}
+        for errors in (fit.train, fit.heldout)
+    )
     return {
-        "train": {"rmse_before": _known(train.rmse_before), "rmse_after": _known(train.rmse_after)},
-        "heldout": {
-            "rmse_before": _known(held.rmse_before),
-            "rmse_after": _known(held.rmse_after),
-            "noise_floor": held.noise_floor,
-        },
+        "train": train,
+        "heldout": {**held, "noise_floor": fit.heldout.noise_floor},
         "recalibrated_heldout_rmse": _known(fit.recalibrated_heldout),
         "gap_closed": None if fit.gap_closed is None else dict(vars(fit.gap_closed)),
         "placebo_gain": None if fit.placebo_gain is None else dict(vars(fit.placebo_gain)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -84,6 +84,19 @@ class Comparison:
     def difference(self, response: str) -> Vector:
         """Recorded minus simulated [unit of the response], shape (n_rows,); NaN where one of them is missing."""
         return self.recorded[response] - self.simulated[response]
+
+    def only(self, kept: Mask) -> Comparison:
+        """The comparison with some of its rows; runs without any are gone."""
+        counts = {run: count for run, rows in self.rows_of_runs() if (count := int(kept[rows].sum()))}
+        return replace(
+            self,
+            runs=tuple(counts),
+            starts=(0, *np.cumsum(list(counts.values())).tolist()),
+            time_s=read_only(self.time_s[kept]),
+            recorded={name: read_only(values[kept]) for name, values in self.recorded.items()},
+            simulated={name: read_only(values[kept]) for name, values in self.simulated.items()},
+            held_out=self.held_out[kept],
+        )
 
 
 def read_only(values: Vector) -> Vector:

@@ -54,6 +54,13 @@ _NOUNS = {
     "gauging.wear": "wear of wheel or probe",
     "flow.overflow": "a store that spills at a level",
 }
+_STEPS = {
+    "miscalibrated": "Give the simulation the offset, gain and delay below; no new physics is needed.",
+    "nothing-missing": "Use the simulation as it is. What this record would not have shown is listed under "
+    "Detectability.",
+    "unexplained": "Look at the windows below: what was switched on, opened or touched then? A channel that records it "
+    "would let it be named.",
+}
 _LEAST_FALL = 0.02
 
 
@@ -110,26 +117,12 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
             steps.append(f"To confirm {name_of(effect.id)}: {_sentence(effect.experiment)}")
     put = [effect for effect in found.effects if not is_data(effect.id) and not effect.cannot_be_told_from]
     if put:
-        steps.append(
-            f"Put {listed([name_of(effect.id) for effect in put])} into the simulation, with the numbers below."
-        )
-    if found.verdict == "miscalibrated":
-        steps.append("Give the simulation the offset, gain and delay below; no new physics is needed.")
-    if found.verdict == "nothing-missing":
-        steps.append(
-            "Use the simulation as it is. What this record would not have shown is listed under Detectability."
-        )
-    if found.verdict == "unexplained":
-        steps.append(
-            "Look at the windows below: what was switched on, opened or touched then? A channel that records it would "
-            "let it be named."
-        )
-    weighed = [run for run in found.next_runs if run.power is not None]
-    for run in weighed[:1]:
-        pair = listed([name_of(id_) for id_ in run.separates], "from")
-        steps.append(
-            f"Next run, {100.0 * (run.power or 0.0):.0f} % likely to tell {pair}: {_sentence(run.description)}"
-        )
+        names = listed([name_of(effect.id) for effect in put])
+        steps.append(f"Put {names} into the simulation, with the numbers below.")
+    steps += [_STEPS[found.verdict]] if found.verdict in _STEPS else []
+    for run in [run for run in found.next_runs if run.power is not None][:1]:
+        pair, chance = listed([name_of(id_) for id_ in run.separates], "from"), 100.0 * (run.power or 0.0)
+        steps.append(f"Next run, {chance:.0f} % likely to tell {pair}: {_sentence(run.description)}")
     return tuple(steps)
 
 
@@ -153,10 +146,7 @@ def is_data(id: str) -> bool:  # noqa: A002 - the word of the contract
 
 def name_of(id: str) -> str:  # noqa: A002 - the word of the contract
     """An effect as it stands inside of a sentence."""
-    if id in _NOUNS:
-        return _NOUNS[id]
-    title = next((effect.title for effect in catalogue() if effect.id == id), id)
-    return _inside(title)
+    return _NOUNS.get(id) or _inside(next((effect.title for effect in catalogue() if effect.id == id), id))
 
 
 def held_out_words(comparison: Comparison) -> str:
@@ -226,10 +216,8 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
     statement = _inside(effect.statement.rstrip(" ."), found.comparison)
     sure = sure_words(effect.confidence)
     if is_data(effect.id):
-        corrected = "" if _is_left_out(effect) else "corrected, "
-        return (
-            f"The recording is at fault, not the simulation: {statement} ({sure}); {corrected}{_gain(found, effect)}."
-        )
+        gain = f"{'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}"
+        return f"The recording is at fault, not the simulation: {statement} ({sure}); {gain}."
     verb = "may leave out" if effect.suspected else "leaves out"
     names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
     where = f" ({effect.place})" if effect.place else ""
@@ -248,22 +236,21 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     fit = found.fit.get(effect.channel)
     if fit is None:
         return "the rest is noise"
-    unseen = held_out_words(found.comparison)
+    error = f"the error of {effect.channel}"
     factor, unit = displayed(fit.unit, fit.train.rmse_before)
-    before, after = factor * fit.heldout.rmse_before, factor * fit.heldout.rmse_after
-    if not np.isfinite(after):
-        before, after = factor * fit.train.rmse_before, factor * fit.train.rmse_after
-        there = f"falls from {_digits(before)} to {_digits(after)} {unit} where it was fitted"
+    if not np.isfinite(fit.heldout.rmse_after):
+        before, after = (_digits(factor * one) for one in (fit.train.rmse_before, fit.train.rmse_after))
         check = "" if effect.suspected else "; nothing of it was held out to check that on"
-        return f"the error of {effect.channel} {there}{check}"
+        return f"{error} falls from {before} to {after} {unit} where it was fitted{check}"
+    held = fit.heldout.rmse_before, fit.heldout.rmse_after, fit.recalibrated_heldout
+    before, after, alone = (_digits(factor * one) for one in held)
+    error += f" on {held_out_words(found.comparison)}"
     if _is_left_out(effect):
-        return f"without that stretch the error of {effect.channel} on {unseen} is {_digits(after)} {unit}"
-    if after < (1.0 - _LEAST_FALL) * before:
-        alone = factor * fit.recalibrated_heldout
-        also = f"; recalibration alone gives {_digits(alone)}" if alone < (1.0 - _LEAST_FALL) * before else ""
-        fall = f"falls from {_digits(before)} to {_digits(after)} {unit}{also}"
-        return f"the error of {effect.channel} on {unseen} {fall}"
-    return f"the error of {effect.channel} on {unseen} does not fall ({_digits(before)} and {_digits(after)} {unit})"
+        return f"without that stretch {error} is {after} {unit}"
+    if _falls(fit):
+        also = f"; recalibration alone gives {alone}" if _falls_alone(fit) else ""
+        return f"{error} falls from {before} to {after} {unit}{also}"
+    return f"{error} does not fall ({before} and {after} {unit})"
 
 
 def _elsewhere(found: Diagnosis, effect: NamedEffect) -> str:
@@ -285,6 +272,11 @@ def _falls(fit: Fit) -> bool:
     return fit.heldout.rmse_after < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before
 
 
+def _falls_alone(fit: Fit) -> bool:
+    """By recalibration."""
+    return fit.recalibrated_heldout < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before
+
+
 def _is_left_out(effect: NamedEffect) -> bool:
     """Whether nothing was fitted to where it acts; a frozen reading that was fitted has its reading as a parameter."""
     return effect.id == "data.stuck" and effect.acts is not None and "reading" not in effect.parameters
@@ -303,12 +295,12 @@ def _miscalibrated(found: Diagnosis) -> str:
     parts = []
     for response, quantities in found.recalibration.items():
         said = [
-            f"{name} {quantity_words(quantity)}"
-            for name, quantity in quantities.items()
-            if _matters(quantity, 1.0 if name == "gain" else 0.0)
+            f"{name} {quantity_words(one)}"
+            for name, one in quantities.items()
+            if one.low is None or one.high is None or not one.low <= float(name == "gain") <= one.high
         ]
         fit = found.fit.get(response)
-        if said and fit is not None and fit.recalibrated_heldout < (1.0 - _LEAST_FALL) * fit.heldout.rmse_before:
+        if said and fit is not None and _falls_alone(fit):
             factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
             before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
             fall = f"{_digits(before)} to {_digits(after)} {unit}"
@@ -321,13 +313,10 @@ def _miscalibrated(found: Diagnosis) -> str:
 
 def _nothing(found: Diagnosis) -> str:
     parts = []
-    for response in found.comparison.responses:
-        fit = found.fit.get(response)
-        if fit is not None:
-            held = fit.heldout.rmse_after
-            parts.append(f"{response} ({amount(held if np.isfinite(held) else fit.train.rmse_after, fit.unit)} rms)")
-    left = f"what is left in {listed(parts)} is noise" if parts else "what is left is noise"
-    return f"Nothing is missing: {left}."
+    for response, fit in ((name, found.fit[name]) for name in found.comparison.responses if name in found.fit):
+        held = fit.heldout.rmse_after
+        parts.append(f"{response} ({amount(held if np.isfinite(held) else fit.train.rmse_after, fit.unit)} rms)")
+    return f"Nothing is missing: what is left{f' in {listed(parts)}' if parts else ''} is noise."
 
 
 def _unexplained(found: Diagnosis) -> str:
@@ -348,34 +337,26 @@ def _unexplained(found: Diagnosis) -> str:
 
 def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> float:
     """Root mean square of the difference in these windows, its usual offset taken off."""
-    difference = comparison.difference(channel)
+    difference, time = comparison.difference(channel), comparison.time_s
     inside = np.zeros(len(difference), dtype=np.bool_)
     for place in places:
+        start, stop = (usual if s is None else s for s, usual in ((place.from_s, -np.inf), (place.to_s, np.inf)))
         rows = comparison.run_index == comparison.runs.index(place.run or "")
-        start = -np.inf if place.from_s is None else place.from_s
-        stop = np.inf if place.to_s is None else place.to_s
-        inside |= rows & (comparison.time_s >= start) & (comparison.time_s <= stop)
+        inside |= rows & (time >= start) & (time <= stop)
     inside &= np.isfinite(difference)
     if not inside.any():
         return 0.0
     return float(np.sqrt(np.mean((difference[inside] - np.nanmedian(difference)) ** 2)))
 
 
-def _matters(quantity: Quantity, neutral: float) -> bool:
-    return quantity.low is None or quantity.high is None or not quantity.low <= neutral <= quantity.high
-
-
 def _inside(text: str, comparison: Comparison | None = None) -> str:
     """A sentence or title as it stands behind a colon: its first letter small unless it begins a name."""
     word = text.split(" ")[0].rstrip(",:;'s")
-    names = (channel.name for channel in comparison.channels) if comparison else ()
-    is_name = any(_begins_with(text, name) for name in names) or word in ("Coulomb", "Stribeck")
+    # a name may have blanks, and is no part of a longer word
+    names = [channel.name for channel in comparison.channels] if comparison else []
+    begun = [name for name in names if text.startswith(name) and not text[len(name) : len(name) + 1].isalnum()]
+    is_name = bool(begun) or word in ("Coulomb", "Stribeck")
     return text if is_name or not word[1:].islower() else text[:1].lower() + text[1:]
-
-
-def _begins_with(text: str, name: str) -> bool:
-    """Whether a sentence begins with this name, which may have blanks, and not with a longer word."""
-    return text.startswith(name) and not text[len(name) : len(name) + 1].isalnum()
 
 
 def _sentence(text: str) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import compress
-from typing import Protocol
 
 import numpy as np
 
@@ -21,27 +20,23 @@ from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
     input_fault_effect,
     is_far_above_noise,
+    is_small,
     named_effect,
-    unit_of,
+    of_practical_size,
+    seen_only,
+    told_of_small,
     whole_record_effect,
 )
-from selector.diagnosis.evidence.practical_size import is_small, of_practical_size, seen_only, told_of_small
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import Search, Standing, numbers, search, unseen_rms
-from selector.diagnosis.matching.usable import (
-    diagnosis_of_copy,
-    told_of_copies,
-    with_copies,
-    without_fitted_difference,
-)
+from selector.diagnosis.evidence.search import Search, numbers, search, unseen_rms
+from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
-from selector.diagnosis.mismatch.omnibus import Structure, unexplained
-from selector.diagnosis.mismatch.wandering import told_of_wandering
+from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.wording import headline
+from selector.diagnosis.wording import headline, is_data
 from selector.types import Vector
 
 _TRIFLE = 0.02
@@ -63,11 +58,8 @@ _DOUBTFUL = 0.45
 """Weight below which an effect is no name where structure is left that nothing explains."""
 
 
-class Progress(Protocol):
-    """Told how far the work is: steps done, steps in all, what is done now."""
-
-    def __call__(self, done: int, total: int, text: str, /) -> None:
-        """Takes the news."""
+Progress = Callable[[int, int, str], None]
+"""Told how far the work is: steps done, steps in all, what is done now."""
 
 
 def diagnosis(
@@ -98,16 +90,9 @@ def diagnosis(
 
     Raises InputError if the comparison is no basis for an answer.
     """
-    state = _State(
-        comparison=comparison,
-        asked=_Asked(
-            seed=seed,
-            false_alarm=false_alarm,
-            effects=tuple(effects if effects is not None else catalogue()),
-            through_model=through_model or {},
-            say=progress or (lambda done, total, text: None),
-        ),
-    )
+    known = tuple(effects if effects is not None else catalogue())
+    asked = _Asked(seed, false_alarm, known, through_model or {}, progress or (lambda done, total, text: None))
+    state = _State(comparison, asked)
     for stage in _STAGES:
         if state.answer is None:
             state = stage(state)
@@ -155,6 +140,10 @@ class _State:
         steps = len(self.comparison.responses) + 3
         self.asked.say(done % steps, steps, text)
 
+    def narrowed(self, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> _State:
+        """Only a rest of the comparison is looked at from here on."""
+        return replace(self, comparison=rest, left_out=(*self.left_out, put_back))
+
 
 def _searched(state: _State) -> _State:
     """Effects that the fitted rows name, in what is left without copies and without frozen stretches.
@@ -183,20 +172,16 @@ def _without_copies(state: _State) -> _State:
     if not copies:
         return replace(state, comparison=comparison)
     rest = replace(comparison, responses=tuple(name for name in comparison.responses if name not in copies))
-    return _narrowed(state, rest, partial(with_copies, comparison=comparison, names=copies))
+    return state.narrowed(rest, partial(with_copies, comparison=comparison, names=copies))
 
 
 def _without_frozen(state: _State, frozen: Sequence[InputFault]) -> _State:
     rest = without_frozen(state.comparison, frozen)
-    narrowed = _narrowed(state, rest, partial(with_frozen, comparison=state.comparison, rest=rest, frozen=frozen))
+    narrowed = state.narrowed(rest, partial(with_frozen, comparison=state.comparison, rest=rest, frozen=frozen))
     if rest.responses:
         return narrowed
     nothing = Diagnosis(rest, "data-fault", findings=rest.findings, seed=state.asked.seed)
     return replace(narrowed, answer=nothing)
-
-
-def _narrowed(state: _State, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> _State:
-    return replace(state, comparison=rest, left_out=(*state.left_out, put_back))
 
 
 def _tested(state: _State) -> _State:
@@ -232,17 +217,12 @@ def _closed(state: _State, found: Search) -> dict[str, Quantity]:
 def _recalibrated(state: _State) -> _State:
     """What offset, gain and delay of the simulation gain beside the named effects."""
     state.say(-2, "errors on held-out rows")
-    found = state.search
-    again = {
-        name: recalibrated(
-            bench,
-            numbers(found.named, name),
-            _noise(bench, found, name),
-            unit_of(state.comparison, name),
-            seed=state.asked.seed,
-        )
-        for name, bench in found.benches.items()
-    }
+    again = {}
+    for name, bench in state.search.benches.items():
+        named, unit = numbers(state.search.named, name), state.comparison.channel(name).unit
+        base = bench.base(named)
+        noise = np.asarray(bench.white_target - base @ least_squares(base, bench.white_target))
+        again[name] = recalibrated(bench, named, noise, unit, seed=state.asked.seed)
     return replace(state, again=again)
 
 
@@ -341,12 +321,8 @@ def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
     found = _only(state.search, {effect.id for effect in effects})
-    verdict = _verdict(
-        effects,
-        state.structures,
-        any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items()),
-    )
-    return replace(state, effects=effects, search=found, verdict=verdict)
+    gains = any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items())
+    return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
 
 
 def _fitted(state: _State) -> _State:
@@ -357,17 +333,19 @@ def _fitted(state: _State) -> _State:
             state.comparison,
             bench,
             numbers(found.named, name),
-            unit_of(state.comparison, name),
             recalibrate=is_improved or state.again[name].matters,
             seed=state.asked.seed,
             is_noise=found.misfit[name] == 1.0,
         )
         for name, bench in found.benches.items()
     }
-    effects = tuple(
-        _doubted(effect) if effect.channel in fit and _harms(fit[effect.channel]) else effect
-        for effect in state.effects
-    )
+    # clearly larger than without, recalibrated or as given
+    harmed = {
+        name
+        for name, one in fit.items()
+        if one.heldout.rmse_after > _HARM * min(one.recalibrated_heldout, one.heldout.rmse_before) > 0.0
+    }
+    effects = tuple(_doubted(effect) if effect.channel in harmed else effect for effect in state.effects)
     return replace(state, effects=effects, fit=fit)
 
 
@@ -378,7 +356,7 @@ def _answered(state: _State) -> Diagnosis:
         comparison=comparison,
         verdict=state.verdict,
         headline="",
-        where=_where(comparison, effects, state.structures, state.residuals),
+        where=_where(state),
         effects=effects,
         also_seen=state.also,
         fit=state.fit,
@@ -388,7 +366,7 @@ def _answered(state: _State) -> Diagnosis:
         recalibration={name: one.quantities for name, one in state.again.items()},
         findings=(
             *comparison.findings,
-            *told_of_inputs(comparison, _channels_at_fault(effects)),
+            *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
             *told_of_wandering(comparison, state.residuals, state.structures),
             *(() if effects else told_of_small(comparison, found)),
         ),
@@ -420,8 +398,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
     return _only(
-        found,
-        {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes},
+        found, {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes}
     )
 
 
@@ -429,9 +406,9 @@ def _part(found: Search, effect: NamedEffect) -> float:
     """Mean square of an effect's course in parts of that of the mismatch beside recalibration, fitted rows."""
     parts = []
     for name, course in effect.courses.items():
-        rows = found.benches[name].fitted
-        alone = float(np.mean(found.benches[name].residual([])[rows] ** 2))
-        parts.append(float(np.var(course[rows])) / alone if alone > 0.0 else 0.0)
+        bench = found.benches[name]
+        alone = bench.mean_square([])
+        parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
     return max(parts)
 
 
@@ -454,14 +431,6 @@ def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[
         of_noise = bench.white_residual(of) * np.sqrt(found.misfit.get(name, 1.0))
         white[name] = np.where(looked, of_noise, np.nan)
     return residuals, white
-
-
-def _channels_at_fault(named: Sequence[NamedEffect]) -> set[str]:
-    return {channel for effect in named if not _is_physics(effect) for channel in effect.channels}
-
-
-def _is_physics(effect: NamedEffect) -> bool:
-    return not effect.id.startswith("data.")
 
 
 def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure]) -> bool:
@@ -500,13 +469,8 @@ def _doubted(effect: NamedEffect) -> NamedEffect:
     return effect if effect.suspected else replace(effect, suspected=True, confidence=_SUSPECTED * effect.confidence)
 
 
-def _harms(fit: Fit) -> bool:
-    """Whether the held-out error is clearly larger with what was found than without, recalibrated or as given."""
-    return fit.heldout.rmse_after > _HARM * min(fit.recalibrated_heldout, fit.heldout.rmse_before) > 0.0
-
-
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:
-    if any(_is_physics(effect) for effect in named):
+    if any(not is_data(effect.id) for effect in named):
         return "missing-physics"
     if named:
         return "data-fault"
@@ -515,28 +479,16 @@ def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_r
     return "miscalibrated" if is_recalibrated else "nothing-missing"
 
 
-def _noise(bench: Bench, found: Search, name: str) -> Vector:
-    base = bench.base(numbers(found.named, name))
-    return np.asarray(bench.white_target - base @ least_squares(base, bench.white_target))
-
-
-def _where(
-    comparison: Comparison,
-    named: Sequence[NamedEffect],
-    structures: Sequence[Structure],
-    residuals: Mapping[str, Vector],
-) -> tuple[Place, ...]:
+def _where(state: _State) -> tuple[Place, ...]:
     """Windows in which the named effects act, or in which what nothing explains is large."""
+    comparison, named, structures = state.comparison, state.effects, state.structures
     found: list[Place] = []
     for effect in named:
         if effect.acts is not None:
             run, first, last = effect.acts
             rows = comparison.time_s[comparison.run_index == comparison.runs.index(run)]
-            first, last = rows[0] if first is None else first, rows[-1] if last is None else last
-            found += [
-                Place(channel, effect.place, run, float(first), float(last), None, effect.share)
-                for channel in effect.channels
-            ]
+            window = float(rows[0] if first is None else first), float(rows[-1] if last is None else last)
+            found += [Place(name, effect.place, run, *window, None, effect.share) for name in effect.channels]
             continue
         for channel in effect.channels:
             windows = active_windows(comparison, channel, effect.courses[channel])
@@ -544,7 +496,7 @@ def _where(
     if not named and structures:
         surest = structures[0]
         regime = surest.regime or _band(surest)
-        windows = active_windows(comparison, surest.channel, residuals[surest.channel])
+        windows = active_windows(comparison, surest.channel, state.residuals[surest.channel])
         found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
     return tuple(found)
 
@@ -558,19 +510,13 @@ def _band(structure: Structure) -> str | None:
 
 def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[Evidence]:
     rows = []
-    for id_, standing in sorted(found.standing.items(), key=lambda item: -item[1].score):
-        rows.append(
-            Evidence(id_, standing.responses[0], standing.score, standing.p_value, id_ in found.named, _note(standing))
-        )
-    tested = set(found.standing)
+    for id_, one in sorted(found.standing.items(), key=lambda item: -item[1].score):
+        note = "" if one.is_the_same_in_all_runs else "differs from run to run"
+        rows.append(Evidence(id_, one.responses[0], one.score, one.p_value, id_ in found.named, note))
     for response, reasons in untested.items():
         rows += [
             Evidence(id_, response, 0.0, 1.0, False, f"not testable here: {why}")
             for id_, why in reasons.items()
-            if id_ not in tested
+            if id_ not in found.standing
         ]
     return rows
-
-
-def _note(standing: Standing) -> str:
-    return "" if standing.is_the_same_in_all_runs else "differs from run to run"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -33,7 +34,7 @@ class RunAxis:
 
     def __init__(self, comparison: Comparison) -> None:
         self._comparison = comparison
-        self._lengths = [_length_s(comparison, rows) for _, rows in comparison.rows_of_runs()]
+        self._lengths = [float(np.ptp(comparison.time_s[rows][[0, -1]])) for _, rows in comparison.rows_of_runs()]
         gap = _GAP * sum(self._lengths)
         starts = np.cumsum([0.0, *(length + gap for length in self._lengths)])
         self.starts_s = tuple(float(start) for start in starts[:-1])
@@ -98,11 +99,6 @@ class RunAxis:
             )  # fmt: skip
 
 
-def _length_s(comparison: Comparison, rows: slice) -> float:
-    time = comparison.time_s[rows]
-    return float(time[-1] - time[0])
-
-
 _BAR_PX = 28
 _MOST_BARS = 10
 _MOST_EFFECTS = 4
@@ -131,13 +127,9 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
     ]
     shown = [effect for effect in found.effects if response in effect.courses][:_MOST_EFFECTS]
     if shown:
-        lines = [
-            line
-            for k, effect in enumerate(shown)
-            for line in _lines(
-                axis, effect.id, fine * effect.courses[response], style.GROUPS[(k + 2) % len(style.GROUPS)]
-            )
-        ]
+        colours = [style.GROUPS[(k + 2) % len(style.GROUPS)] for k in range(len(shown))]
+        effects = [(one.id, fine * one.courses[response], c) for one, c in zip(shown, colours, strict=True)]
+        lines = [line for one in effects for line in _lines(axis, *one)]
         panels.append(Panel(f"found [{fine_unit}]", lines, 110, least=0.0))
     if np.isfinite(error):
         change = f"{number_text(fine * fit.heldout.rmse_before)} to {number_text(fine * error)} {fine_unit}"
@@ -147,11 +139,9 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
         title = f"{style.label(response)}: nothing of it was held out to check the fit on"
     drawn = stacked(title, panels, axis.end_s, spans_s=axis.held_out_s())
     _, seconds = style.time_unit(axis.end_s)
-    last = "" if len(panels) == 1 else str(len(panels))
     for number in range(1, len(panels) + 1):
-        drawn.layout[f"xaxis{'' if number == 1 else number}"].update(axis.ticks(seconds))
-    time_title = drawn.layout[f"xaxis{last}"].title.text
-    drawn.layout[f"xaxis{last}"].title.text = time_title.replace("time", "time from the start of each run")
+        last = drawn.layout[f"xaxis{'' if number == 1 else number}"].update(axis.ticks(seconds))
+    last.title.text = last.title.text.replace("time", "time from the start of each run")
     axis.name_runs(drawn, seconds)
     return drawn
 
@@ -163,17 +153,14 @@ def evidence(found: Diagnosis) -> go.Figure:
     shown = sorted(tested[:_MOST_BARS], key=lambda one: -one.gain)
     named = [one for one in shown if one.named]
     others = [one for one in shown if not one.named]
+    names = style.listed([one.id for one in named]) if named else ""
+    title = "What was tested, and what it gains"
     if named and others:
         rest = max(others, key=lambda one: one.gain)
-        title = (
-            f"{style.listed([one.id for one in named])} {'gain' if len(named) > 1 else 'gains'} "
-            f"{' and '.join(number_text(one.gain) for one in named)}; the runner-up {style.label(rest.id)} "
-            f"{number_text(rest.gain)}"
-        )
-    else:
-        title = (
-            "What was tested, and what it gains" if not named else f"{style.listed([one.id for one in named])} is named"
-        )
+        gains = f"{'gain' if len(named) > 1 else 'gains'} {' and '.join(number_text(one.gain) for one in named)}"
+        title = f"{names} {gains}; the runner-up {style.label(rest.id)} {number_text(rest.gain)}"
+    elif named:
+        title = f"{names} is named"
     drawn = style.figure(title, 100 + _BAR_PX * max(len(shown), 1))
     for is_named, colour, text in ((True, style.CHOSEN, "named"), (False, style.BEFORE, "not named")):
         part = [one for one in shown if one.named == is_named]
@@ -190,8 +177,8 @@ def evidence(found: Diagnosis) -> go.Figure:
                 customdata=[[style.label(one.channel), style.label(one.note, 60)] for one in part],
                 hovertemplate="%{y} in %{customdata[0]}: gain %{x:.3g}<br>%{customdata[1]}<extra></extra>",
             )
-    order = [style.label(one.id, _LONGEST_ID) for one in shown]
-    drawn.update_yaxes(categoryorder="array", categoryarray=order[::-1], showgrid=False)
+    order = [style.label(one.id, _LONGEST_ID) for one in reversed(shown)]
+    drawn.update_yaxes(categoryorder="array", categoryarray=order, showgrid=False)
     drawn.update_xaxes(title_text="gain on rows not fitted to [variances of the noise]", rangemode="tozero")
     drawn.update_layout(bargap=0.35, margin={"r": 90})
     return drawn
@@ -205,11 +192,9 @@ def told_apart(found: Diagnosis) -> go.Figure | None:
     names = list(dict.fromkeys([effect.id for effect in found.effects] + [other for _, other in sorted(pairs)]))
     groups = [[effect.id, *effect.cannot_be_told_from] for effect in found.effects if effect.cannot_be_told_from]
     alike = np.array([[float(a == b or any({a, b} <= set(one) for one in groups)) for b in names] for a in names])
-    title = (
-        "This record cannot tell " + "; ".join(listed([style.label(name) for name in one]) for one in groups) + " apart"
-    )
+    sets = "; ".join(listed([style.label(name) for name in one]) for one in groups)
     labels = [style.label(name, _LONGEST_ID) for name in names]
-    drawn = style.figure(title, 150 + 34 * len(names))
+    drawn = style.figure(f"This record cannot tell {sets} apart", 150 + 34 * len(names))
     drawn.add_heatmap(
         x=labels, y=labels, z=alike, zmin=0.0, zmax=1.0, showscale=False, xgap=2, ygap=2,
         colorscale=[[0.0, "#f4f6f8"], [1.0, style.BASELINES["mean"]]],
@@ -224,10 +209,9 @@ def told_apart(found: Diagnosis) -> go.Figure | None:
 
 def next_runs(found: Diagnosis) -> go.Figure | None:
     """Chance that each possible run would tell, beside how long it takes; None where no run was weighed."""
-    weighed = [run for run in found.next_runs if run.power is not None]
+    weighed = sorted((run for run in found.next_runs if run.power is not None), key=lambda run: run.power or 0.0)
     if not weighed:
         return None
-    weighed.sort(key=lambda run: run.power or 0.0)
     best = weighed[-1]
     title = f"The run that would tell best: {style.label(best.description, 90)}"
     drawn = style.figure(title, 100 + 38 * len(weighed))
@@ -284,9 +268,8 @@ def _lines(axis: RunAxis, name: str, values: Vector, colour: str) -> list[Line]:
 
 
 def _relative(found: Diagnosis, one: Detectable) -> float | None:
-    fit = found.fit.get(one.channel)
-    left = None if fit is None else fit.train.rmse_after
-    return None if left is None or left <= 0.0 else one.size / left
+    left = found.fit[one.channel].train.rmse_after if one.channel in found.fit else 0.0
+    return None if left <= 0.0 else one.size / left
 
 
 def _size(one: Detectable) -> str:
@@ -349,30 +332,23 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
         "title": {"text": f"time from the start of each run [{unit}]"},
         **axis.ticks(seconds),
     }
-    drawn.layout.yaxis = {
-        "domain": [split + (24 / height if states else 0.0), 1.0],
-        "anchor": "x",
-        "tickvals": list(range(len(responses))),
-        "ticktext": labels,
-        "range": [len(responses) - 0.5, -0.5],
-        "showgrid": False,
-    }
+    drawn.layout.yaxis = _rows(labels, split + (24 / height if states else 0.0), 1.0)
     if states:
         strip = np.array([_scaled(_binned(axis, course(comparison, name), edges, signed=False)) for name in states])
         drawn.add_heatmap(
             x=middles, y=list(range(len(states))), z=strip, zmin=0.0, zmax=1.0, showscale=False, yaxis="y2", ygap=2,
             colorscale=[list(stop) for stop in _STATE_SCALE], hoverinfo="skip",
         )  # fmt: skip
-        drawn.layout.yaxis2 = {
-            "domain": [0.0, split],
-            "anchor": "x",
-            "tickvals": list(range(len(states))),
-            "ticktext": [style.label(name, 16) for name in states],
-            "range": [len(states) - 0.5, -0.5],
-            "showgrid": False,
-        }
+        drawn.layout.yaxis2 = _rows([style.label(name, 16) for name in states], 0.0, split)
     axis.name_runs(drawn, seconds)
     return drawn
+
+
+def _rows(labels: Sequence[str], bottom: float, top: float) -> dict[str, object]:
+    """An axis with a labelled row for each of several channels, the first one on top."""
+    n = len(labels)
+    rows = {"tickvals": list(range(n)), "ticktext": labels, "range": [n - 0.5, -0.5], "showgrid": False}
+    return {"domain": [bottom, top], "anchor": "x", **rows}
 
 
 def _title(found: Diagnosis) -> str:
@@ -385,27 +361,17 @@ def _title(found: Diagnosis) -> str:
 
 def _states(comparison: Comparison, causes: list[str]) -> list[str]:
     """Channels that say what the machine was doing, the most telling first; the causes that were named are kept."""
-    moving = [
-        channel
-        for channel in comparison.channels
-        if channel.role in _STATES
-        and channel.name not in comparison.responses
-        and np.nanstd(np.where(np.isfinite(comparison.recorded[channel.name]), comparison.recorded[channel.name], 0.0))
-        > 0
-    ]
-    moving.sort(key=lambda channel: _STATES.index(channel.role))
-    names = [channel.name for channel in moving]
-    shown = [*(name for name in names if name in causes), *(name for name in names if name not in causes)][
-        :_MOST_STATES
-    ]
+    courses = {name: comparison.recorded[name] for name in comparison.with_role(*_STATES)}
+    moving = [name for name, of in courses.items() if np.std(np.where(np.isfinite(of), of, 0.0)) > 0]
+    names = sorted(moving, key=lambda name: _STATES.index(comparison.channel(name).role))
+    shown = sorted(names, key=lambda name: name not in causes)[:_MOST_STATES]
     return [name for name in names if name in shown]
 
 
 def _edges(comparison: Comparison, axis: RunAxis) -> Vector:
     """Edges of the cells on the axis; none lies across two runs."""
     found = [0.0]
-    stops = [*axis.starts_s[1:], axis.end_s * (1.0 + 1e-9)]
-    for start, stop in zip(axis.starts_s, stops, strict=True):
+    for start, stop in pairwise([*axis.starts_s, axis.end_s * (1.0 + 1e-9)]):
         count = max(4, round(_CELLS * (stop - start) / axis.end_s))
         found += np.linspace(start, stop, count + 1)[1:].tolist()
     return np.array(found)

@@ -6,17 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from selector.diagnosis.answer import (
-    Detectable,
-    Diagnosis,
-    Errors,
-    Evidence,
-    Fit,
-    NamedEffect,
-    NextRun,
-    Place,
-    Verdict,
-)
+from selector.diagnosis.answer import Detectable, Diagnosis, Errors, Evidence, Fit, NamedEffect, NextRun, Place, Verdict
 from selector.diagnosis.effects.effect import Quantity
 from selector.findings import Finding, Where
 from tests.diagnosis.made import coloured, comparison, door

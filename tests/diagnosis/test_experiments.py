@@ -15,8 +15,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, search, standings
-from selector.diagnosis.next_run.emulation import extended
-from selector.diagnosis.next_run.experiments import Separation, next_runs, separations, shortened
+from selector.diagnosis.next_run.experiments import Separation, extended, next_runs, separations, shortened
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.recording import Channel
 

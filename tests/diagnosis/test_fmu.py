@@ -97,7 +97,7 @@ def recording(tau_s=1500.0, gain=3.0, name="heat"):
 
 
 def test_a_unit_is_refitted(unit):
-    from selector.diagnosis.open_model.fmu import fmu_model
+    from selector.diagnosis.open_model.runnable import fmu_model
 
     there = recording()
     with fmu_model(unit, there) as model:
@@ -111,14 +111,14 @@ def test_a_unit_is_refitted(unit):
 
 
 def test_an_input_that_was_not_recorded_is_named(unit):
-    from selector.diagnosis.open_model.fmu import fmu_model
+    from selector.diagnosis.open_model.runnable import fmu_model
 
     with pytest.raises(InputError, match="'heat', which was not recorded"), fmu_model(unit, recording(name="power")):
         pass
 
 
 def test_what_is_no_unit_is_refused(tmp_path):
-    from selector.diagnosis.open_model.fmu import fmu_model
+    from selector.diagnosis.open_model.runnable import fmu_model
 
     path = tmp_path / "text.fmu"
     path.write_text("no zip")

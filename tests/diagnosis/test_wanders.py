@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.mismatch.background import spectrum, wandering
-from selector.diagnosis.mismatch.wandering import told_of_wandering
+from selector.diagnosis.mismatch.omnibus import told_of_wandering
 from selector.diagnosis.workflow import diagnosis
 from tests.diagnosis.made import STEP_S, coloured, comparison
 

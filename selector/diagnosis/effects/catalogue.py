@@ -112,7 +112,7 @@ def catalogue() -> tuple[Effect, ...]:
                 f"entry point {point.name!r} brings {effect.id!r}",
                 expected="an Effect whose id no other effect has",
                 where=f"entry points of the group {ENTRY_POINT!r}, package {point.dist.name if point.dist else '?'}",
-                advice="correct or remove that package; docs/how-to/write-an-effect.md tells what an effect is made of",
+                advice=_ADVICE,
             )
         found[effect.id] = effect
     return tuple(found.values())

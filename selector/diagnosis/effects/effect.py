@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from typing import Literal
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.shown_units import displayed
 from selector.types import Matrix, Vector
 
 Entry = Literal["force", "heat flow", "displacement", "measurement", "state", "limit"]
@@ -28,6 +30,18 @@ class Quantity:
     def with_real_interval(self) -> Quantity:
         """The same without an interval that has no width."""
         return Quantity(self.value, self.unit) if self.low is not None and self.low == self.high else self
+
+    def words(self, *, amount: bool = False) -> str:
+        """Value, interval and unit, lengths as they are shown; with `amount` without its sign."""
+        factor, unit = displayed(self.unit, self.value)
+        value = f"{factor * (abs(self.value) if amount else self.value):.3g}"
+        unit = f" {unit}" if unit else ""
+        if self.low is None or self.high is None:
+            return f"{value}{unit}"
+        low, high = factor * self.low, factor * self.high
+        if amount and self.value < 0.0:
+            low, high = -high, -low
+        return f"{value} ({low:.3g} to {high:.3g}){unit}"
 
 
 @dataclass(frozen=True)
@@ -68,6 +82,10 @@ class Variant:
             raise ValueError(f"{len(self.bounds)} bounds for {len(self.names)} columns")
 
 
+def always(comparison: Comparison, response: str) -> None:
+    """Of an effect that can be tested in every response."""
+
+
 def equally_likely(*kinds: Iterable[Variant]) -> Iterator[Variant]:
     """The shapes of several kinds of which each is as likely as the others, however many shapes it can take."""
     for kind in kinds:
@@ -98,6 +116,41 @@ class Fitted:
     def __post_init__(self) -> None:
         wide = {name: (low, high) for name, (low, high) in self.shape_intervals.items() if low != high}
         object.__setattr__(self, "shape_intervals", wide)
+
+    def coefficient(
+        self, unit: str | None = None, *, column: int = 0, factor: float = 1.0, offset: float = 0.0
+    ) -> Quantity:
+        """`offset` + `factor` × a coefficient with its 95 % interval, in this unit (None: of the response)."""
+        value = offset + factor * float(self.coefficients[column])
+        half = 1.96 * abs(factor) * float(self.standard_errors[column])
+        return Quantity(value, self.unit if unit is None else unit, value - half, value + half)
+
+    def parameter(self, name: str) -> Quantity:
+        """A shape parameter with the interval of its profile."""
+        found = self.variant.shape[name]
+        return Quantity(found.value, found.unit, *self.shape_intervals.get(name, (found.low, found.high)))
+
+    @property
+    def size(self) -> dict[str, Quantity]:
+        """The largest amount of the course, as a parameter of the answer."""
+        return {"largest": Quantity(self.largest, self.unit)}
+
+    @property
+    def where(self) -> str:
+        """Where a fault of the data acts, to stand at the end of a sentence."""
+        regime = self.variant.regime or "in all runs"
+        return f" in {regime}" if regime.startswith("run ") else f" {regime}"
+
+    @property
+    def up_to(self) -> str:
+        """The same in words, in the unit of the response."""
+        return f"{self.largest:.3g} {self.unit}"
+
+    @property
+    def size_words(self) -> str:
+        """How large the effect's course is, lengths as they are shown."""
+        factor, unit = displayed(self.unit, self.largest)
+        return f"{factor * self.rms:.3g} {unit} rms and up to {factor * self.largest:.3g} {unit} in {self.response}"
 
 
 @dataclass(frozen=True)
@@ -133,6 +186,15 @@ class Effect:
     #: Whether it is a parameter that every such simulation has, and whose wrong value hides other effects (a viscous
     #: coefficient fitted without dry friction): its first variant is then fitted beside all others
     absorbs: bool = False
+
+    def __post_init__(self) -> None:
+        made, testable = self.variants, self.testable
+
+        @wraps(made)
+        def where_testable(comparison: Comparison, response: str) -> Iterable[Variant]:
+            return made(comparison, response) if testable(comparison, response) is None else ()
+
+        object.__setattr__(self, "variants", where_testable)
 
     @property
     def family(self) -> str:

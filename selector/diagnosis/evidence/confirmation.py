@@ -11,9 +11,9 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.naming import named_effect
-from selector.diagnosis.evidence.noise import whitened
-from selector.diagnosis.evidence.response import Bench, bench_of
+from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, numbers, search, without
+from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
 
 _SEEN = 10.0
@@ -58,13 +58,11 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
         bench = found.benches[response]
         rows = comparison.held_out & np.isfinite(bench.target)
         named = numbers(found.named, response)
-        without = _white(bench, bench.residual([other for other in named if other != v]))
-        with_it = _white(bench, bench.residual(named))
+        without = bench.white(bench.residual([other for other in named if other != v]))
+        with_it = bench.white(bench.residual(named))
         course = (with_it - without) ** 2
-        energy, fitted_energy = (
-            energy + float(np.sum(course[rows])),
-            fitted_energy + float(np.sum(course[bench.fitted])),
-        )
+        energy += float(np.sum(course[rows]))
+        fitted_energy += float(np.sum(course[bench.fitted]))
         gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
     return Confirmation(gain, energy, fitted_energy)
 
@@ -105,11 +103,6 @@ def _growth(comparison: Comparison, found: Search, id: str, response: str) -> fl
     return float(np.sqrt(after / min(before))) if 0.0 < min(before) < after - given else 0.0
 
 
-def _white(bench: Bench, left: Vector) -> Vector:
-    seen = np.isfinite(left)
-    return whitened(bench.noise, np.where(seen, left, 0.0)[:, None], bench.parts)[:, 0] * seen
-
-
 _AS_QUIET = 1.3
 """What is left in the held-out rows, in units of what is left in the fitted rows, if a fault explains all."""
 
@@ -129,10 +122,10 @@ def held_out_faults(
     for response, bench in found.benches.items():
         left = bench.residual(numbers(found.named, response))
         held = comparison.held_out & np.isfinite(left)
-        quiet = _rms(left[bench.fitted])
-        if held.sum() < 40 or _rms(left[held]) < _AS_QUIET * quiet:
+        quiet = rms(left[bench.fitted])
+        if held.sum() < 40 or rms(left[held]) < _AS_QUIET * quiet:
             continue
-        if _rms(left[held]) > _rms(bench.target[held]):
+        if rms(left[held]) > rms(bench.target[held]):
             # it is the fit that does not carry so far
             continue
         rest = _rest(comparison, response, left)
@@ -140,14 +133,11 @@ def held_out_faults(
         there = there.with_noise(bench.noise)
         result = search({response: there}, false_alarm=0.1 * false_alarm, seed=seed)
         chosen = numbers(result.named, response)
-        if chosen and _rms(result.benches[response].residual(chosen)[held]) < _AS_QUIET * quiet:
-            local_names = [id_ for id_ in result.named if _in_one_run(result, id_, response)]
+        if chosen and rms(result.benches[response].residual(chosen)[held]) < _AS_QUIET * quiet:
+            candidates = result.benches[response].candidates
+            local_names = [id_ for id_, of in result.named.items() if candidates[of[response]].variant.run is not None]
             named += [replace(named_effect(rest, result, id_), is_fitted=False) for id_ in local_names]
     return tuple(named)
-
-
-def _in_one_run(result: Search, id_: str, response: str) -> bool:
-    return result.benches[response].candidates[result.named[id_][response]].variant.run is not None
 
 
 def _rest(comparison: Comparison, response: str, left: Vector) -> Comparison:
@@ -160,7 +150,3 @@ def _rest(comparison: Comparison, response: str, left: Vector) -> Comparison:
         held_out=np.zeros_like(comparison.held_out),
         responses=(response,),
     )
-
-
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

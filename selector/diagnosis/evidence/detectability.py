@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from selector.diagnosis.answer import Detectable
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.effects.effect import Fitted
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search, numbers
@@ -32,6 +32,7 @@ def detectability(comparison: Comparison, found: Search, *, false_alarm: float) 
     and as much of it by every other shape of the effect as that has in common with the course.
     """
     sizes: dict[str, Detectable] = {}
+    spread = {name: float(np.nanstd(bench.target[bench.fitted])) for name, bench in found.benches.items()}
     for response, bench in found.benches.items():
         thresholds = {
             id_: tail_threshold(false_alarm, standing.noise)
@@ -39,14 +40,9 @@ def detectability(comparison: Comparison, found: Search, *, false_alarm: float) 
             if response in standing.tested and id_ not in found.named
         }
         for one in _in_response(comparison, bench, numbers(found.named, response), thresholds):
-            if one.id not in sizes or _relative(found, one) < _relative(found, sizes[one.id]):
+            if one.id not in sizes or one.size / spread[response] < sizes[one.id].size / spread[sizes[one.id].channel]:
                 sizes[one.id] = one
     return tuple(sizes[id_] for id_ in sorted(sizes))
-
-
-def _relative(found: Search, one: Detectable) -> float:
-    bench = found.benches[one.channel]
-    return one.size / float(np.nanstd(bench.target[bench.fitted]))
 
 
 def _in_response(
@@ -80,11 +76,11 @@ def _in_response(
         coefficients[0] = size / bench.scales[first]
         course = variant.columns[bench.fitted, 0] * coefficients[0]
         fitted = Fitted(
-            bench.response, unit, variant, coefficients, np.zeros(len(coefficients)), {}, size, float(np.ptp(course))
+            bench.response, unit, variant, coefficients, 0.0 * coefficients, {}, size, float(np.ptp(course))
         )
-        yield Detectable(
-            id_, bench.response, size, unit, _CHANCE, _in_words(candidate.effect.reading(fitted, comparison).parameters)
-        )
+        parameters = candidate.effect.reading(fitted, comparison).parameters
+        note = ", ".join(f"{name} {amount(quantity.value, quantity.unit)}" for name, quantity in parameters.items())
+        yield Detectable(id_, bench.response, size, unit, _CHANCE, note)
 
 
 def _weakest(shared: Vector, prices: Vector, threshold: float) -> float:
@@ -95,7 +91,3 @@ def _weakest(shared: Vector, prices: Vector, threshold: float) -> float:
         return float(together([evidence_of(d**2 * shared, prices)])) - threshold
 
     return float(brentq(missing, 0.0, highest, xtol=1e-3)) if missing(0.0) < 0.0 < missing(highest) else float(highest)
-
-
-def _in_words(parameters: Mapping[str, Quantity]) -> str:
-    return ", ".join(f"{name} {amount(quantity.value, quantity.unit)}" for name, quantity in parameters.items())

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
 from selector.diagnosis.comparison import Comparison
@@ -19,7 +18,7 @@ from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, rows_
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.wording import headline
-from selector.findings import Finding, Where
+from selector.findings import Where
 from selector.types import Mask
 
 
@@ -32,21 +31,13 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
-            reading = float(comparison.recorded[name][first])
-            faults.append(
-                InputFault(
-                    id="data.stuck",
-                    channel=name,
-                    run=run,
-                    from_s=from_s,
-                    to_s=to_s,
-                    statement=f"{name} in run {run} stands at {reading:.6g} for {duration(to_s - from_s)} from "
-                    f"{duration(from_s)} on: {last - first + 1} equal samples, though it is never silent elsewhere.",
-                    sure=True,
-                    evidence={"samples": last - first + 1, "value": reading},
-                    course=np.where(here, reading - expected, 0.0),
-                )
+            reading, samples = float(comparison.recorded[name][first]), last - first + 1
+            statement = (
+                f"{name} in run {run} stands at {reading:.6g} for {duration(to_s - from_s)} from {duration(from_s)} "
+                f"on: {samples} equal samples, though it is never silent elsewhere."
             )
+            evidence, course = {"samples": samples, "value": reading}, np.where(here, reading - expected, 0.0)
+            faults.append(InputFault("data.stuck", name, run, from_s, to_s, statement, True, evidence, course))
     return tuple(faults)
 
 
@@ -67,8 +58,18 @@ def without_frozen(comparison: Comparison, frozen: Sequence[InputFault]) -> Comp
     rest = replace(comparison, recorded=recorded)
     kept = tuple(name for name in comparison.responses if _is_enough(rest, name))
     lost = [name for name in comparison.responses if name not in kept]
-    findings = (*comparison.findings, *(_too_little_left(name) for name in lost))
-    return replace(rest, responses=kept, findings=findings)
+    told = (
+        FINDINGS.finding(
+            "not-compared",
+            f"{name} is not compared: without its frozen stretches fewer than {LEAST_SAMPLES} samples are left to fit "
+            "to.",
+            Where(channel=name),
+            {},
+            "record it again with a sensor that works",
+        )
+        for name in lost
+    )
+    return replace(rest, responses=kept, findings=(*comparison.findings, *told))
 
 
 def with_frozen(
@@ -76,11 +77,15 @@ def with_frozen(
 ) -> Diagnosis:
     """The answer to the `rest` of a comparison, and its frozen stretches as frozen readings."""
     effects = [_effect(comparison, fault) for fault in frozen]
+    places = (
+        Place(effect.channel, effect.place, fault.run, fault.from_s, fault.to_s, None, effect.share)
+        for effect, fault in zip(effects, frozen, strict=True)
+    )
     answer = replace(
         answer,
         comparison=replace(comparison, findings=rest.findings),
         verdict="missing-physics" if answer.verdict == "missing-physics" else "data-fault",
-        where=(*(_place(effect, fault) for effect, fault in zip(effects, frozen, strict=True)), *answer.where),
+        where=(*places, *answer.where),
         effects=tuple(sorted([*answer.effects, *effects], key=lambda effect: -effect.share)),
         fit={
             name: answer.fit[name] if name in answer.fit else fit_of_copy(rest, name) for name in comparison.responses
@@ -90,11 +95,8 @@ def with_frozen(
 
 
 def _rows(comparison: Comparison, fault: InputFault) -> Mask:
-    here = np.zeros(len(comparison.time_s), dtype=np.bool_)
-    rows = dict(comparison.rows_of_runs())[fault.run]
-    time: NDArray[np.float64] = comparison.time_s[rows]
-    here[rows] = (time >= fault.from_s) & (time <= fault.to_s)
-    return here
+    here = comparison.run_index == comparison.runs.index(fault.run)
+    return np.asarray(here & (comparison.time_s >= fault.from_s) & (comparison.time_s <= fault.to_s), dtype=np.bool_)
 
 
 def _is_enough(comparison: Comparison, name: str) -> bool:
@@ -112,17 +114,3 @@ def _effect(comparison: Comparison, fault: InputFault) -> NamedEffect:
     here = _rows(comparison, fault)
     whole = float(np.nansum(squares))
     return replace(effect, share=float(np.nansum(squares[here])) / whole if whole > 0.0 else 0.0)
-
-
-def _place(effect: NamedEffect, fault: InputFault) -> Place:
-    return Place(effect.channel, effect.place, fault.run, fault.from_s, fault.to_s, None, effect.share)
-
-
-def _too_little_left(name: str) -> Finding:
-    return FINDINGS.finding(
-        "not-compared",
-        f"{name} is not compared: without its frozen stretches fewer than {LEAST_SAMPLES} samples are left to fit to.",
-        Where(channel=name),
-        {},
-        "record it again with a sensor that works",
-    )

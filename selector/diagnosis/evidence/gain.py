@@ -11,9 +11,9 @@ from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.moments import all_moderated, inverse_of
-from selector.diagnosis.evidence.practical_size import noise_floor
+from selector.diagnosis.evidence.naming import noise_floor
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.matching.repeats import rms
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
@@ -23,14 +23,7 @@ _FAR = 1.2
 
 
 def fit_of(
-    comparison: Comparison,
-    bench: Bench,
-    named: Sequence[int],
-    unit: str,
-    *,
-    recalibrate: bool,
-    seed: int,
-    is_noise: bool = True,
+    comparison: Comparison, bench: Bench, named: Sequence[int], *, recalibrate: bool, seed: int, is_noise: bool = True
 ) -> Fit:
     """Errors of the simulation as given, recalibrated, and with the named candidates, in one response.
 
@@ -44,7 +37,7 @@ def fit_of(
     before, middle, after = target, target - recalibrated, target - explained
     floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
     return Fit(
-        unit=unit,
+        unit=comparison.channel(bench.response).unit,
         train=Errors(rms(before[bench.fitted]), rms(after[bench.fitted])),
         heldout=Errors(rms(before[held]), rms(after[held]), floor),
         recalibrated_heldout=rms(middle[held]),
@@ -88,12 +81,18 @@ def _gap(
     if len(rows) < 20:
         return None
     size = int(max(4.0 * bench.noise.correlation_samples, len(rows) / 20.0, 5.0))
-    blocks = [rows[k : k + size] for k in range(0, len(rows), size)]
-    squares = np.array([[np.sum(middle[block] ** 2), np.sum(after[block] ** 2), len(block)] for block in blocks])
+    return share_closed([rows[k : k + size] for k in range(0, len(rows), size)], middle, after, floor, seed)
+
+
+def share_closed(
+    blocks: Sequence[NDArray[np.intp]], before: Vector, after: Vector, noise_floor: float, seed: int
+) -> Quantity | None:
+    """Share of the way from one error to the noise floor that was gone by another one, with a bootstrap interval."""
+    squares = np.array([[np.sum(before[block] ** 2), np.sum(after[block] ** 2), len(block)] for block in blocks])
     picks = np.random.default_rng(seed).integers(len(blocks), size=(_DRAWS, len(blocks)))
     drawn = squares[picks].sum(axis=1)
-    shares = [share for share in (_closed(sums, floor) for sums in drawn) if share is not None]
-    value = _closed(squares.sum(axis=0), floor)
+    shares = [share for share in (_closed(sums, noise_floor) for sums in drawn) if share is not None]
+    value = _closed(squares.sum(axis=0), noise_floor)
     if value is None or not shares:
         return None
     return Quantity(value, "1", float(np.quantile(shares, 0.025)), float(np.quantile(shares, 0.975)))
@@ -124,9 +123,8 @@ def _placebo(
         base = np.array(bench.raw_base(named))
         for _, rows in comparison.rows_of_runs():
             n = rows.stop - rows.start
-            base[rows, own:] = np.roll(
-                base[rows, own:], int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1))), axis=0
-            )
+            by = int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1)))
+            base[rows, own:] = np.roll(base[rows, own:], by, axis=0)
         beta = _placebo_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
         gains.append((rms(middle[held]) - rms((bench.target - base @ beta)[held])) / gap)
     low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))

@@ -36,6 +36,10 @@ class Moments:
         """How many variants there are."""
         return sum(len(members) for members in self.members)
 
+    def place(self, v: int) -> tuple[int, int]:
+        """In which of the lists a variant stands, and where there."""
+        return next((q, int(np.flatnonzero(of == v)[0])) for q, of in enumerate(self.members) if v in of)
+
 
 def column_groups(counts: Sequence[int]) -> tuple[list[Indices], list[Indices]]:
     """Columns and numbers of the variants that have 1, 2, … columns, for variants that stand side by side."""
@@ -127,15 +131,18 @@ def solved(sums: Moments) -> Solved:
 
 def _solutions(left: Matrix, whole: Matrix, score: Matrix) -> tuple[Matrix, NDArray[np.bool_]]:
     """S⁻¹·s for every variant; columns of which nothing is left beside the base or each other count as none."""
-    size = np.maximum(np.einsum("vii->vi", whole), 1e-300)
-    scale = 1.0 / np.sqrt(size)
-    left = left * scale[:, :, None] * scale[:, None, :]
-    values, vectors = np.linalg.eigh(left)
+    scale, values, vectors = _directions(left, whole)
     kept = values > _LEFT
     inverse = np.where(kept, 1.0 / np.where(kept, values, 1.0), 0.0)
     turned = np.einsum("vij,vi->vj", vectors, score * scale)
     beta = np.einsum("vij,vj->vi", vectors, inverse * turned) * scale
     return beta, np.asarray(kept.any(axis=1))
+
+
+def _directions(left: Matrix, whole: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Scale of the columns of every variant, and eigenvalues and -vectors of what is left of their products."""
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("vii->vi", whole), 1e-300))
+    return scale, *np.linalg.eigh(left * scale[:, :, None] * scale[:, None, :])
 
 
 def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> list[tuple[Matrix, Matrix]]:
@@ -153,8 +160,7 @@ def scores_of_noise(sums: Moments, noise_base: Matrix, noise_target: Matrix) -> 
         whole = part.sum(axis=0)
         left = whole - np.einsum("pvi,pvj->vij", cross[:, group], carried[:, group])
         score = noise_target[:, group] - np.einsum("bp,pvi->bvi", noise_base, carried[:, group])
-        scale = 1.0 / np.sqrt(np.maximum(np.einsum("vii->vi", whole), 1e-300))
-        values, vectors = np.linalg.eigh(left * scale[:, :, None] * scale[:, None, :])
+        scale, values, vectors = _directions(left, whole)
         kept = values > _LEFT
         root = np.where(kept, 1.0 / np.sqrt(np.where(kept, values, 1.0)), 0.0)
         found.append((score, np.einsum("vj,vij,vi->vji", root, vectors, scale)))

@@ -1,9 +1,10 @@
-"""How a supported effect is named: its course, share, parameters with intervals, and confidence."""
+"""How a supported effect is named: course, share, parameters with intervals, confidence; whether it is large enough."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -14,10 +15,14 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search, numbers
-from selector.diagnosis.matching.repeats import rms
+from selector.diagnosis.evidence.search import Search, numbers, unseen_rms
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.runs import pure_error, rms
+from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
+from selector.diagnosis.shapes.signals import rise
+from selector.findings import Finding, Where
 from selector.types import Vector
 
 _FALL = 3.84
@@ -26,14 +31,6 @@ _OF_A_STEP = 0.25
 """Of the grid: how far off the top of a parabola through three of its points may be, in logarithms."""
 _LAG = "tau_s"
 """Ends the names of parameters that stand on a grid of time constants, even in its logarithm."""
-
-
-@dataclass(frozen=True)
-class _Point:
-    """A shape of the same kind: value of one parameter, and its gain."""
-
-    value: float
-    gain: float
 
 
 def shape_intervals(
@@ -48,25 +45,24 @@ def shape_intervals(
     others = [other for other in named if other != v]
     gains = solved(bench.moments(bench.base(others))).gain
     own = bench.candidates[v]
+    alike = [(k, one.variant) for k, one in enumerate(bench.candidates) if one.effect.id == own.effect.id]
+    tried = [variant.shape for _, variant in alike if variant.sources == own.variant.sources]
+    key_of = attrgetter("sources", "regime", "run")
     family = [
-        (candidate.variant, float(gains[k]))
-        for k, candidate in enumerate(bench.candidates)
-        if candidate.effect.id == own.effect.id and _is_alike(candidate.variant, own.variant)
-    ]
-    tried = [
-        candidate.variant.shape
-        for candidate in bench.candidates
-        if candidate.effect.id == own.effect.id and candidate.variant.sources == own.variant.sources
+        (variant.shape, float(gains[k]))
+        for k, variant in alike
+        if key_of(variant) == key_of(own.variant) and variant.shape.keys() == own.variant.shape.keys()
     ]
     shape, intervals = dict(own.variant.shape), {}
     for key, quantity in own.variant.shape.items():
-        near = [_Point(one.shape[key].value, gain) for one, gain in family]
-        inside = [point.value for point in near if point.gain >= gains[v] - _FALL]
+        near = sorted((one[key].value, gain) for one, gain in family)
+        inside = [value for value, gain in near if gain >= gains[v] - _FALL]
         intervals[key] = (min(inside), max(inside))
         if not key.endswith(_LAG) or quantity.value <= 0.0:
             continue
         grid = sorted({one.value for of in tried for name, one in of.items() if name.endswith(_LAG)})
-        top = _top(_profile(near), quantity.value, grid) if len(own.variant.shape) == 1 else None
+        # the best gain at every value is the last of it
+        top = _top(dict(near), quantity.value, grid) if len(own.variant.shape) == 1 else None
         if top is None:
             intervals[key] = (_next(grid, intervals[key][0], -1), _next(grid, intervals[key][1], 1))
             continue
@@ -75,26 +71,14 @@ def shape_intervals(
     return shape, intervals
 
 
-def _is_alike(one: Variant, own: Variant) -> bool:
-    same = one.sources == own.sources and one.regime == own.regime and one.run == own.run
-    return same and one.shape.keys() == own.shape.keys()
-
-
-def _profile(points: Sequence[_Point]) -> list[_Point]:
-    """The best gain at every value."""
-    best: dict[float, float] = {}
-    for point in points:
-        best[point.value] = max(point.gain, best.get(point.value, -np.inf))
-    return [_Point(value, best[value]) for value in sorted(best)]
-
-
-def _top(points: Sequence[_Point], value: float, grid: Sequence[float]) -> tuple[float, float, float] | None:
+def _top(gains: Mapping[float, float], value: float, grid: Sequence[float]) -> tuple[float, float, float] | None:
     """Top of the parabola through a value and its neighbours, and where the gain has fallen; None without a top."""
-    number = next((k for k, point in enumerate(points) if point.value == value), 0)
-    if not 0 < number < len(points) - 1 or points[number - 1].value <= 0.0:
+    values = sorted(gains)
+    number = values.index(value)
+    if not 0 < number < len(values) - 1 or values[number - 1] <= 0.0:
         return None
-    three = points[number - 1 : number + 2]
-    x, y = np.log([point.value for point in three]), np.array([point.gain for point in three])
+    three = values[number - 1 : number + 2]
+    x, y = np.log(three), np.array([gains[one] for one in three])
     curve, slope, _ = np.polyfit(x - x[1], y - y[1], 2)
     if curve >= 0.0 or y[1] < max(y[0], y[2]):
         return None
@@ -102,11 +86,8 @@ def _top(points: Sequence[_Point], value: float, grid: Sequence[float]) -> tuple
     step = 0.5 * float(x[2] - x[0])
     half = float(np.hypot(np.sqrt(_FALL / -curve), _OF_A_STEP * step))
     low, high = (float(value * np.exp(top + side * half)) for side in (-1.0, 1.0))
-    return (
-        float(f"{value * np.exp(top):.6g}"),
-        low if low >= grid[0] else 0.0,
-        high if high <= grid[-1] else float("inf"),
-    )
+    low, high = low if low >= grid[0] else 0.0, high if high <= grid[-1] else float("inf")
+    return float(f"{value * np.exp(top):.6g}"), low, high
 
 
 def _next(grid: Sequence[float], value: float, step: int) -> float:
@@ -128,27 +109,18 @@ _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
 
-def unit_of(comparison: Comparison, name: str) -> str:
-    """Unit of a response."""
-    return comparison.channel(name).unit
-
-
 def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The effect as the answer has it."""
     standing, by_response = found.standing[id_], found.named[id_]
     gains = {name: found.standing[id_].tested[name].gain for name in by_response}
     main = max(gains, key=lambda name: gains[name])
-    courses, shares = {}, []
-    for name, v in by_response.items():
-        bench = found.benches[name]
-        course, share = _course(bench, numbers(found.named, name), v)
-        courses[name] = course
-        shares.append(share)
+    told = {name: _course(found.benches[name], numbers(found.named, name), v) for name, v in by_response.items()}
+    courses = {name: course for name, (course, _) in told.items()}
     fitted = _fitted(comparison, found, id_, main, courses[main])
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
-    share = float(np.clip(max(shares), 0.0, 1.0))
+    share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
     if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
         large = share >= _MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
         confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
@@ -156,7 +128,10 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if gap is not None and gap.high is not None:
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
-    is_checked = fitted.variant.run is not None or any(_is_held_out(comparison, name) for name in by_response)
+    # with nothing meant to be kept nothing is lacking
+    held = comparison.held_out
+    is_checked = fitted.variant.run is not None or not held.any()
+    is_checked = is_checked or any(np.isfinite(comparison.difference(name)[held]).any() for name in by_response)
     return NamedEffect(
         id=id_,
         channel=main,
@@ -188,17 +163,9 @@ def _or_what_it_reads(comparison: Comparison, id_: str, response: str, sources: 
     """A fault in a reading that drives the simulation looks like one of the response."""
     if not id_.startswith("data.") or any(name != response for name in sources):
         return ""
-    read = read_by(comparison, response)
-    if not read:
-        return ""
-    names = ", ".join(read)
-    return f" The simulation of {response} follows {names}: the fault may be in one of these readings instead."
-
-
-def _is_held_out(comparison: Comparison, name: str) -> bool:
-    """Whether any reading of a response was kept for the proof; with nothing meant to be kept nothing is lacking."""
-    held = comparison.held_out
-    return not held.any() or bool(np.isfinite(comparison.difference(name)[held]).any())
+    names = ", ".join(read_by(comparison, response))
+    text = f" The simulation of {response} follows {names}: the fault may be in one of these readings instead."
+    return text if names else ""
 
 
 def _acts(variant: Variant) -> tuple[str, float | None, float | None] | None:
@@ -217,11 +184,9 @@ def _course(bench: Bench, named: Sequence[int], v: int) -> tuple[Vector, float]:
         if other == v:
             course = bench.raw(v) @ beta[first : first + width]
         first += width
-    rows = bench.fitted
-    alone = float(np.mean(bench.residual([])[rows] ** 2))
-    without = float(np.mean(bench.residual([other for other in named if other != v])[rows] ** 2))
-    with_it = float(np.mean(bench.residual(named)[rows] ** 2))
-    return course, (without - with_it) / alone if alone > 0.0 else 0.0
+    alone = bench.mean_square([])
+    fall = bench.mean_square([other for other in named if other != v]) - bench.mean_square(named)
+    return course, fall / alone if alone > 0.0 else 0.0
 
 
 def _fitted(comparison: Comparison, found: Search, id_: str, response: str, course: Vector) -> Fitted:
@@ -233,10 +198,10 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
     candidate = bench.candidates[v]
     scale = bench.scales[candidate.columns]
     shape, intervals = shape_intervals(bench, named, v)
-    risen = _since_start(comparison, course)[bench.fitted]
+    risen = rise(comparison, course, over_samples=1)[bench.fitted]
     return Fitted(
         response=response,
-        unit=unit_of(comparison, response),
+        unit=comparison.channel(response).unit,
         variant=replace(candidate.variant, shape=shape),
         coefficients=beta[here] / scale,
         standard_errors=np.sqrt(np.diag(covariance)[here]) / scale,
@@ -245,14 +210,6 @@ def _fitted(comparison: Comparison, found: Search, id_: str, response: str, cour
         largest=float(np.abs(course[bench.fitted] - np.median(course[bench.fitted])).max()),
         extremes=(float(risen.min()), float(risen.max())),
     )
-
-
-def _since_start(comparison: Comparison, course: Vector) -> Vector:
-    """A course less its value at the start of each run."""
-    result = np.array(course)
-    for _, rows in comparison.rows_of_runs():
-        result[rows] -= result[rows.start]
-    return result
 
 
 def whole_record_effect(
@@ -266,32 +223,30 @@ def whole_record_effect(
     effect = effect_of(id_)
     main = max(shown, key=lambda name: again[name].gain)
     word = shown[main]
-    value, unit = again[main].quantities[word], unit_of(comparison, main)
+    value, unit = again[main].quantities[word], comparison.channel(main).unit
     courses = {}
     for name in shown:
         bench = benches[name]
         column = bench.nuisance_names.index(shown[name])
         courses[name] = bench.nuisance[:, column] * bench.coefficients([])[0][column]
-    low, high = f"{value.low:.4g}", f"{value.high:.4g}"
-    interval = f"{value.value:.4g} ({low} to {high}) {'' if value.unit == '1' else value.unit}".rstrip()
-    statements = {
-        "data.gain": f"{main} is recorded {interval} times too large in all runs, and no other response is.",
-        "data.zero": f"{main} reads {interval} more than simulated, in all runs and whatever the machine does.",
-        "data.clock": f"{main} is recorded {interval} late, in all runs, and no other response is.",
-        "drive.offset_force": f"A constant of {interval} acts in {main} whatever the motion, at rest too.",
-    }
-    keys = {
-        "data.gain": "gain",
-        "data.zero": "zero",
-        "data.clock": "shift_s",
-        "drive.offset_force": f"force_{unit.lower()}",
-    }
+    shown_unit = "" if value.unit == "1" else value.unit
+    interval = f"{value.value:.4g} ({value.low:.4g} to {value.high:.4g}) {shown_unit}".rstrip()
+    force = f"force_{unit.lower()}"
+    statement, key = {
+        "data.gain": (f"{main} is recorded {interval} times too large in all runs, and no other response is.", "gain"),
+        "data.zero": (
+            f"{main} reads {interval} more than simulated, in all runs and whatever the machine does.",
+            "zero",
+        ),
+        "data.clock": (f"{main} is recorded {interval} late, in all runs, and no other response is.", "shift_s"),
+        "drive.offset_force": (f"A constant of {interval} acts in {main} whatever the motion, at rest too.", force),
+    }[id_]
     return NamedEffect(
         id=id_,
         channel=main,
         place=comparison.channel(main).place,
-        statement=statements[id_],
-        parameters={keys.get(id_, f"force_{unit.lower()}"): value},
+        statement=statement,
+        parameters={key: value},
         confidence=0.7,
         p_value=again[main].p_value,
         share=float(np.clip(again[main].share, 0.0, 1.0)),
@@ -305,7 +260,6 @@ def whole_record_effect(
 
 def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect:
     """A fault of a recorded channel that is no response, told by its own course and its siblings."""
-    effect = effect_of(fault.id)
     channel = fault.channel or comparison.responses[0]
     return NamedEffect(
         id=fault.id,
@@ -317,8 +271,127 @@ def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect
         p_value=1.0 - _INPUT_FAULT,
         share=0.0,
         cannot_be_told_from=(),
-        experiment=effect.experiment,
+        experiment=effect_of(fault.id).experiment,
         channels=(channel,),
         courses={channel: fault.course},
         acts=(fault.run, fault.from_s, fault.to_s),
     )
+
+
+_MOST = 0.4
+_LITTLE = 0.015
+"""Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
+_LISTED = 0.01
+_SEEN_ONLY = 0.5
+"""Confidence of what is only seen, too, at most."""
+_AS_REPEATED = 1.2
+"""Times the pure error of repeats: a simulation that leaves no more is as good as a recording of the machine itself."""
+
+
+def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
+    """The search with names that matter alone, and those that are only seen, too.
+
+    Where what is left is not noise alone, everything is significant. If all names together explain less than two fifths
+    of what is above the noise, or a mismatch that does not matter, the mismatch is something else. A frozen reading is
+    proved by its equal readings. What explains less than a hundredth is not told of.
+    """
+    doubted = {
+        id_
+        for id_, of in found.named.items()
+        if id_ != "data.stuck"
+        and all(found.misfit[name] > 1.0 for name in of)
+        and (max(_explained(comparison, found)) < _MOST or all(_is_trifle(comparison, found, name) for name in of))
+    }
+    also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
+    rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
+    return rest, seen_only(_beside(comparison, found, id_, of) for id_, of in also.items())
+
+
+def seen_only(effects: Iterable[NamedEffect]) -> tuple[NamedEffect, ...]:
+    """Effects that are seen, too, without being called missing; without those that are too little to be told of."""
+    return tuple(
+        replace(effect, suspected=True, confidence=min(_SEEN_ONLY, effect.confidence), is_fitted=False)
+        for effect in effects
+        if effect.share >= _LISTED
+    )
+
+
+def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, int]) -> NamedEffect:
+    """An effect as it stands beside the named ones."""
+    beside = replace(
+        found,
+        named={**found.named, id_: dict(of)},
+        rivals={id_: (), **found.rivals},
+        weights={id_: {id_: _SEEN_ONLY}, **found.weights},
+    )
+    return named_effect(comparison, beside, id_)
+
+
+def is_small(comparison: Comparison, found: Search, response: str) -> bool:
+    """Whether what recalibration leaves of a response is no noise, and too little to matter.
+
+    That is what repeats of a programme differ by as well, unseen rows too, or a trifle of what was recorded; of a
+    position in a control loop no share of its way says what matters.
+    """
+    repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
+    is_as_repeated = repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
+    return is_as_repeated or _is_trifle(comparison, found, response)
+
+
+def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
+    is_noise_or_place = found.misfit[response] == 1.0 or comparison.channel(response).role in PLACE_ROLES
+    return not is_noise_or_place and _of_movement(comparison, found, response) < _LITTLE
+
+
+def told_of_small(comparison: Comparison, found: Search) -> tuple[Finding, ...]:
+    """A finding for every response in which more is left than noise, but too little to matter."""
+    return tuple(
+        FINDINGS.finding(
+            "small-misfit",
+            f"What the simulation leaves of {name} is no noise, but only {share:.2g} of its movement (rms), or no more "
+            "than repeats of a programme differ by: too little to be called missing physics.",
+            Where(channel=name),
+            {"share_of_movement": share, "times_noise": found.misfit[name]},
+        )
+        for name in found.benches
+        if is_small(comparison, found, name)
+        for share in [_of_movement(comparison, found, name)]
+    )
+
+
+def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
+    whole = float(np.nanstd(comparison.recorded[response][found.benches[response].fitted]))
+    return _left_alone(found, response) / whole if whole > 0.0 else np.inf
+
+
+def _left_alone(found: Search, response: str) -> float:
+    bench = found.benches[response]
+    return rms(bench.residual([])[bench.fitted])
+
+
+def _explained(comparison: Comparison, found: Search) -> Iterator[float]:
+    """Share of the mean square above the noise that the named effects explain, of every response that has one."""
+    for name, bench in found.benches.items():
+        named = numbers(found.named, name)
+        if not named:
+            continue
+        alone, left = bench.mean_square([]), bench.mean_square(named)
+        above = alone - noise_floor(comparison, bench, named, is_noise=found.misfit[name] == 1.0) ** 2
+        yield (alone - left) / above if above > 0.0 else 1.0
+
+
+def noise_floor(comparison: Comparison, bench: Bench, named: Sequence[int], *, is_noise: bool) -> float:
+    """Standard deviation of the noise of a response [unit]: from repeats, else from what is left.
+
+    What is left counts as noise only where it `is_noise`; otherwise its third differences from sample to sample do,
+    which slow structure hardly has. It is never above what is left, and never below the rounding.
+    """
+    left = bench.residual(named)
+    n, p = int(np.sum(bench.fitted)), bench.raw_base(named).shape[1]
+    floor = rms(left[bench.fitted]) * float(np.sqrt(n / max(n - p, 1)))
+    repeated = pure_error(comparison, bench.response)
+    if repeated is not None:
+        floor = min(floor, repeated)
+    elif not is_noise:
+        floor = float(np.nanmin([floor, bench.quick(left)]))
+    return max(floor, bench.rounding)

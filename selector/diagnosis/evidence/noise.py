@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.types import Matrix, Vector
+from selector.types import Mask, Matrix, Vector
 
 _LONGEST_ORDER = 12
 _GAP_PERIODS = 3.5
@@ -50,7 +51,8 @@ def noise_model(residual: Vector, parts: list[slice], *, lost: int = 0, rounding
     Large readings count less (Huber), so that a burst does not decide what the noise is. `lost` degrees of freedom went
     into the fit that left this residual. Its standard deviation is `rounding` [unit of the channel] at least.
     """
-    filled = [_filled(residual[part]) for part in parts]
+    whole = filled_rows(residual, parts)
+    filled = [whole[part] for part in parts]
     spread = _spread(np.concatenate(filled))
     if spread == 0.0:
         return NoiseModel(np.zeros(0), rounding)
@@ -90,6 +92,14 @@ def whitened(model: NoiseModel, values: Matrix, parts: list[slice]) -> Matrix:
     return result
 
 
+def with_past(model: NoiseModel, parts: Sequence[slice], n_rows: int) -> Mask:
+    """Rows of the stretches of whose past the filter says something, shape (n_rows,)."""
+    told = np.zeros(n_rows, dtype=np.bool_)
+    for part in parts:
+        told[part.start + len(model.phi) : part.stop] = True
+    return told
+
+
 def _predicted(values: Matrix, phi: Vector) -> Matrix:
     """Values less what an autoregression predicts from those before; the first rows stay."""
     result = np.array(values, dtype=np.float64)
@@ -98,12 +108,14 @@ def _predicted(values: Matrix, phi: Vector) -> Matrix:
     return result
 
 
-def _filled(values: Vector) -> Vector:
-    seen = np.isfinite(values)
-    if seen.all():
-        return values
-    at = np.arange(len(values))
-    return np.interp(at, at[seen], values[seen])
+def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
+    """The course without holes inside its stretches, 0 outside."""
+    result = np.zeros(len(values))
+    for part in parts:
+        seen = np.isfinite(values[part])
+        at = np.arange(part.stop - part.start)
+        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
+    return result
 
 
 def _spread(values: Vector) -> float:

@@ -53,22 +53,17 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
     raw = bench.target[rows] - bench.raw_base(named)[rows][:, own:] @ beta[own:]
     after = raw - bench.nuisance[rows] @ beta[:own]
     before = float(np.mean(raw**2))
+    quantities = {}
+    for k, name in enumerate(bench.nuisance_names):
+        if not name.startswith(OF_MODEL):
+            value, half = _NEUTRAL.get(name, 0.0) + beta[k], 1.96 * float(np.sqrt(covariance[k, k]))
+            quantities[name] = Quantity(value, {"gain": "1", "delay": "s"}.get(name, unit), value - half, value + half)
     return Recalibrated(
         p_value=tail_probability(gain, drawn),
         gain=gain,
         share=max(0.0, 1.0 - float(np.mean(after**2)) / before) if before > 0.0 else 0.0,
-        quantities={
-            name: _quantity(name, beta[k], float(np.sqrt(covariance[k, k])), unit)
-            for k, name in enumerate(bench.nuisance_names)
-            if not name.startswith(OF_MODEL)
-        },
+        quantities=quantities,
     )
-
-
-def _quantity(name: str, value: float, error: float, unit: str) -> Quantity:
-    base = 1.0 if name == "gain" else 0.0
-    word = {"gain": "1", "delay": "s"}.get(name, unit)
-    return Quantity(base + value, word, base + value - 1.96 * error, base + value + 1.96 * error)
 
 
 _FORCES = ("force", "current", "voltage")
@@ -85,8 +80,8 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
     force where the axis stands as well is a force (a cable, a weight), if not the zero of its amplifier.
     """
     off = {
-        word: {name: one.quantities[word] for name, one in again.items() if _is_off(one, word)}
-        for word in ("gain", "offset", "delay")
+        word: {name: one.quantities[word] for name, one in again.items() if one.matters and _is_off(one, word)}
+        for word in _NEUTRAL
     }
     found: dict[str, dict[str, str]] = {}
     alone = {word: _alone(word, values, again) for word, values in off.items()}
@@ -122,9 +117,7 @@ def _alone(word: str, off: Mapping[str, Quantity], again: Mapping[str, Recalibra
 
 def _is_off(one: Recalibrated, word: str) -> bool:
     value = one.quantities.get(word)
-    if value is None or not one.matters:
-        return False
-    return abs(value.value - _NEUTRAL[word]) > _OFF * _error(value) and bool(np.isfinite(value.value))
+    return value is not None and _OFF * _error(value) < abs(value.value - _NEUTRAL[word]) < np.inf
 
 
 def _error(value: Quantity) -> float:

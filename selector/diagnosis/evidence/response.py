@@ -14,12 +14,12 @@ from scipy.interpolate import CubicSpline
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
 from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
-from selector.diagnosis.matching.repeats import repeats, rms
+from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
+from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import by_run, filled, rate
 from selector.types import Matrix, Vector
 
 _BLOCKS = 24
@@ -85,15 +85,15 @@ class Bench:
         """The same with an own parameter as a candidate instead."""
         if id not in self.own:
             return self
-        kept = np.ones(self.nuisance.shape[1], dtype=bool)
-        kept[self.own[id]] = False
-        gone = self.own[id].stop - self.own[id].start
+        gone = self.own[id]
+        width = gone.stop - gone.start
         own = {
-            name: slice(part.start - gone, part.stop - gone) if part.start > self.own[id].start else part
+            name: slice(part.start - width, part.stop - width) if part.start > gone.start else part
             for name, part in self.own.items()
             if name != id
         }
-        names = tuple(name for name, keep in zip(self.nuisance_names, kept, strict=True) if keep)
+        kept = np.r_[: gone.start, gone.stop : self.nuisance.shape[1]]
+        names = (*self.nuisance_names[: gone.start], *self.nuisance_names[gone.stop :])
         return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
 
     def with_noise(self, noise: NoiseModel) -> Bench:
@@ -141,24 +141,13 @@ class Bench:
         """The target behind the noise filter, fitted rows only; 0 where it is missing."""
         if self.pseudo_target is not None:
             return self.pseudo_target
-        return self._single(whitened(self.noise, self._whole_target[:, None], self.parts)[self.rows])[:, 0]
-
-    @cached_property
-    def _whole_target(self) -> Vector:
-        result = np.zeros(len(self.target))
-        for part in self.parts:
-            seen = np.isfinite(self.target[part])
-            at = np.arange(part.stop - part.start)
-            result[part] = np.interp(at, at[seen], self.target[part][seen])
-        return result
+        whole = filled_rows(self.target, self.parts)[:, None]
+        return self._single(whitened(self.noise, whole, self.parts)[self.rows])[:, 0]
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
         """The fitted rows that have a past within their stretch."""
-        told = np.zeros(len(self.target), dtype=bool)
-        for part in self.parts:
-            told[part.start + len(self.noise.phi) : part.stop] = True
-        return np.flatnonzero(told & self.fitted)
+        return np.flatnonzero(with_past(self.noise, self.parts, len(self.target)) & self.fitted)
 
     @cached_property
     def blocks(self) -> list[slice]:
@@ -235,6 +224,10 @@ class Bench:
             return left
         return np.asarray(left - self.cycle.repeated(left[:, None], self.fitted)[:, 0])
 
+    def mean_square(self, named: Sequence[int]) -> float:
+        """Of the residual beside the candidates `named`, over the fitted rows [unit²]."""
+        return float(np.mean(self.residual(named)[self.fitted] ** 2))
+
     def quick(self, left: Vector) -> float:
         """Root mean square of third differences of what is left [unit]: of white noise its own; NaN in short parts.
 
@@ -250,12 +243,13 @@ class Bench:
     def white_residual(self, named: Sequence[int]) -> Vector:
         """The residual behind the noise filter, all rows; NaN where there is none, or no past."""
         left = self.residual(named)
+        told = with_past(self.noise, self.parts, len(left)) & np.isfinite(left)
+        return np.where(told, self.white(left), np.nan)
+
+    def white(self, left: Vector) -> Vector:
+        """A course behind the noise filter, all rows; 0 where it is missing or has no past."""
         seen = np.isfinite(left)
-        result = whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0]
-        told = np.zeros(len(left), dtype=bool)
-        for part in self.parts:
-            told[part.start + len(self.noise.phi) : part.stop] = True
-        return np.where(told & seen, result, np.nan)
+        return whitened(self.noise, np.where(seen, left, 0.0)[:, None], self.parts)[:, 0] * seen
 
     def refitted_noise(self, named: Sequence[int]) -> Bench:
         """The same with the noise that is left beside the candidates `named`."""
@@ -377,9 +371,7 @@ def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: N
 
 
 def _late_by(comparison: Comparison, course: Vector, delay_s: float) -> Vector:
-    result = np.array(course)
-    for _, rows in comparison.rows_of_runs():
-        time = comparison.time_s[rows]
-        if len(time) > 1:
-            result[rows] = CubicSpline(time, course[rows])(np.clip(time - delay_s, time[0], time[-1]))
-    return result
+    def late(time: Vector, part: Vector) -> Vector:
+        return CubicSpline(time, part)(np.clip(time - delay_s, time[0], time[-1])) if len(time) > 1 else part
+
+    return by_run(comparison, late, comparison.time_s, course)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
@@ -16,6 +16,96 @@ from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
+
+_SHAPES = 240
+_SHIFTS = 12
+_DRAWS = 60
+_FEWEST_ROWS = 24
+_BEYOND = 1.2
+"""Times the largest of the draws of noise, which are of white noise, while what is left is so only about."""
+
+
+def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
+    """Times what noise gains that shapes at a wrong time gain in what is left beside `named`; 1 where it is noise.
+
+    A simulation is never wrong in one way only. With many samples all structure that is nobody's is significant, and
+    shapes of the catalogue pick it up whether they are right or not. What shapes gain that are certainly wrong, those
+    of the catalogue at another time, tells how much that is. Evidence counts in units of it, as if the noise were
+    larger by that factor (a tempered posterior: J. W. Miller, D. B. Dunson, Robust Bayesian Inference via Coarsening,
+    JASA 114, 2019).
+
+    Counted is the largest gain of any shape, in the median over shifts by a quarter to three quarters of each run. Some
+    courses are much the same wherever they are moved, so that the median is chance itself: it has to be beyond that of
+    all draws of noise.
+    """
+    if not bench.candidates or len(bench.rows) < _FEWEST_ROWS:
+        return 1.0
+    base = np.linalg.qr(bench.base(named))[0]
+    left = bench.white_target - base @ (base.T @ bench.white_target)
+    left /= max(float(np.sqrt(np.mean(left**2))), 1e-300)
+    some = np.unique(np.linspace(0, len(bench.candidates) - 1, _SHAPES).astype(int))
+    columns = bench.white_columns[:, [bench.candidates[v].columns.start for v in some]]
+    draw = np.random.default_rng(seed)
+    beside_noise = np.column_stack([left, draw.standard_normal((len(left), _DRAWS))])
+    gains = []
+    for _ in range(_SHIFTS):
+        shifted = _elsewhere(bench, columns, draw)
+        gains.append(_largest_gains(shifted - base @ (base.T @ shifted), beside_noise))
+    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, columns, left, draw))
+
+
+def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Generator) -> float:
+    """The same of what differs between runs of one programme, where there are any: no shape should gain by it.
+
+    Such runs have the same shapes; what they leave differs by noise alone.
+    """
+    place = np.full(len(bench.target), -1)
+    place[bench.rows] = np.arange(len(bench.rows))
+    gains = []
+    for pair in bench.repeats:
+        first, second = (place[rows] for rows in pair)
+        both = (first >= 0) & (second >= 0)
+        if both.sum() < _FEWEST_ROWS:
+            continue
+        apart = (left[first[both]] - left[second[both]]) / np.sqrt(2.0)
+        noise = draw.standard_normal((len(apart), _DRAWS))
+        gains.append(_largest_gains(columns[first[both]], np.column_stack([apart, noise])))
+    return _times(np.median(gains, axis=0)) if gains else 1.0
+
+
+def _largest_gains(columns: Matrix, targets: Matrix) -> Vector:
+    """The largest gain of any column alone, in each of the targets; 0 where no column is left."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-6 * size.max(initial=0.0)]
+    if columns.shape[1] == 0:
+        return np.zeros(targets.shape[1])
+    columns = columns / np.linalg.norm(columns, axis=0)
+    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0))
+
+
+def _times(gains: Vector) -> float:
+    """Times by which the first gain is above the median of the others, which are of noise; 1 if not beyond them all."""
+    own, by_chance = float(gains[0]), gains[1:]
+    return own / float(np.median(by_chance)) if own > _BEYOND * float(np.max(by_chance)) else 1.0
+
+
+def _elsewhere(bench: Bench, columns: Matrix, draw: np.random.Generator) -> Matrix:
+    result = np.empty_like(columns)
+    edges = np.flatnonzero(np.diff(bench.runs[bench.rows], prepend=-1, append=-1) != 0)
+    for first, last in pairwise(edges):
+        n = last - first
+        result[first:last] = np.roll(columns[first:last], int(draw.integers(n // 4, 3 * n // 4 + 1)), axis=0)
+    return result
+
+
+def tempered(bench: Bench, times: float) -> Bench:
+    """The bench with noise of `times` the variance, its target and its shapes smaller accordingly."""
+    if times == 1.0:
+        return bench
+    size = float(np.sqrt(times))
+    calm = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
+    return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)
+
 
 _BEND = 1.345
 """Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal."""
@@ -96,9 +186,14 @@ class Standing:
         return tail_probability(self.score, self.noise)
 
     @property
-    def gain(self) -> float:
-        """Fall of the whitened sum of squares, where it shows."""
-        return sum(self.tested[name].gain for name in self.responses)
+    def chosen(self) -> dict[str, int]:
+        """Response → number of the candidate that fits best, where it shows."""
+        return {name: self.tested[name].best for name in self.responses}
+
+    @property
+    def main(self) -> str:
+        """The response that shows it most."""
+        return max(self.responses, key=lambda name: self.tested[name].gain)
 
     @property
     def is_the_same_in_all_runs(self) -> bool:
@@ -154,10 +249,9 @@ def standings(benches: Benches, named: Named, noise: Mapping[str, Vector], *, se
     by_noise = np.max([noise for _, noise in jointly.values()], axis=0)
     found = {}
     for name, of in of_effect.items():
-        score = jointly[name][0]
         shown = tuple(response for response, one in of.items() if one.evidence > 0.0)
-        main = max(of, key=lambda response: of[response].evidence)
-        found[name] = Standing(name, score, by_noise, shown or (main,), of)
+        shown = shown or (max(of, key=lambda response: of[response].evidence),)
+        found[name] = Standing(name, jointly[name][0], by_noise, shown, of)
     return found
 
 
@@ -171,29 +265,46 @@ def search(benches: Benches, *, false_alarm: float, seed: int) -> Search:
     fitted = {name: (with_pseudo_target(bench, chosen), chosen) for name, (bench, chosen) in fitted.items()}
     benches = {name: bench for name, (bench, _) in fitted.items()}
     noise = {name: _left(bench, chosen) for name, (bench, chosen) in fitted.items()}
-    named = _selected(benches, noise, false_alarm=false_alarm, seed=seed)
+    given = _Given(noise, dict.fromkeys(benches, 1.0), false_alarm, seed)
+    named, small = _selected(benches, given), Named()
     times = {name: misfit(bench, numbers(named, name), seed=seed) for name, bench in benches.items()}
-    small: Named = {}
-    if max(times.values()) > 1.0:
+    given = replace(given, times=times)
+    if given.is_misfit:
         benches = {name: tempered(bench, times[name]) for name, bench in benches.items()}
-        named, small = _selected_by_size(benches, noise, times, false_alarm=false_alarm, seed=seed)
-    benches, named = _with_own(benches, named, noise, times, false_alarm=false_alarm, seed=seed)
+        named, small = _selected_by_size(benches, given)
+    benches, named = _with_own(benches, named, given)
     named, small = _without_small(benches, named, small, times)
-    named, alike, ahead = _by_transfer(benches, named, noise, times, level=false_alarm, seed=seed)
-    told = _told(benches, named, noise, seed=seed)
+    named, alike, ahead = _by_transfer(benches, named, given)
+    told = _told(benches, named, given)
     rivals = {id_: tuple(dict.fromkeys((*of, *alike.get(id_, ())))) for id_, of in told.rivals.items()}
     return replace(told, rivals=rivals, misfit=times, small=small, ahead=ahead)
 
 
-def _with_own(
-    benches: Benches,
-    named: Named,
-    noise: Mapping[str, Vector],
-    times: Mapping[str, float],
-    *,
-    false_alarm: float,
-    seed: int,
-) -> tuple[Benches, Named]:
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """What a search tests by: whitened noise of every response, times that misfit is more, family-wise level, seed."""
+
+    noise: Mapping[str, Vector]
+    times: Mapping[str, float]
+    level: float
+    seed: int
+
+    @property
+    def is_misfit(self) -> bool:
+        """Whether more is left than noise."""
+        return max(self.times.values()) > 1.0
+
+    def standings(self, benches: Benches, named: Named) -> dict[str, Standing]:
+        """Every effect that is not named, beside those that are."""
+        return standings(benches, named, self.noise, seed=self.seed)
+
+    def supports(self, one: Standing) -> bool:
+        """Beyond what noise does and the gauge reads, and alike in all runs."""
+        seen = max(one.tested[name].largest for name in one.responses)
+        return one.p_value <= self.level and one.is_the_same_in_all_runs and seen > _FINEST
+
+
+def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, Named]:
     """Own parameters of the simulation that are missing themselves, and do not only make room for what is named.
 
     Beside other effects that is where the simulation has too little of them: too much is what they had absorbed.
@@ -202,21 +313,16 @@ def _with_own(
         freed = {name: bench.without_own(id_) for name, bench in benches.items()}
         if not named:
             # beside a parameter that is free to vary what resembles it may have gone unseen
-            level = 0.5 * false_alarm
-            alone = (
-                _selected(freed, noise, false_alarm=level, seed=seed)
-                if max(times.values()) == 1.0
-                else _selected_by_size(freed, noise, times, false_alarm=level, seed=seed)[0]
-            )
+            half = replace(given, level=0.5 * given.level)
+            alone = _selected_by_size(freed, half)[0] if given.is_misfit else _selected(freed, half)
             if alone:
                 benches, named = freed, alone
             continue
-        standing = standings(freed, named, noise, seed=seed)
-        one = standing[id_]
-        if not is_supported(one, false_alarm):
+        one = given.standings(freed, named)[id_]
+        if not given.supports(one):
             continue
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
-        main = max(one.responses, key=lambda name: one.tested[name].gain)
+        main = one.main
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
         if beta[-freed[main].counts[chosen[main]]] > 0.0:
             benches, named = freed, named | {id_: chosen}
@@ -299,28 +405,25 @@ def _left(bench: Bench, chosen: list[int]) -> Vector:
     return np.asarray(left * np.sqrt(len(left) / max(len(left) - base.shape[1], 1)))
 
 
-def _selected(benches: Benches, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+def _selected(benches: Benches, given: _Given) -> Named:
     named: Named = {}
     clearest = 0.0
     for _ in range(_MOST):
-        standing = standings(benches, named, noise, seed=seed)
-        floor = _TRIFLE * clearest
-        supported = [one for one in standing.values() if is_supported(one, false_alarm) and one.score > floor]
+        standing, floor = given.standings(benches, named), _TRIFLE * clearest
+        supported = [one for one in standing.values() if given.supports(one) and one.score > floor]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
         clearest = max(clearest, best.score)
-        named[best.id] = {name: best.tested[name].best for name in best.responses}
-        named = _retested(benches, named, noise, false_alarm=false_alarm, seed=seed)
+        named[best.id] = best.chosen
+        named = _retested(benches, named, given)
         if best.id not in named:
             break
     return named
 
 
-def _selected_by_size(
-    benches: Benches, noise: Mapping[str, Vector], times: Mapping[str, float], *, false_alarm: float, seed: int
-) -> tuple[Named, Named]:
-    """The same where more is left than noise, `times` as much: what adds a part that matters, and what is refused.
+def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
+    """The same where more is left than noise: what adds a part that matters, and what is refused.
 
     Shapes that are nearly alike share a mismatch among them until none has a part of its own. So one is taken after the
     other, and only if it adds a tenth of the mismatch and makes unseen rows better.
@@ -328,17 +431,14 @@ def _selected_by_size(
     named: Named = {}
     refused: Named = {}
     while len(named) < _MOST and len(refused) < _MOST_REFUSED:
-        standing = standings(benches, named, noise, seed=seed)
-        supported = [one for id_, one in standing.items() if id_ not in refused and is_supported(one, false_alarm)]
+        standing = given.standings(benches, named)
+        supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
-        chosen = {name: best.tested[name].best for name in best.responses}
-        main = max(best.responses, key=lambda name: best.tested[name].gain)
-        if times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
-            named[best.id] = chosen
-        else:
-            refused[best.id] = chosen
+        main, chosen = best.main, best.chosen
+        is_added = given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main])
+        (named if is_added else refused)[best.id] = chosen
     return named, refused
 
 
@@ -355,42 +455,35 @@ def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[
 def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
     """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better."""
     without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    alone = float(np.mean(bench.residual([])[bench.fitted] ** 2))
-    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * alone:
+    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * bench.mean_square([]):
         return False
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
 
-def is_supported(one: Standing, level: float) -> bool:
-    """Beyond what noise does and the gauge reads, and alike in all runs."""
-    seen = max(one.tested[name].largest for name in one.responses)
-    return one.p_value <= level and one.is_the_same_in_all_runs and seen > _FINEST
-
-
-def _retested(benches: Benches, named: Named, noise: Mapping[str, Vector], *, false_alarm: float, seed: int) -> Named:
+def _retested(benches: Benches, named: Named, given: _Given) -> Named:
     """Every named effect tested beside the others: shapes chosen anew, proxies exchanged for what is better."""
     for name in list(named):
         if len(named) < 2:
             break
         others = without(named, name)
-        standing = standings(benches, others, noise, seed=seed)
-        best = max(standing.values(), key=lambda one: one.score if is_supported(one, false_alarm) else -np.inf)
-        if not is_supported(best, false_alarm):
+        standing = given.standings(benches, others)
+        best = max(standing.values(), key=lambda one: one.score if given.supports(one) else -np.inf)
+        if not given.supports(best):
             named = others
             continue
         own = standing[name]
-        chosen = own if is_supported(own, false_alarm) and own.score > best.score - 1.0 else best
-        named = others | {chosen.id: {key: chosen.tested[key].best for key in chosen.responses}}
+        best = own if given.supports(own) and own.score > best.score - 1.0 else best
+        named = others | {best.id: best.chosen}
     return named
 
 
-def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: int) -> Search:
-    standing = standings(benches, named, noise, seed=seed)
+def _told(benches: Benches, named: Named, given: _Given) -> Search:
+    standing = given.standings(benches, named)
     rivals: dict[str, tuple[str, ...]] = {}
     weights: dict[str, Mapping[str, float]] = {}
     for name in named:
-        beside = standings(benches, without(named, name), noise, seed=seed)
+        beside = given.standings(benches, without(named, name))
         standing[name] = beside[name]
         weighed = _weights(beside, name)
         rivals[name] = _rivals(benches, beside, named, name, weighed)
@@ -399,7 +492,7 @@ def _told(benches: Benches, named: Named, noise: Mapping[str, Vector], *, seed: 
 
 
 def _by_transfer(
-    benches: Benches, named: Named, noise: Mapping[str, Vector], times: Mapping[str, float], *, level: float, seed: int
+    benches: Benches, named: Named, given: _Given
 ) -> tuple[Named, dict[str, tuple[str, ...]], dict[str, float]]:
     """Names that do best on unseen rows where more is left than noise, and for each what does about as well there.
 
@@ -410,24 +503,20 @@ def _by_transfer(
     ahead: dict[str, float] = {}
     for id_, of in list(named.items()):
         others = without(named, id_)
-        beside = standings(benches, others, noise, seed=seed)
+        beside = given.standings(benches, others)
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
-        if times[main] == 1.0:
+        if given.times[main] == 1.0:
             continue
-        falls = {
-            other: _unseen_share(
-                benches, others, of, {name: one.tested[name].best for name in of if name in one.tested}
-            )
-            for other, one in beside.items()
-            if other != id_
-            and main in one.responses
-            and one.p_value <= level
-            and adds(benches[main], numbers(others, main), one.tested[main].best)
-        }
+        falls = {}
+        for other, one in beside.items():
+            is_rival = other != id_ and main in one.responses and one.p_value <= given.level
+            if is_rival and adds(benches[main], numbers(others, main), one.tested[main].best):
+                rival = {name: one.tested[name].best for name in of if name in one.tested}
+                falls[other] = _unseen_share(benches, others, of, rival)
         good = [other for other in sorted(falls, key=lambda one: -falls[one]) if falls[other] >= _AS_GOOD]
         best = good[0] if good else id_
         if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
-            chosen = {name: beside[best].tested[name].best for name in beside[best].responses}
+            chosen = beside[best].chosen
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             good = [id_, *(other for other in good if other != best)]
         else:
@@ -482,16 +571,14 @@ def _rivals(
 def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract
     """Weights of the effects that may stand in the place of `id`, summing to 1: how likely each makes the record."""
     scores = {name: one.score for name, one in beside.items() if name == id or one.is_the_same_in_all_runs}
-    best = max(scores.values())
-    raw = {name: float(np.exp(0.5 * (value - best))) for name, value in scores.items()}
-    total = sum(raw.values())
-    return {name: value / total for name, value in raw.items()}
+    raw = {name: float(np.exp(0.5 * (value - max(scores.values())))) for name, value in scores.items()}
+    return {name: value / sum(raw.values()) for name, value in raw.items()}
 
 
 def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
     """Whether two effects make nearly the same course in the response that shows the first one most."""
     first, second = beside[id], beside[other]
-    response = max(first.responses, key=lambda name: first.tested[name].gain)
+    response = first.main
     if response not in second.tested:
         return False
     bench = benches[response]

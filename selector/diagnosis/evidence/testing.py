@@ -146,15 +146,15 @@ def evidence_of(gains: Matrix | Vector, prices: Vector) -> Vector:
 def _largest(bench: Bench, fit: Solved, sums: Moments, v: int) -> float:
     if bench.resolution <= 0.0:
         return np.inf
-    q, i = next((q, int(np.flatnonzero(members == v)[0])) for q, members in enumerate(sums.members) if v in members)
+    q, i = sums.place(v)
     course = (bench.raw(v) @ fit.coefficients[q][i])[bench.fitted]
     return float(np.abs(course - np.median(course)).max()) / bench.resolution
 
 
 def _contrast(bench: Bench, sums: Moments, v: int, gain: float) -> tuple[float, int]:
     """What candidate `v` gains more with a size of its own in every run, and the coefficients that takes."""
-    place = next((q, int(np.flatnonzero(members == v)[0])) for q, members in enumerate(sums.members) if v in members)
-    group, within = sums.groups[place[0]][place[1]], sums.within[place[0]][:, place[1]]
+    q, i = sums.place(v)
+    group, within = sums.groups[q][i], sums.within[q][:, i]
     parts = [bench.block_runs == run for run in np.unique(bench.block_runs)]
     parts = [here for here in parts if np.trace(within[here].sum(axis=0)) > 1e-6 * np.trace(within.sum(axis=0))]
     if len(parts) < 2:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison, read_only
 from selector.diagnosis.finding_table import FINDINGS
-from selector.diagnosis.matching.exchanged_runs import exchanged_runs
+from selector.diagnosis.matching.runs import exchanged_runs
 from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.recording import Recording
-from selector.types import Mask, Vector
+from selector.types import Mask, Matrix, Vector
 
 Rows = NDArray[np.intp]
 _SEEN = 0.1
@@ -46,9 +46,8 @@ def comparable_rows(at_s: Vector, stamps_s: Vector, recorded: Sequence[Vector], 
     step_s = float(np.median(np.diff(at_s)))
     if float(np.median(np.diff(stamps_s))) < _COARSE * step_s:
         return everything
-    if not any(
-        _cut_off(stamps_s, course) > _SEEN * _noise(values) for values, course in zip(recorded, simulated, strict=True)
-    ):
+    pairs = zip(recorded, simulated, strict=True)
+    if not any(_cut_off(stamps_s, course) > _SEEN * _noise(values) for values, course in pairs):
         return everything
     inside = stamps_s[(stamps_s >= at_s[0] - 0.5 * step_s) & (stamps_s <= at_s[-1] + 0.5 * step_s)]
     after = np.clip(np.searchsorted(at_s, inside), 1, len(at_s) - 1)
@@ -130,11 +129,9 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     counts = {run: (int(rows.sum()), len(rows)) for run, rows in covered.items()}
     if counts and all(there < _LEAST * of for there, of in counts.values()):
         run, (there, of) = max(counts.items(), key=lambda item: item[1][0] / item[1][1])
+        others = ", fewer in the others" if len(counts) > 1 else ""
         raise InputError(
-            f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time, fewer in "
-            "the others"
-            if len(counts) > 1
-            else f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time",
+            f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time{others}",
             expected=f"a simulation of at least {_LEAST:.0%} of a run",
             where="simulation",
             advice="check the unit of time in both (--time-unit, --simulation-time-unit), or give only the part of the "
@@ -191,23 +188,33 @@ def comparison_of(
     runs, findings = _common_runs(recording, simulation)
     findings += codes
     shared = _common_channels(recording, simulation, responses)
-    aligned = {run: _simulated_times(recording, simulation, run) for run in runs}
-    findings += [finding for _, said in aligned.values() for finding in said]
-    reached = [run for run in runs if np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))))]
+    at: dict[str, Vector] = {}
+    read: dict[str, Matrix] = {}
+    for run in runs:
+        at[run], tolerance_s, said = _simulated_times(recording, simulation, run)
+        read[run] = _read_at(simulation, run, simulation.names, at[run], tolerance_s)
+        findings += said
+    compared = [simulation.names.index(name) for name in shared]
+    covered = {run: np.any(np.isfinite(read[run][:, compared]), axis=1) for run in runs}
+    reached = [run for run in runs if covered[run].any()]
     if not reached:
-        raise _no_overlap(recording, aligned, shared)
+        raise InputError(
+            f"no value of {_listed(shared)} in the simulation at any recorded time (run {runs[0]}: "
+            f"{at[runs[0]][0]:.6g} to {at[runs[0]][-1]:.6g} s on its clock)",
+            expected="recording and simulation that overlap in time, with values where they do",
+            where="simulation",
+            advice="check the time column and its unit in both, and whether the simulated columns hold numbers",
+        )
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
     require_same_time_unit(
         {run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached}
     )
-    findings += partly_simulated(
-        {run: np.any(np.isfinite(_read_at(simulation, run, shared, *_times(aligned, run))), axis=1) for run in reached}
-    )
+    findings += partly_simulated({run: covered[run] for run in reached})
     rows: dict[str, Rows] = {}
     for run in reached:
-        at_s, stamps_s = aligned[run][0][0], simulation.time_s(run)
+        at_s, stamps_s = at[run], simulation.time_s(run)
         moving = [name for name in shared if simulation.channel(name).role not in _HELD_ROLES]
         both = [list(part.values(run, moving).T) for part in (recording, simulation)]
         rows[run] = comparable_rows(at_s, stamps_s, *both)
@@ -216,16 +223,14 @@ def comparison_of(
     time = [recording.time_s(run)[rows[run]] for run in reached]
     starts = (0, *np.cumsum([len(part) for part in time]).tolist())
     recorded = np.concatenate([recording.values(run, recording.names)[rows[run]] for run in reached])
-    read = np.concatenate(
-        [_read_at(simulation, run, simulation.names, *_times(aligned, run))[rows[run]] for run in reached]
-    )
+    simulated = np.concatenate([read[run][rows[run]] for run in reached])
     comparison = Comparison(
         runs=tuple(reached),
         starts=starts,
         time_s=read_only(np.concatenate(time)),
         channels=recording.channels,
         recorded={name: read_only(recorded[:, k]) for k, name in enumerate(recording.names)},
-        simulated={name: read_only(read[:, k]) for k, name in enumerate(simulation.names)},
+        simulated={name: read_only(simulated[:, k]) for k, name in enumerate(simulation.names)},
         responses=tuple(shared),
         held_out=_held_out(reached, time, holdout),
         findings=tuple(findings),
@@ -282,14 +287,8 @@ def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str]
     findings = [_left_out(run, "the simulation has no such run") for run in recording.runs if run not in runs]
     spare = [run for run in simulation.runs if run not in runs]
     if spare:
-        findings.append(
-            FINDINGS.finding(
-                "simulated-only",
-                f"Simulated but not recorded, and not used: {_listed(spare)}.",
-                Where(),
-                {"runs": spare},
-            )
-        )
+        statement = f"Simulated but not recorded, and not used: {_listed(spare)}."
+        findings.append(FINDINGS.finding("simulated-only", statement, Where(), {"runs": spare}))
     return runs, findings
 
 
@@ -324,9 +323,7 @@ def _common_channels(recording: Recording, simulation: Recording, responses: Seq
     return chosen
 
 
-def _simulated_times(
-    recording: Recording, simulation: Recording, run: str
-) -> tuple[tuple[Vector, float], list[Finding]]:
+def _simulated_times(recording: Recording, simulation: Recording, run: str) -> tuple[Vector, float, list[Finding]]:
     """Recorded times of a run on the simulation's clock with the tolerance at its ends [s], and what is to be said."""
     time, simulated = recording.time_s(run), simulation.time_s(run)
     tolerance_s = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
@@ -336,15 +333,13 @@ def _simulated_times(
     same_span = abs(span_s - span_simulated_s) <= 0.01 * span_s and abs(shift_s) > _OTHER_ZERO * span_s
     # a logger may count from when it was switched on, a simulation from the start of the run
     if not from_zero or shift_s == 0.0 or (overlap_s >= 0.5 * min(span_s, span_simulated_s) and not same_span):
-        return (time + shift_s, tolerance_s), []
-    told = FINDINGS.finding(
-        "clocks-with-other-zeros",
+        return time + shift_s, tolerance_s, []
+    statement = (
         f"Run {run}: the recorded clock starts at {shift_s:.6g} s and the simulated one at 0, and they cover the same "
-        "span or hardly meet; both are counted from their first sample.",
-        Where(run=run),
-        {"shift_s": shift_s},
+        "span or hardly meet; both are counted from their first sample."
     )
-    return (time, tolerance_s), [told]
+    told = FINDINGS.finding("clocks-with-other-zeros", statement, Where(run=run), {"shift_s": shift_s})
+    return time, tolerance_s, [told]
 
 
 def _shift_s(recording: Recording, simulation: Recording, run: str) -> tuple[float, bool]:
@@ -360,10 +355,6 @@ def _shift_s(recording: Recording, simulation: Recording, run: str) -> tuple[flo
     if dates[0] is None or dates[1] is None or (dates[0].tzinfo is None) != (dates[1].tzinfo is None):
         return 0.0, False
     return (dates[0] - dates[1]).total_seconds(), False
-
-
-def _times(aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], run: str) -> tuple[Vector, float]:
-    return aligned[run][0]
 
 
 def _read_at(
@@ -423,19 +414,6 @@ def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask
 def _left_out(run: str, reason: str) -> Finding:
     return FINDINGS.finding(
         "run-not-compared", f"Run {run} is not compared: {reason}.", Where(run=run), {}, action="leave-out-run"
-    )
-
-
-def _no_overlap(
-    recording: Recording, aligned: dict[str, tuple[tuple[Vector, float], list[Finding]]], shared: Sequence[str]
-) -> InputError:
-    run, ((times, _), _) = next(iter(aligned.items()))
-    return InputError(
-        f"no value of {_listed(shared)} in the simulation at any recorded time (run {run}: {times[0]:.6g} to "
-        f"{times[-1]:.6g} s on its clock)",
-        expected="recording and simulation that overlap in time, with values where they do",
-        where="simulation",
-        advice="check the time column and its unit in both, and whether the simulated columns hold numbers",
     )
 
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from selector.diagnosis.answer import Diagnosis, Errors, Fit
-from selector.diagnosis.comparison import Comparison, read_only
+from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import BEYOND_MEASURE, FINDINGS, NOT_COMPARED
+from selector.diagnosis.matching.runs import rms
 from selector.errors import InputError
 from selector.findings import Finding, Level, Where
 from selector.quality.break_codes import broken_sensors, out_of_range
@@ -37,9 +36,7 @@ def without_extremes(comparison: Comparison) -> Comparison:
     """Numbers beyond 1e30 are missing readings, recorded or simulated; which, is said."""
     recorded, told = _measurable(comparison, comparison.recorded, "recorded")
     simulated, also = _measurable(comparison, comparison.simulated, "simulated")
-    return dataclasses.replace(
-        comparison, recorded=recorded, simulated=simulated, findings=(*comparison.findings, *told, *also)
-    )
+    return replace(comparison, recorded=recorded, simulated=simulated, findings=(*comparison.findings, *told, *also))
 
 
 def at_readings(comparison: Comparison) -> Comparison:
@@ -53,12 +50,22 @@ def at_readings(comparison: Comparison) -> Comparison:
     seldom = {name: count for name, count in every.items() if count > SELDOM}
     if not seldom:
         return comparison
-    read = np.any([_compared(comparison, name) for name in seldom], axis=0)
+    read = np.any([np.isfinite(comparison.difference(name)) for name in seldom], axis=0)
     is_enough = max(seldom.values()) <= _MOST_ROWS_BETWEEN and int(np.sum(read & ~comparison.held_out)) >= _ROWS
     if len(seldom) < len(every) and (not is_enough or read.all()):
-        told = [_more_rarely(name, count) for name, count in seldom.items()]
+        told = [
+            FINDINGS.finding(
+                "not-compared",
+                f"{name} is not compared: it has a value in every {_nth(count)} row only, more rarely than other "
+                "responses.",
+                Where(channel=name),
+                {"rows_between": count},
+                f"diagnose it by itself: --response {name}",
+            )
+            for name, count in seldom.items()
+        ]
         kept = tuple(name for name in every if name not in seldom)
-        return dataclasses.replace(comparison, responses=kept, findings=(*comparison.findings, *told))
+        return replace(comparison, responses=kept, findings=(*comparison.findings, *told))
     if read.all():
         return comparison
     counts = ", ".join(f"{name} has a value in every {_nth(count)} row" for name, count in seldom.items())
@@ -72,8 +79,7 @@ def at_readings(comparison: Comparison) -> Comparison:
         else "diagnose the other responses by themselves, with --response, to use all their rows",
         level="info" if alone else "warning",
     )
-    thinned = _only(comparison, read)
-    return at_readings(dataclasses.replace(thinned, findings=(*thinned.findings, said)))
+    return at_readings(replace(comparison.only(read), findings=(*comparison.findings, said)))
 
 
 def rows_in_stretches(comparison: Comparison, seen: Mask) -> int:
@@ -112,39 +118,10 @@ def _measurable(
 
 def _rows_between(comparison: Comparison, name: str) -> float:
     """Median number of sampling periods from one compared reading of a response to the next; 1 if there is one only."""
-    compared = _compared(comparison, name)
+    compared = np.isfinite(comparison.difference(name))
     steps = [np.diff(comparison.time_s[rows][compared[rows]]) for _, rows in comparison.rows_of_runs()]
     known = np.concatenate(steps)
     return float(np.median(known)) / comparison.period_s if len(known) else 1.0
-
-
-def _compared(comparison: Comparison, name: str) -> Mask:
-    return np.asarray(np.isfinite(comparison.difference(name)), dtype=np.bool_)
-
-
-def _only(comparison: Comparison, kept: Mask) -> Comparison:
-    """The comparison with some of its rows; runs without any are gone."""
-    counts = [(run, int(kept[rows].sum())) for run, rows in comparison.rows_of_runs()]
-    counts = [(run, count) for run, count in counts if count]
-    return dataclasses.replace(
-        comparison,
-        runs=tuple(run for run, _ in counts),
-        starts=(0, *np.cumsum([count for _, count in counts]).tolist()),
-        time_s=read_only(comparison.time_s[kept]),
-        recorded={name: read_only(values[kept]) for name, values in comparison.recorded.items()},
-        simulated={name: read_only(values[kept]) for name, values in comparison.simulated.items()},
-        held_out=comparison.held_out[kept],
-    )
-
-
-def _more_rarely(name: str, every: float) -> Finding:
-    return FINDINGS.finding(
-        "not-compared",
-        f"{name} is not compared: it has a value in every {_nth(every)} row only, more rarely than other responses.",
-        Where(channel=name),
-        {"rows_between": every},
-        f"diagnose it by itself: --response {name}",
-    )
 
 
 def _nth(count: float) -> str:
@@ -201,7 +178,6 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
             where="recording and simulation",
             advice="give longer or more runs, or check the time columns and what the columns hold",
         )
-    short = [run for run, rows in comparison.rows_of_runs() if rows.stop - rows.start < LEAST_SAMPLES]
     findings += [
         FINDINGS.finding(
             "short-run",
@@ -211,11 +187,30 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
             "record longer",
             level="info",
         )
-        for run in short
+        for run, rows in comparison.rows_of_runs()
+        if rows.stop - rows.start < LEAST_SAMPLES
     ]
-    findings += [_still(comparison, name) for name in kept if np.ptp(_seen(comparison.simulated[name])) == 0.0]
-    findings += [_same(comparison, name) for name in kept if name in copies]
-    return dataclasses.replace(comparison, responses=tuple(kept), findings=tuple(findings))
+    findings += [
+        FINDINGS.finding(
+            "simulation-stands-still",
+            f"The simulated {name} never moves: all that was recorded counts as left out.",
+            Where(channel=name),
+            {"value": float(_seen(comparison.simulated[name])[0])},
+        )
+        for name in kept
+        if np.ptp(_seen(comparison.simulated[name])) == 0.0
+    ]
+    findings += [
+        FINDINGS.finding(
+            "simulation-is-recording",
+            f"The simulated {name} is the recorded one to within its rounding: there is no difference to explain.",
+            Where(channel=name),
+            {"largest_difference": float(np.abs(_seen(comparison.difference(name))).max())},
+        )
+        for name in kept
+        if name in copies
+    ]
+    return replace(comparison, responses=tuple(kept), findings=tuple(findings))
 
 
 def identical_responses(comparison: Comparison) -> tuple[str, ...]:
@@ -248,9 +243,9 @@ def _reason(comparison: Comparison, name: str) -> str | None:
         return f"has no {missing} value where it could be compared"
     if fitted < LEAST_SAMPLES:
         return f"has {fitted} samples that can be compared and are not held out"
-    if np.ptp(comparison.recorded[name][compared]) == 0.0:
-        return "never moves in the recording"
     moved = float(np.ptp(comparison.recorded[name][compared]))
+    if moved == 0.0:
+        return "never moves in the recording"
     if moved < _SMALLEST:
         return f"moves by {moved:.3g} {comparison.channel(name).unit} at most in the recording, which is no reading"
     without_hole = rows_in_stretches(comparison, compared & ~comparison.held_out)
@@ -287,25 +282,6 @@ def _told(id_: str, level: Level, name: str, clause: str) -> Finding:
         {},
         "" if level == "info" else "check the recording and the file",
         level=level,
-    )
-
-
-def _still(comparison: Comparison, name: str) -> Finding:
-    return FINDINGS.finding(
-        "simulation-stands-still",
-        f"The simulated {name} never moves: all that was recorded counts as left out.",
-        Where(channel=name),
-        {"value": float(_seen(comparison.simulated[name])[0])},
-    )
-
-
-def _same(comparison: Comparison, name: str) -> Finding:
-    difference = _seen(comparison.difference(name))
-    return FINDINGS.finding(
-        "simulation-is-recording",
-        f"The simulated {name} is the recorded one to within its rounding: there is no difference to explain.",
-        Where(channel=name),
-        {"largest_difference": float(np.abs(difference).max())},
     )
 
 
@@ -390,28 +366,25 @@ def with_copies(answer: Diagnosis, *, comparison: Comparison, names: Sequence[st
 
 def told_of_copies(comparison: Comparison, names: Sequence[str]) -> Comparison:
     """The comparison with a finding for each of these responses that differs on held-out rows only."""
-    later = [name for name in names if name not in identical_responses(comparison)]
-    return replace(comparison, findings=(*comparison.findings, *(_differs_later(comparison, name) for name in later)))
-
-
-def _differs_later(comparison: Comparison, name: str) -> Finding:
-    most = float(np.abs(_seen(comparison.difference(name)[comparison.held_out])).max())
-    unit = comparison.channel(name).unit
-    quantity = f"{most:.3g}" if unit == "1" else f"{most:.3g} {unit}"
-    return FINDINGS.finding(
-        "differs-held-out",
-        f"The simulated {name} is the recorded one where it is fitted, and differs by up to "
-        f"{quantity} on what is held out: nothing can be fitted that would explain it.",
-        Where(channel=name),
-        {"largest_difference": most},
-    )
+    findings, copies = list(comparison.findings), identical_responses(comparison)
+    for name in (name for name in names if name not in copies):
+        most = float(np.abs(_seen(comparison.difference(name)[comparison.held_out])).max())
+        unit = comparison.channel(name).unit
+        quantity = f"{most:.3g}" if unit == "1" else f"{most:.3g} {unit}"
+        statement = (
+            f"The simulated {name} is the recorded one where it is fitted, and differs by up to {quantity} on what is "
+            "held out: nothing can be fitted that would explain it."
+        )
+        evidence = {"largest_difference": most}
+        findings.append(FINDINGS.finding("differs-held-out", statement, Where(channel=name), evidence))
+    return replace(comparison, findings=tuple(findings))
 
 
 def fit_of_copy(comparison: Comparison, response: str) -> Fit:
     """Errors of a response that was simulated as it was recorded: nothing to gain."""
     course = comparison.simulated[response]
     difference = comparison.difference(response)
-    train, held = (_rmse(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
+    train, held = (rms(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
     return Fit(
         unit=comparison.channel(response).unit,
         train=Errors(train, train),
@@ -423,8 +396,3 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
         recalibrated=course,
         after=course,
     )
-
-
-def _rmse(values: NDArray[np.float64]) -> float:
-    seen = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(seen**2))) if len(seen) else float("nan")

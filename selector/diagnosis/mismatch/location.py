@@ -38,14 +38,6 @@ class Variable:
         edges = np.unique(np.quantile(self.values, np.arange(1, n) / n))
         return np.asarray(np.searchsorted(edges, self.values, side="right"))
 
-    def above(self, limit: float) -> str:
-        """In words: more than a limit."""
-        return f"{self.words} > {limit:.4g}{' ' if self.unit else ''}{self.unit}"
-
-    def below(self, limit: float) -> str:
-        """In words: less than a limit."""
-        return f"{self.words} < {limit:.4g}{' ' if self.unit else ''}{self.unit}"
-
 
 def variables(comparison: Comparison) -> tuple[Variable, ...]:
     """Every state of the machine that its channels tell: levels, rates of heating, sense and size of motion."""
@@ -111,11 +103,11 @@ def in_words(comparison: Comparison, active: Mask, *, agreement: float = 0.75) -
         total, n = inside[-1], len(here)
         high = (total - inside[cut]) / (n - cut - 1 + inside[cut])
         low = inside[cut] / (cut + 1 + total - inside[cut])
-        for scores, says in ((high, variable.above), (low, variable.below)):
+        for scores, sign in ((high, ">"), (low, "<")):
             k = int(np.argmax(scores))
             if scores[k] > best:
-                best = float(scores[k])
-                words = says(float(0.5 * (sorted_values[cut[k]] + sorted_values[cut[k] + 1])))
+                best, limit = float(scores[k]), float(0.5 * (sorted_values[cut[k]] + sorted_values[cut[k] + 1]))
+                words = f"{variable.words} {sign} {limit:.4g}{' ' if variable.unit else ''}{variable.unit}"
     return words
 
 
@@ -294,7 +286,7 @@ def active_windows(comparison: Comparison, response: str, course: Vector) -> tup
             if share < _TRIFLE:
                 continue
             start, stop = float(comparison.time_s[window][0]), float(comparison.time_s[window][-1])
-            places.append(Place(response, _place(comparison, response), run, start, stop, regime, share))
+            places.append(Place(response, comparison.channel(response).place, run, start, stop, regime, share))
     return tuple(places)
 
 
@@ -308,7 +300,3 @@ def _is_clean(comparison: Comparison, course: Vector) -> bool:
     # A noisy course changes its sense of motion at every other sample.
     turns = [np.mean(np.diff(np.sign(np.diff(course[here]))) != 0.0) for here in rows if len(here)]
     return float(np.mean(turns)) < 0.35
-
-
-def _place(comparison: Comparison, response: str) -> str | None:
-    return comparison.channel(response).place

@@ -1,4 +1,4 @@
-"""Whether there is structure left in the residual that nothing explains; of what kind, and where."""
+"""Whether there is structure left in the residual that nothing explains; of what kind, and where; and what wanders."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.mismatch.background import (
     LONGEST_NOISE_PERIOD,
     Background,
@@ -22,8 +23,11 @@ from selector.diagnosis.mismatch.background import (
     seen_in_both,
     seen_rows,
     spectrum,
+    wandering,
 )
 from selector.diagnosis.mismatch.location import Variable, variables
+from selector.diagnosis.wording import amount, duration_words
+from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 
 Rows = Sequence[NDArray[np.intp]]
@@ -66,8 +70,7 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
     for run, bins in groups:
         frequency, power = of.frequency[bins], ratio[:, bins]
         narrow = len(runs) if run is None else 1
-        sums = np.concatenate([np.zeros((len(power), 1)), np.cumsum(power, axis=1)], axis=1)
-        width = narrow
+        sums, width = _running(power), narrow
         while width <= len(bins):
             step = 1 if width <= 4 * narrow else width // 4
             first = np.arange(0, len(bins) - width + 1, step)
@@ -147,7 +150,7 @@ def jump(clipped: Matrix, noise: Background, rows: Rows) -> list[Tested]:
             n = len(here)
             if n < 4 * length:
                 continue
-            sums = np.concatenate([np.zeros((len(clipped), 1)), np.cumsum(clipped[:, here], axis=1)], axis=1)
+            sums = _running(clipped[:, here])
             at = np.arange(length, n - length)
             after = sums[:, at + length] - sums[:, at + 1]
             before = sums[:, at] - sums[:, at - length]
@@ -215,8 +218,7 @@ def burst(even: Matrix, rows: Rows) -> list[Tested]:
     found, start = [], 0
     for k, here in enumerate(rows):
         n = len(here)
-        sums = np.concatenate([np.zeros((len(stack), 1)), np.cumsum(stack[:, start : start + n], axis=1)], axis=1)
-        length = 8
+        sums, length = _running(stack[:, start : start + n]), 8
         while length <= n // 2:
             first = np.arange(0, n - length + 1, max(1, length // 4))
             score = (sums[:, first + length] - sums[:, first]) / np.sqrt(2.0 * length)
@@ -386,11 +388,7 @@ def unexplained(
 
 
 def _tests(
-    stack: Matrix,
-    rows: Sequence[NDArray[np.intp]],
-    states: tuple[Variable, ...],
-    *,
-    wanders: bool,
+    stack: Matrix, rows: Rows, states: tuple[Variable, ...], *, wanders: bool
 ) -> tuple[list[Tested], Background, float]:
     """Tests of one response, its noise, and the standard deviation of noise with the memory of its short scales."""
     own = spectrum(stack[:1], rows)
@@ -407,11 +405,7 @@ def _tests(
 
 
 def _tests_of(
-    stack: Matrix,
-    rows: Sequence[NDArray[np.intp]],
-    states: Sequence[ColumnsOfState],
-    *,
-    wanders: bool,
+    stack: Matrix, rows: Rows, states: Sequence[ColumnsOfState], *, wanders: bool
 ) -> tuple[list[Tested], Background]:
     of = spectrum(stack, rows)
     noise = background(of, wanders=wanders)
@@ -448,20 +442,67 @@ def _structure(
     comparison: Comparison, response: str, test: Tested, p_value: float, residual: Vector, spread: float
 ) -> Structure:
     run = None if test.run is None else comparison.runs[test.run]
-    window = None if test.rows is None else (comparison.time_s[test.rows[0]], comparison.time_s[test.rows[1]])
-    seen = residual[residual != 0.0]
+    from_s, to_s, seen = None, None, residual[residual != 0.0]
     if test.rows is not None:
         seen = residual[test.rows[0] : test.rows[1] + 1]
+        from_s, to_s = (float(comparison.time_s[row]) for row in test.rows)
     band = None if test.frequency is None else tuple(f / comparison.period_s for f in test.frequency)
     return Structure(
         kind=test.kind,
         channel=response,
         run=run,
-        from_s=None if window is None else float(window[0]),
-        to_s=None if window is None else float(window[1]),
+        from_s=from_s,
+        to_s=to_s,
         frequency_hz=band,  # type: ignore[arg-type]
         regime=test.words,
         size=float(np.sqrt(max(float(np.mean(seen**2)) - spread**2, 0.0))),
         unit=comparison.channel(response).unit,
         p_value=p_value,
     )
+
+
+_SLOW = 12.0
+"""Samples of memory from which noise is said to wander."""
+_TRIFLE = 0.1
+"""Share of the variance that has to wander to be worth a word."""
+
+
+def told_of_wandering(
+    comparison: Comparison, residuals: Mapping[str, Vector], structures: Sequence[Structure]
+) -> tuple[Finding, ...]:
+    """A finding for every response whose residual wanders slowly and shows no structure.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    residuals : mapping of str to ndarray of shape (n_rows,)
+        Response → what is left [its unit]; NaN where missing.
+    structures : sequence of Structure
+        What is no noise; of its responses nothing is said.
+    """
+    found = []
+    for response in residuals.keys() - {structure.channel for structure in structures}:
+        rows = seen_rows(comparison, residuals[response])
+        if not any(len(here) for here in rows):
+            continue
+        parts = wandering(spectrum(np.nan_to_num(residuals[response])[None, :], rows))
+        variance, memory = (values.ravel() for values in parts)
+        slow = memory >= _SLOW
+        share = float(variance[slow].sum() / max(float(variance.sum()), 1e-300))
+        if share < _TRIFLE:
+            continue
+        logs = np.log(memory[slow]) @ variance[slow] / variance[slow].sum()
+        time_s = min(float(np.exp(logs)) * comparison.period_s, 0.5 * comparison.longest_s)
+        size = float(np.sqrt(variance[slow].sum()))
+        unit = comparison.channel(response).unit
+        found.append(
+            FINDINGS.finding(
+                "slow-remainder",
+                f"What is left in {response} wanders slowly: {amount(size, unit)} rms, correlation time about "
+                f"{duration_words(time_s)}. This record cannot tell noise that wanders from a slow effect that nobody "
+                "recorded.",
+                Where(channel=response),
+                evidence={"correlation_time_s": time_s, "rms": size, "unit": unit, "share_of_variance": share},
+            )
+        )
+    return tuple(sorted(found, key=lambda finding: finding.where.channel or ""))

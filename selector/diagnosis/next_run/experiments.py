@@ -1,26 +1,219 @@
-"""Which run would tell what this record cannot? Planned runs, weighed by how far apart the effects would be there."""
+"""Which run would tell what this record cannot? Planned runs, emulated, weighed by how far apart effects are there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 
 from selector.diagnosis.answer import NamedEffect, NextRun
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
-from selector.diagnosis.evidence.response import Bench, recalibration_columns
+from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened, with_past
+from selector.diagnosis.evidence.response import recalibration_columns
 from selector.diagnosis.evidence.search import Search, numbers
-from selector.diagnosis.next_run.emulation import NEW_RUN, extended
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
-from selector.diagnosis.shapes.heating import SHORTEST_S
+from selector.diagnosis.shapes.axis import derivatives
+from selector.diagnosis.shapes.heating import SHORTEST_S, follows_sensors, heats, sources
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, filled, lagged, rise, time_constants
 from selector.types import Matrix, Vector
+
+Blocks = list[Matrix]
+
+NEW_RUN = "planned run"
+_WEIGHTS = (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+_AS_WELL = 1.02
+_MOST_ROWS = 4000
+_LAGS_S = (0.0, 0.004, 0.012, 0.035, 0.1)
+_MOVED = ("position_command", "position", "velocity")
+_LEAST_KNOWN = 0.8
+"""A simulated course of which less than this share of variance is learnt says nothing about another run."""
+
+
+def extended(comparison: Comparison, planned: PlannedRun, response: str) -> Comparison | None:
+    """The comparison with the planned run behind the others; None if the response cannot be foretold there.
+
+    What is set is as planned. Other channels and simulated courses are ridge regressions on what is set, with its lags,
+    learnt in the recorded runs: of heat on lagged powers of speed, hall, coolant; of a drive on lagged speed,
+    acceleration and sense. A simulated vibration is its filter from the recorded forces, and what these do
+    not explain once more. Recorded responses are as simulated.
+    """
+    inputs, n = planned.inputs, len(next(iter(planned.inputs.values())))
+    stage = _padded(comparison, inputs, n)
+    is_slow = comparison.longest_s >= SHORTEST_S
+    moved = [name for name in inputs if comparison.channel(name).role in _MOVED]
+    is_shaken = comparison.period_s <= SLOWEST_VIBRATION_S and not moved
+    # what a course of this kind of machine is made of, input by input, over all rows of the stage
+    if is_slow:
+        table = _heat_columns(stage, tuple(inputs), response)
+    else:
+        table = [_drive_columns(stage, moved[0]) if moved else _lag_columns(stage, tuple(inputs))]
+    recorded, simulated = dict(stage.recorded), dict(stage.simulated)
+    for channel in comparison.channels:
+        if channel.name in inputs or channel.name in comparison.responses:
+            continue
+        of, is_state = filled(comparison, comparison.recorded[channel.name]), channel.role == "state"
+        new = np.full(n, np.median(of)) if is_state else _foretold(comparison, table, of, as_rise=is_slow)[0]
+        recorded[channel.name] = np.r_[comparison.recorded[channel.name], new]
+    stage = replace(stage, recorded=recorded)
+    for name in comparison.simulated:
+        if name in inputs:
+            continue
+        of = filled(comparison, comparison.simulated[name])
+        if is_shaken:
+            simulated[name] = np.r_[comparison.simulated[name], _shaken(comparison, inputs, of, n)]
+            continue
+        is_static = is_slow and name in comparison.responses and follows_sensors(comparison, name)
+        part, known = _foretold(comparison, [_sensor_columns(stage, name)] if is_static else table, of, as_rise=is_slow)
+        if name == response and known < _LEAST_KNOWN:
+            return None
+        simulated[name] = np.r_[comparison.simulated[name], part]
+    for name in comparison.responses:
+        usual = np.nanmedian(comparison.difference(name))
+        new = inputs.get(name, simulated[name][-n:])
+        recorded[name] = np.r_[comparison.recorded[name], new + usual]
+    return replace(stage, recorded=recorded, simulated=simulated)
+
+
+def _padded(comparison: Comparison, inputs: Mapping[str, Vector], n: int) -> Comparison:
+    """The comparison with a new run in which only what is set is known; the rest is 0 until it is learnt."""
+
+    def longer(part: Mapping[str, Vector]) -> dict[str, Vector]:
+        return {name: np.r_[values, inputs.get(name, np.zeros(n))] for name, values in part.items()}
+
+    return replace(
+        comparison,
+        runs=(*comparison.runs, NEW_RUN),
+        starts=(*comparison.starts, comparison.starts[-1] + n),
+        time_s=np.r_[comparison.time_s, np.arange(n) * comparison.period_s],
+        recorded=longer(comparison.recorded),
+        simulated=longer(comparison.simulated),
+        held_out=np.r_[comparison.held_out, np.zeros(n, dtype=bool)],
+        findings=(),
+        tangents={},
+    )
+
+
+def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> Blocks:
+    taus = (0.0, *time_constants(stage, 6))
+    known = sources(stage, response)
+    blocks = []
+    for name in inputs:
+        role = stage.channel(name).role
+        if role in ("ambient", "temperature"):
+            drivers = [rise(stage, filled(stage, stage.recorded[name]))]
+        elif name == known.spindle:
+            speed = np.abs(filled(stage, stage.recorded[name]))
+            drivers = [(speed / max(float(speed.max()), 1e-300)) ** power for power in (1.0, 2.0)]
+        else:
+            drivers = [heat for _, heat in heats(stage, name)]
+        blocks.append(np.column_stack([lagged(stage, driver, float(tau)) for driver in drivers for tau in taus]))
+    return blocks
+
+
+def _drive_columns(stage: Comparison, name: str) -> Matrix:
+    told = filled(stage, stage.simulated[name] if name in stage.simulated else stage.recorded[name])
+    if stage.channel(name).role == "velocity":
+        speed, acceleration = told, derivatives(stage, told)[0]
+        place = np.zeros(len(told))
+    else:
+        place = told
+        speed, acceleration = derivatives(stage, told)
+    sense = np.tanh(speed / max(0.01 * float(np.abs(speed).max()), 1e-12))
+    moving = [lagged(stage, course, lag) for course in (speed, acceleration, sense) for lag in _LAGS_S]
+    return np.column_stack([np.ones(len(told)), place, *moving])
+
+
+def _lag_columns(stage: Comparison, inputs: tuple[str, ...]) -> Matrix:
+    taus = (0.0, *np.geomspace(4.0 * stage.period_s, max(stage.longest_s, 8.0 * stage.period_s), 6))
+    drivers = [filled(stage, stage.recorded[name]) for name in inputs]
+    columns = [lagged(stage, driver, float(tau), settled=True) for driver in drivers for tau in taus]
+    return np.column_stack([np.ones(len(stage.time_s)), *columns])
+
+
+def _sensor_columns(stage: Comparison, response: str) -> Matrix:
+    """Rises of the temperatures and their products: what a static regression is made of."""
+    known = sources(stage, response)
+    names = dict.fromkeys((*known.machine, *known.hall, *known.coolant_temperatures))
+    rises = [rise(stage, filled(stage, stage.recorded[name])) for name in names]
+    return np.column_stack([*rises, *(a * b for k, a in enumerate(rises) for b in rises[k:])])
+
+
+def _shaken(comparison: Comparison, inputs: Mapping[str, Vector], values: Vector, n: int) -> Vector:
+    """A vibration in the new run: through the filter (H1 estimate) from the forces, and the rest as it was."""
+    rest, result = np.array(values), np.zeros(n)
+    longest = max((rows for _, rows in comparison.rows_of_runs()), key=lambda rows: rows.stop - rows.start)
+    size = min(1024, (longest.stop - longest.start) // 2)
+    for name, new in inputs.items():
+        force = filled(comparison, comparison.recorded[name])
+        if comparison.channel(name).role == "spindle_speed" or float(np.std(force)) <= 0.0:
+            continue
+        power = signal.welch(force, nperseg=size)[1]
+        crossed = signal.csd(force, rest, nperseg=size)[1]
+        impulse = np.fft.irfft(crossed / (power + 1e-3 * power.max()))[: size // 2]
+        for _, rows in comparison.rows_of_runs():
+            rest[rows] -= signal.lfilter(impulse, [1.0], force[rows])
+        result += signal.lfilter(impulse, [1.0], new)
+    return np.asarray(result + np.resize(rest[longest], n))
+
+
+def _foretold(comparison: Comparison, blocks: Blocks, values: Vector, *, as_rise: bool) -> tuple[Vector, float]:
+    """The course in the new run, and the share of its variance in the recorded ones that was learnt."""
+    old = len(comparison.time_s)
+    target = rise(comparison, values) if as_rise else values
+    start = float(np.median([values[first] for first in comparison.starts[:-1]])) if as_rise else 0.0
+    table = np.column_stack(blocks)
+    scale = np.sqrt(np.mean(table[:old] ** 2, axis=0))
+    table = table / np.where(scale > 0.0, scale, np.inf)
+    block_of = np.repeat(np.arange(len(blocks)), [block.shape[1] for block in blocks])
+    beta = _ridge(comparison, table[:old], target, block_of)
+    variance = float(np.var(target))
+    left = float(np.var(target - table[:old] @ beta))
+    known = 1.0 if variance <= 0.0 else 1.0 - left / variance
+    return start + table[old:] @ beta, known
+
+
+def _ridge(comparison: Comparison, table: Matrix, target: Vector, block_of: NDArray[np.intp]) -> Vector:
+    """Ridge regression whose weight foretells one run from the others best; of a single run a weight of 1e-4.
+
+    Inputs without which the other runs are foretold as well are left out: the new run may take them further than any.
+    """
+    stride = max(1, len(target) // _MOST_ROWS)
+    parts = [(table[rows][::stride], target[rows][::stride]) for _, rows in comparison.rows_of_runs()]
+    grams = np.array([x.T @ x for x, _ in parts])
+    scores = np.array([x.T @ y for x, y in parts])
+    size = max(float(np.trace(grams.sum(axis=0))) / max(table.shape[1], 1), 1e-300)
+
+    def solution(without: int | None, weight: float, use: NDArray[np.bool_]) -> Vector:
+        gram, score = grams.sum(axis=0), scores.sum(axis=0)
+        if without is not None:
+            gram, score = gram - grams[without], score - scores[without]
+        beta = np.zeros(len(score))
+        beta[use] = np.linalg.solve(gram[np.ix_(use, use)] + weight * size * np.eye(int(use.sum())), score[use])
+        return beta
+
+    def missed(weight: float, use: NDArray[np.bool_]) -> float:
+        return float(sum(np.sum((y - x @ solution(k, weight, use)) ** 2) for k, (x, y) in enumerate(parts)))
+
+    def best(use: NDArray[np.bool_]) -> tuple[float, float]:
+        return min((missed(weight, use), weight) for weight in _WEIGHTS)
+
+    use = np.ones(len(block_of), dtype=bool)
+    if len(parts) < 2:
+        return solution(None, 1e-4, use)
+    error, weight = best(use)
+    for block in np.unique(block_of):
+        fewer = use & (block_of != block)
+        if fewer.any() and (found := best(fewer))[0] <= _AS_WELL * error:
+            (error, weight), use = found, fewer
+    return solution(None, weight, use)
+
 
 _SURE = 0.85
 """Weight that the true effect of a pair is to have after the run."""
@@ -29,7 +222,7 @@ _CLEAR = 2.0 * float(np.log(_SURE / (1.0 - _SURE)))
 _ENOUGH = 0.9
 _INEXACT = 0.05
 """Part of its own course by which an effect of the catalogue may miss the truth: a smaller difference tells nothing."""
-_MOST_ROWS = 4_500
+_ENOUGH_ROWS = 4_500
 _SETUP_S = 600.0
 """What preparing a run takes, however short it is."""
 _LIKE_TIME = 1.2
@@ -55,33 +248,26 @@ class Separation:
 def next_runs(comparison: Comparison, found: Search, named: Sequence[NamedEffect]) -> tuple[NextRun, ...]:
     """Runs that would tell apart what cannot be told, for every effect with rivals; none without any.
 
-    Each run of a menu is emulated (`selector.diagnosis.next_run.emulation`), the fitted effect and its rivals are made
-    there anew, each with the shape that it has in the record, and the rival is fitted to the effect on old and new rows
-    together, beside recalibration and all else that is named. The first run of an effect is the one that is likely to
-    tell the pair that is hardest to tell in the shortest time, repetitions included. Without a run that can be
-    emulated, the effect's own experiment is named, with no power.
+    Each run of a menu is emulated (`extended`), the fitted effect and its rivals are made there anew, each with the
+    shape that it has in the record, and the rival is fitted to the effect on old and new rows together, beside
+    recalibration and all else that is named. The first run of an effect is the one that is likely to tell the pair that
+    is hardest to tell in the shortest time, repetitions included. Without a run that can be emulated, the effect's own
+    experiment is named, with no power.
     """
-    result: list[NextRun] = []
-    for effect in named:
-        if effect.cannot_be_told_from:
-            result += _for_effect(comparison, found, effect, effect.cannot_be_told_from[:_MOST_RIVALS], named)
-    return tuple(result)
+    rivalled = [effect for effect in named if effect.cannot_be_told_from]
+    return tuple(run for effect in rivalled for run in _for_effect(comparison, found, effect, named))
 
 
 def _for_effect(
-    comparison: Comparison,
-    found: Search,
-    effect: NamedEffect,
-    rivals: tuple[str, ...],
-    beside: Sequence[NamedEffect],
+    comparison: Comparison, found: Search, effect: NamedEffect, beside: Sequence[NamedEffect]
 ) -> list[NextRun]:
-    weighed = []
+    weighed, rivals = [], effect.cannot_be_told_from[:_MOST_RIVALS]
     if effect.id in found.named:
         for planned in planned_runs(shortened(comparison), effect.channel):
             apart = separations(comparison, found, effect, rivals, planned, beside)
-            if apart:
-                weighed.append((planned, min(apart, key=lambda pair: pair.d)))
-    weighed = [one for one in weighed if one[1].power > 0.05]
+            worst = min(apart, key=lambda pair: pair.d, default=None)
+            if worst is not None and worst.power > 0.05:
+                weighed.append((planned, worst))
     if not weighed:
         return [NextRun(effect.experiment, (effect.id, *rivals), None, None)]
     shortest = min(_needed_s(*one) for one in weighed)
@@ -117,8 +303,10 @@ def separations(
     if longer is None:
         return ()
     bench = found.benches[response]
-    is_thinned = short.period_s > 1.5 * comparison.period_s
-    noise = _noise(short, bench, numbers(found.named, response), kept) if is_thinned else bench.noise
+    noise = bench.noise
+    if short.period_s > 1.5 * comparison.period_s:
+        left = np.where(bench.fitted, bench.residual(numbers(found.named, response)), np.nan)[kept]
+        noise = noise_model(left, stretches(short, np.isfinite(left)))
     tested = {one.effect.id: one.effect for of in found.benches.values() for one in of.candidates}
     scene = _scene(longer, response, noise, bench.fitted[kept], tested)
     base = scene.nuisance
@@ -166,19 +354,14 @@ class _Scene:
     def of(self, id: str) -> list[tuple[Variant, Matrix]]:  # noqa: A002 - the word of the contract
         """Every shape of an effect, and the same behind the filter."""
         if id not in self.shapes:
-            self.shapes[id] = list(self._made(self.tested.get(id) or effect_of(id)))
-        return self.shapes[id]
-
-    def _made(self, effect: Effect) -> list[tuple[Variant, Matrix]]:
-        if effect.testable(self.comparison, self.response) is not None:
-            return []
-        made = []
-        for variant in effect.variants(self.comparison, self.response):
+            effect = self.tested.get(id) or effect_of(id)
             # what acts in the new run alone is no explanation of the record
-            if variant.run == NEW_RUN or not np.isfinite(variant.columns).all():
-                continue
-            made.append((variant, self.white(variant.columns)))
-        return made
+            self.shapes[id] = [
+                (variant, self.white(variant.columns))
+                for variant in effect.variants(self.comparison, self.response)
+                if variant.run != NEW_RUN and np.isfinite(variant.columns).all()
+            ]
+        return self.shapes[id]
 
 
 def _scene(
@@ -188,10 +371,7 @@ def _scene(
     n = len(target) - len(fitted)
     counted = np.r_[fitted, np.ones(n, dtype=bool)] & np.isfinite(target)
     parts = stretches(longer, np.isfinite(target))
-    told = np.zeros(len(target), dtype=bool)
-    for part in parts:
-        told[part.start + len(noise.phi) : part.stop] = True
-    rows = np.flatnonzero(counted & told)
+    rows = np.flatnonzero(counted & with_past(noise, parts, len(target)))
     columns = recalibration_columns(longer, response, counted)[0]
     white = whitened(noise, columns, parts)[rows]
     return _Scene(longer, response, noise, parts, rows, np.flatnonzero(rows < len(fitted)), white, tested, {})
@@ -199,14 +379,10 @@ def _scene(
 
 def _nearest(scene: _Scene, base: Matrix, id_: str, course: Vector) -> Variant | None:
     """The shape of an effect that comes nearest to a course on the recorded rows; None if it has none here."""
-    shapes = scene.of(id_)
-    if not shapes:
-        return None
-    target = _target(scene, course)
-    q = _basis(base[scene.old])
-    target = target - q @ (q.T @ target)
+    shapes, q = scene.of(id_), _basis(base[scene.old])
+    target = _off(q, _target(scene, course))
     gains = [_gain(q, white[scene.old], target) for _, white in shapes]
-    return shapes[int(np.argmax(gains))][0]
+    return shapes[int(np.argmax(gains))][0] if shapes else None
 
 
 def _target(scene: _Scene, course: Vector) -> Vector:
@@ -219,21 +395,24 @@ def _like(scene: _Scene, base: Matrix, shape: Variant, course: Vector) -> Vector
     """The shape, as large as makes it come nearest to the course on recorded rows; behind the filter, all rows."""
     white = scene.white(shape.columns)
     q = _basis(base[scene.old])
-    target, columns = _target(scene, course), white[scene.old]
-    target, columns = target - q @ (q.T @ target), columns - q @ (q.T @ columns)
-    return np.asarray(white @ np.linalg.lstsq(columns, target, rcond=1e-8)[0])
+    fit = np.linalg.lstsq(_off(q, white[scene.old]), _off(q, _target(scene, course)), rcond=1e-8)[0]
+    return np.asarray(white @ fit)
 
 
 def _seen(scene: _Scene, base: Matrix, truth: Vector) -> float:
     """Norm of a course on the recorded rows, without what recalibration and the other named effects take of it."""
-    q, target = _basis(base[scene.old]), truth[scene.old]
-    return float(np.linalg.norm(target - q @ (q.T @ target)))
+    return float(np.linalg.norm(_off(_basis(base[scene.old]), truth[scene.old])))
+
+
+def _off(q: Matrix, columns: Any) -> Any:
+    """Columns, or one, without what lies in a basis."""
+    return columns - q @ (q.T @ columns)
 
 
 def _distance(scene: _Scene, base: Matrix, truth: Vector, other: str) -> float:
     """What is left of the true course when the other effect is fitted to it, the shape that does best."""
     q = _basis(base)
-    target = truth - q @ (q.T @ truth)
+    target = _off(q, truth)
     left = float(target @ target)
     gain = max((_gain(q, white, target) for _, white in scene.of(other)), default=0.0)
     return float(np.sqrt(max(left - gain - _INEXACT**2 * left, 0.0)))
@@ -262,10 +441,10 @@ def _basis(columns: Matrix) -> Matrix:
 def kept_rows(comparison: Comparison) -> NDArray[np.intp]:
     """Rows of the record that are enough: of slow heat every k-th, of motion and vibration the first fitted ones."""
     is_slow = comparison.longest_s >= SHORTEST_S
-    stride = max(1, len(comparison.time_s) // _MOST_ROWS) if is_slow else 1
+    stride = max(1, len(comparison.time_s) // _ENOUGH_ROWS) if is_slow else 1
     found: list[NDArray[np.intp]] = []
     for _, rows in comparison.rows_of_runs():
-        room = _MOST_ROWS - sum(len(part) for part in found)
+        room = _ENOUGH_ROWS - sum(len(part) for part in found)
         if room > 0 and (is_slow or not comparison.held_out[rows].all()):
             found.append(np.arange(rows.start, rows.stop, stride)[: None if is_slow else room])
     return np.concatenate(found)
@@ -273,25 +452,4 @@ def kept_rows(comparison: Comparison) -> NDArray[np.intp]:
 
 def shortened(comparison: Comparison) -> Comparison:
     """The comparison with its `kept_rows` alone."""
-    kept = kept_rows(comparison)
-    of = comparison.run_index[kept]
-    numbered = np.unique(of)
-
-    def shorter(part: Mapping[str, Vector]) -> dict[str, Vector]:
-        return {name: values[kept] for name, values in part.items()}
-
-    return replace(
-        comparison,
-        runs=tuple(comparison.runs[k] for k in numbered),
-        starts=(0, *np.cumsum([np.sum(of == k) for k in numbered]).tolist()),
-        time_s=comparison.time_s[kept],
-        recorded=shorter(comparison.recorded),
-        simulated=shorter(comparison.simulated),
-        held_out=comparison.held_out[kept],
-        tangents={},
-    )
-
-
-def _noise(short: Comparison, bench: Bench, named: list[int], kept: NDArray[np.intp]) -> NoiseModel:
-    left = np.where(bench.fitted, bench.residual(named), np.nan)[kept]
-    return noise_model(left, stretches(short, np.isfinite(left)))
+    return replace(comparison.only(np.isin(np.arange(len(comparison.time_s)), kept_rows(comparison))), tangents={})

@@ -46,17 +46,13 @@ def planned_runs(comparison: Comparison, response: str) -> tuple[PlannedRun, ...
     axis = _axis_input(comparison, response)
     if axis is not None and comparison.longest_s < SHORTEST_S:
         return tuple(_of_axis(comparison, axis))
-    if comparison.longest_s >= SHORTEST_S and _is_warm(comparison, response):
+    known, displaced = sources(comparison, response), ("displacement", "temperature", "size")
+    is_warm = any((known.spindle, known.machine, known.hall, known.coolant_switches, known.other_heat))
+    if comparison.longest_s >= SHORTEST_S and is_warm and comparison.channel(response).role in displaced:
         return tuple(_of_heat(comparison, response))
     if comparison.period_s <= SLOWEST_VIBRATION_S:
         return tuple(_of_vibration(comparison, response))
     return tuple(_of_levels(comparison, response))
-
-
-def _is_warm(comparison: Comparison, response: str) -> bool:
-    known = sources(comparison, response)
-    displaced = comparison.channel(response).role in ("displacement", "temperature", "size")
-    return displaced and any((known.spindle, known.machine, known.hall, known.coolant_switches, known.other_heat))
 
 
 def _of_heat(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
@@ -78,11 +74,8 @@ def _heat_menu(comparison: Comparison, known: Sources, part: Vector, span: float
     if known.spindle is not None:
         name, top = known.spindle, _top(comparison, known.spindle)
         for share in (1.0, 0.5):
-            speed = share * top * (part < 0.5)
-            yield (
-                f"Run the spindle at {share * top:.0f} rpm for {half}, then let it cool at standstill for {half}",
-                {name: speed},
-            )
+            words = f"Run the spindle at {share * top:.0f} rpm for {half}, then let it cool at standstill for {half}"
+            yield words, {name: share * top * (part < 0.5)}
         levels = np.array([0.25, 0.5, 0.75, 1.0, 0.6, 0.3])
         stairs = top * levels[np.minimum((6 * part).astype(int), 5)]
         said = ", ".join(f"{level * top:.0f}" for level in levels)
@@ -235,10 +228,8 @@ def _axis_menu(drive: _Drive) -> Iterator[tuple[str, Vector]]:
     listed = ", ".join(per(v) for v in speeds)
     yield f"Move to and fro twice each at {listed}, with dwells of {_DWELL_S:g} s", drive.moved(strokes)
     way = drive.way(drive.top, 0.9, 2.0)
-    yield (
-        f"Move {said(way)} at constant {per(drive.top)}, there and back three times, with dwells of {_DWELL_S:g} s",
-        drive.moved(there_and_back(way, drive.top, 3)),
-    )
+    words = f"Move {said(way)} at constant {per(drive.top)}, there and back three times, with dwells of {_DWELL_S:g} s"
+    yield words, drive.moved(there_and_back(way, drive.top, 3))
     slow, fast = 0.1 * drive.top, drive.top
     both = there_and_back(drive.way(slow, 0.9, 2.0), slow, 1) + there_and_back(drive.way(fast, 0.9, 2.0), fast, 2)
     yield f"Move at constant {per(slow)} and {per(fast)}, both there and back, with dwells", drive.moved(both)
@@ -248,10 +239,8 @@ def _axis_menu(drive: _Drive) -> Iterator[tuple[str, Vector]]:
     way = 0.02 * drive.travel
     yield f"Make 15 short strokes of {said(way)}, each reversed at once", drive.moved(there_and_back(way, fast, 15))
     yield _sweep(drive)
-    yield (
-        f"Stand for 3 s, then one stroke of {said(0.3 * drive.travel)} at {per(fast)}",
-        drive.moved([(1e-9, fast)] * max(1, round(3.0 / _DWELL_S)) + [(0.3 * drive.travel, fast)]),
-    )
+    stroke = [(1e-9, fast)] * max(1, round(3.0 / _DWELL_S)) + [(0.3 * drive.travel, fast)]
+    yield f"Stand for 3 s, then one stroke of {said(0.3 * drive.travel)} at {per(fast)}", drive.moved(stroke)
 
 
 def _sweep(drive: _Drive) -> tuple[str, Vector]:
@@ -268,12 +257,11 @@ def _sweep(drive: _Drive) -> tuple[str, Vector]:
 
 
 def _of_vibration(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
-    drivers = [
-        name
-        for name in comparison.with_role("force", "voltage", "current", "acceleration", "displacement")
-        if excited(course(comparison, name))
-    ]
-    turning = [name for name in comparison.with_role("spindle_speed") if excited(course(comparison, name))]
+    names = comparison.with_role("force", "voltage", "current", "acceleration", "displacement")
+    drivers, turning = (
+        [name for name in of if excited(course(comparison, name))]
+        for of in (names, comparison.with_role("spindle_speed"))
+    )
     rows = max((rows for _, rows in comparison.rows_of_runs()), key=lambda rows: rows.stop - rows.start)
     n = int(np.clip(rows.stop - rows.start, 200, _MOST_SAMPLES))
     span, part = n * comparison.period_s, np.arange(n) / n
@@ -294,19 +282,15 @@ def _vibration_menu(
         size = float(np.abs(seen).max())
         steps = np.array([0.2, 0.5, 1.0])[np.minimum((3 * part).astype(int), 2)]
         unit = comparison.channel(name).unit
-        yield (
-            f"Repeat the excitation {name} at 20, 50 and 100 % of its amplitude, {duration(span / 3)} each",
-            {name: seen * steps},
-        )
+        words = f"Repeat the excitation {name} at 20, 50 and 100 % of its amplitude, {duration(span / 3)} each"
+        yield words, {name: seen * steps}
         last = 0.2 / comparison.period_s
         first = last / 100.0
         phase = 2.0 * np.pi * first * span / np.log(100.0) * (100.0**part - 1.0)
         band = f"from {first:.3g} to {last:.3g} Hz in {duration(span)}"
         yield f"Sweep {name} with a sine of {0.5 * size:.3g} {unit} {band}", {name: 0.5 * size * np.sin(phase)}
-        yield (
-            f"Let {name} rest for {duration(span / 2)}, then repeat the excitation",
-            {name: np.where(part < 0.5, 0.0, seen)},
-        )
+        words = f"Let {name} rest for {duration(span / 2)}, then repeat the excitation"
+        yield words, {name: np.where(part < 0.5, 0.0, seen)}
     for name in turning:
         top = _top(comparison, name)
         yield f"Run the spindle up from standstill to {top:.0f} rpm in {duration(span)}, evenly", {name: top * part}
@@ -329,9 +313,8 @@ def _of_levels(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
         wave = 0.5 - 0.5 * np.cos(4.0 * np.pi * part)
         for words, shape in (("steps of 0, 50, 100, 25, 75, 0 %", steps), ("two slow waves", wave)):
             text = f"Take {name} through {words} of its range ({low:.3g} to {high:.3g}) in {duration(span)}"
-            yield PlannedRun(
-                f"{text}; log {log} as in the other runs.", rest | {name: low + (high - low) * shape}, span
-            )
+            given = rest | {name: low + (high - low) * shape}
+            yield PlannedRun(f"{text}; log {log} as in the other runs.", given, span)
 
 
 def _logged(comparison: Comparison, response: str, *, but: str | None = None) -> str:

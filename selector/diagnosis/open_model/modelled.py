@@ -11,6 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEff
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.gain import share_closed
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import identical_responses
@@ -50,6 +51,8 @@ def with_longest_steps(
     if not isinstance(model, OwnModel) or model.kind != "thermal" or not hasattr(model.file.run, "step_s"):
         return model
     comparison = comparison_of(recording, model.simulated({}), responses=responses, holdout=holdout)
+    # what changes from sample to sample, as of a course that does not go on
+    noise = {name: _rms(np.diff(comparison.difference(name))) / np.sqrt(2.0) for name in comparison.responses}
     chosen = model
     for doubled in range(1, _DOUBLINGS + 1):
         tried = replace(model, step_s=float(model.file.run.step_s) * 2.0**doubled)
@@ -57,30 +60,15 @@ def with_longest_steps(
             courses = simulated_rows(comparison, tried.simulated({}))
         except InputError:
             break
-        if any(
-            not _step_rms(courses[name] - comparison.simulated[name]) <= _TELLS * _noise(comparison, name)
-            for name in comparison.responses
-        ):
+        if any(not _rms(courses[name] - comparison.simulated[name]) <= _TELLS * noise[name] for name in noise):
             break
         chosen = tried
     return chosen
 
 
-def _noise(comparison: Comparison, name: str) -> float:
-    """Root mean square of what changes from sample to sample, as of a course that does not go on."""
-    change = np.diff(comparison.difference(name))
-    return _step_rms(change) / np.sqrt(2.0)
-
-
-def _step_rms(values: np.ndarray) -> float:
-    seen = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(seen**2))) if len(seen) else 0.0
-
-
 _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
 _MOST = 4
-_DRAWS = 400
 _NEAR = 1.1
 _SUSPECTED = 0.5
 """Confidence in a name whose correction makes no error smaller."""
@@ -237,7 +225,9 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
     left = _squares(last.refit.comparison)
     beside = [replace(e, share=_share(e, left, mismatch)) for e in last.answer.effects if e.share >= _FLOOR]
     beside = [
-        e if _helps(e, last) else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
+        e
+        if any(_corrected(last, name) for name in e.channels)
+        else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
         for e in beside
         if e.share >= _FLOOR and e.id not in {one.id for one in put}
     ]
@@ -266,7 +256,14 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
                  for id_, name in own.items() for mismatch_of in list(mismatch)[:1]]  # fmt: skip
     findings = [*last.answer.findings, _mode(runnable, turns), *first.refit.findings]
     if lacking and runnable.mode == "C":
-        findings.append(_not_in_file(lacking))
+        findings.append(
+            FINDINGS.finding(
+                "not-in-model",
+                f"The model file cannot express {', '.join(lacking)}: the errors of the answer are those with a "
+                "correction beside the model.",
+                evidence={"effects": lacking},
+            )
+        )
     where = [
         replace(place, place=effect.place, share=place.share * effect.share)
         for effect in effects
@@ -294,11 +291,8 @@ def _with_fitted(put: Sequence[NamedEffect], found: Sequence[_Found], last: _Tur
     """The effects with the numbers of the last fit, everything together, in the place of those they were found with."""
     result = []
     for effect, one in zip(put, found, strict=True):
-        numbers = {
-            name.rpartition(".")[2]: last.refit.quantities[name]
-            for name in one.switch.parameters
-            if name in last.refit.quantities
-        }
+        fitted = last.refit.quantities
+        numbers = {name.rpartition(".")[2]: fitted[name] for name in one.switch.parameters if name in fitted}
         words = ", ".join(
             f"{key} {q.value:.4g} ({q.low:.4g} to {q.high:.4g}) {'' if q.unit == '1' else q.unit}".rstrip()
             for key, q in numbers.items()
@@ -335,11 +329,6 @@ def _fit(name: str, turns: Sequence[_Turn], seed: int, has_more: bool) -> Fit:
     )  # fmt: skip
 
 
-def _helps(effect: NamedEffect, last: _Turn) -> bool:
-    """Whether the correction beside the model makes an error smaller in which the effect shows."""
-    return any(_corrected(last, name) for name in effect.channels)
-
-
 def _corrected(last: _Turn, name: str) -> bool:
     """Whether the correction beside the model makes the error of the fitted rows smaller."""
     comparison, rows = last.refit.comparison, ~last.refit.comparison.held_out
@@ -349,20 +338,8 @@ def _corrected(last: _Turn, name: str) -> bool:
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:
     """Share of the way from the refitted model to the noise that was gone, with a block bootstrap interval."""
-    seen = np.isfinite(middle) & np.isfinite(after)
-    blocks = np.array_split(np.flatnonzero(seen), 20)
-    squares = np.array([[np.sum(middle[b] ** 2), np.sum(after[b] ** 2), len(b)] for b in blocks if len(b)])
-    picks = np.random.default_rng(seed).integers(len(squares), size=(_DRAWS, len(squares)))
-
-    def share(sums: Vector) -> float | None:
-        start, end = np.sqrt(sums[:2] / sums[2])
-        return float((start - end) / (start - floor)) if start - floor > _FLOOR * floor else None
-
-    value = share(squares.sum(axis=0))
-    drawn = [one for one in map(share, squares[picks].sum(axis=1)) if one is not None]
-    if value is None or not drawn:
-        return None
-    return Quantity(value, "1", float(np.quantile(drawn, 0.025)), float(np.quantile(drawn, 0.975)))
+    blocks = np.array_split(np.flatnonzero(np.isfinite(middle) & np.isfinite(after)), 20)
+    return share_closed([block for block in blocks if len(block)], middle, after, floor, seed)
 
 
 def _is_recalibrated(refit: Refitted) -> bool:
@@ -388,24 +365,13 @@ def _is_near_noise(answer: Diagnosis) -> bool:
 
 def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
     what = "own model" if runnable.mode == "C" else "a black box that can be run again"
-    refit = turns[0].refit
+    refit, times = turns[0].refit, sum(turn.refit.runs for turn in turns)
+    refitted = {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()}
     return FINDINGS.finding(
         "mode",
-        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated "
-        f"{sum(turn.refit.runs for turn in turns)} times.",
-        evidence={
-            "mode": runnable.mode,
-            "refitted": {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()},
-        },
-    )
-
-
-def _not_in_file(names: Sequence[str]) -> Finding:
-    return FINDINGS.finding(
-        "not-in-model",
-        f"The model file cannot express {', '.join(names)}: the errors of the answer are those with a correction "
-        "beside the model.",
-        evidence={"effects": list(names)},
+        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated {times} "
+        "times.",
+        evidence={"mode": runnable.mode, "refitted": refitted},
     )
 
 

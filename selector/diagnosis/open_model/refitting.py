@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.noise import NoiseModel, noise_model, stretches, whitened
+from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import rounding_of
@@ -99,9 +99,7 @@ class RefitProblem:
     def limits(self) -> tuple[Vector, Vector]:
         """Between what z may lie: three standard deviations of the nameplate, or the bounds that were said."""
         parameters = self.runnable.parameters
-        low, high = (
-            np.array([getattr(parameters[name], end) for name in self.names]) for end in ("low", "high")
-        )  # fmt: skip
+        low, high = (np.array([getattr(parameters[name], end) for name in self.names]) for end in ("low", "high"))
         bounds = (low - self.centre) / self.spread, (high - self.centre) / self.spread
         far = np.where(self.free, np.inf, FARTHEST)
         return np.maximum(bounds[0], -far), np.minimum(bounds[1], far)
@@ -131,16 +129,6 @@ def noise_of(fit: RefitProblem, courses: Mapping[str, Vector]) -> dict[str, Nois
         size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
         found[name] = NoiseModel(np.zeros(0), max(size, rounding_of(fit.comparison, name), 1e-300))
     return found
-
-
-def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
-    """The course without holes inside its stretches, 0 outside."""
-    result = np.zeros(len(values))
-    for part in parts:
-        seen = np.isfinite(values[part])
-        at = np.arange(part.stop - part.start)
-        result[part] = values[part] if seen.all() else np.interp(at, at[seen], values[part][seen])
-    return result
 
 
 Say = Callable[[int, int, str], None]
@@ -225,7 +213,19 @@ def refitted(
 
     counted()
     nominal = comparison_of(recording, runnable.simulated({}), responses=responses, holdout=holdout)
-    fit = _fit(runnable, nominal, names, extra, counted)
+    parameters = runnable.parameters
+    seen = {name: np.isfinite(nominal.difference(name)) & ~nominal.held_out for name in nominal.responses}
+    fit = RefitProblem(
+        runnable=runnable,
+        comparison=nominal,
+        names=names,
+        centre=np.array([parameters[name].value for name in names]),
+        spread=np.array([_spread(parameters[name], name, runnable, extra) for name in names]),
+        free=np.array([name in extra or name in runnable.bounded for name in names], dtype=bool),
+        noise={},
+        parts={name: stretches(nominal, rows) for name, rows in seen.items()},
+        counted=counted,
+    )
     earlier = {} if start is None else start.values
     z, slopes = _best_start(fit, [{**earlier, **one} for one in starts], start)
     for turn in range(_ROUNDS):
@@ -245,10 +245,11 @@ def refitted(
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     left_alone = tuple(name for k, name in enumerate(names) if sd[k] > _UNDETERMINED and not fit.free[k])
     values = dict(zip(fit.names, (fit.centre + fit.spread * z).tolist(), strict=True))
-    quantities = {
-        name: _quantity(values[name], float(fit.spread[k] * sd[k]), runnable.parameters[name])
-        for k, name in enumerate(fit.names)
-    }
+    quantities = {}
+    for k, name in enumerate(fit.names):
+        one, half = parameters[name], 1.96 * float(fit.spread[k] * sd[k])
+        ends = max(values[name] - half, one.low), min(values[name] + half, one.high)
+        quantities[name] = Quantity(values[name], one.unit, *ends)
     comparison = replace(
         nominal,
         simulated={**nominal.simulated, **courses},
@@ -259,30 +260,6 @@ def refitted(
         response: dict(zip(names, (columns / fit.spread).T, strict=True)) for response, columns in tangents.items()
     }
     return Refitted(nominal, comparison, values, quantities, done, tuple(findings), by_name)
-
-
-def _fit(
-    runnable: Runnable,
-    comparison: Comparison,
-    names: tuple[str, ...],
-    extra: Mapping[str, float],
-    counted: Callable[[], None],
-) -> RefitProblem:
-    parameters = runnable.parameters
-    centre = np.array([parameters[name].value for name in names])
-    spread = np.array([_spread(parameters[name], name, runnable, extra) for name in names])
-    seen = {name: np.isfinite(comparison.difference(name)) for name in comparison.responses}
-    return RefitProblem(
-        runnable=runnable,
-        comparison=comparison,
-        names=names,
-        centre=centre,
-        spread=spread,
-        free=np.array([name in extra or name in runnable.bounded for name in names], dtype=bool),
-        noise={},
-        parts={name: stretches(comparison, rows & ~comparison.held_out) for name, rows in seen.items()},
-        counted=counted,
-    )
 
 
 def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, float]) -> float:
@@ -407,15 +384,7 @@ def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
     low, high = fit.limits
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
     x = least_squares(
-        left,
-        inside,
-        slopes_at,
-        bounds=(low, high),
-        x_scale="jac",
-        max_nfev=_STEPS,
-        xtol=1e-4,
-        ftol=1e-6,
-        gtol=1e-12,
+        left, inside, slopes_at, bounds=(low, high), x_scale="jac", max_nfev=_STEPS, xtol=1e-4, ftol=1e-6, gtol=1e-12
     ).x
     return np.asarray(x), mended.moved(np.asarray(x), at(x))
 
@@ -428,22 +397,16 @@ def _directions(
     The others are held by their nameplates: free in every response by itself they would explain nearly everything.
     """
     kept = np.flatnonzero(told | fit.free)
-    names = [fit.names[k] for k in kept]
-    if len(names) <= _MOST_DIRECTIONS:
-        return {
-            response: {name: columns[:, k] for name, k in zip(names, kept, strict=True)}
-            for response, columns in tangents.items()
-        }
-    turned = np.linalg.svd(white[:, kept], full_matrices=False)[2][:_MOST_DIRECTIONS]
-    words = [f"direction {k + 1}, most of all {names[int(np.argmax(np.abs(v)))]}" for k, v in enumerate(turned)]
+    words = [fit.names[k] for k in kept]
+    turned = None
+    if len(words) > _MOST_DIRECTIONS:
+        turned = np.linalg.svd(white[:, kept], full_matrices=False)[2][:_MOST_DIRECTIONS]
+        words = [f"direction {k + 1}, most of all {words[int(np.argmax(np.abs(v)))]}" for k, v in enumerate(turned)]
+    found = {response: columns[:, kept] for response, columns in tangents.items()}
     return {
-        response: dict(zip(words, (columns[:, kept] @ turned.T).T, strict=True))
-        for response, columns in tangents.items()
+        response: dict(zip(words, (columns if turned is None else columns @ turned.T).T, strict=True))
+        for response, columns in found.items()
     }
-
-
-def _quantity(value: float, sd: float, one: Parameter) -> Quantity:
-    return Quantity(value, one.unit, max(value - 1.96 * sd, one.low), min(value + 1.96 * sd, one.high))
 
 
 def _pulled(fit: RefitProblem, z: Vector, sd: Vector, extra: Mapping[str, float]) -> list[Finding]:
@@ -454,14 +417,12 @@ def _pulled(fit: RefitProblem, z: Vector, sd: Vector, extra: Mapping[str, float]
         if name in extra or was == 0.0 or abs(now / was - 1.0) < _PULLED or abs(z[k]) < _PULLED_SD * sd[k]:
             continue
         unit = fit.runnable.parameters[name].unit
-        found.append(
-            FINDINGS.finding(
-                "parameter-pulled",
-                f"{name} was pulled from {was:.4g} to {now:.4g} {unit} ({now / was - 1.0:+.0%}) to fit the recordings: "
-                "it may stand in for something that the model does not have.",
-                evidence={"parameter": name, "from": was, "to": now, "unit": unit},
-            )
+        statement = (
+            f"{name} was pulled from {was:.4g} to {now:.4g} {unit} ({now / was - 1.0:+.0%}) to fit the recordings: "
+            "it may stand in for something that the model does not have."
         )
+        evidence = {"parameter": name, "from": was, "to": now, "unit": unit}
+        found.append(FINDINGS.finding("parameter-pulled", statement, evidence=evidence))
     return found
 
 
@@ -469,10 +430,5 @@ def _told(left_alone: Sequence[str], runnable: Runnable) -> list[Finding]:
     if not left_alone:
         return []
     shown = ", ".join(left_alone[:8]) + (f" and {len(left_alone) - 8} more" if len(left_alone) > 8 else "")
-    return [
-        FINDINGS.finding(
-            "parameters-left-alone",
-            f"The recordings say little of {shown}: they stay near what {runnable.name!r} says.",
-            evidence={"parameters": list(left_alone)},
-        )
-    ]
+    statement = f"The recordings say little of {shown}: they stay near what {runnable.name!r} says."
+    return [FINDINGS.finding("parameters-left-alone", statement, evidence={"parameters": list(left_alone)})]

@@ -54,11 +54,7 @@ def switches(model: OwnModel) -> tuple[Switch, ...]:
     Networks of heat: heat at every node by speed or at all times, films of hall and coolant, films that grow with
     speed. Gauging: lag, wear. Of vibrations and thermal modes nothing: the effects' own shapes serve for them.
     """
-    kinds: dict[str, Callable[[OwnModel], Iterator[Switch]]] = {
-        "drive": _of_drive,
-        "thermal": _of_heat,
-        "gauging": _of_gauging,
-    }
+    kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging}
     return tuple(kinds[model.kind](model)) if model.kind in kinds else ()
 
 
@@ -121,14 +117,14 @@ def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterat
             yield Switch(
                 "drive.asymmetric_friction", ("friction while moving up", "friction while moving down"), ("N", "N"),
                 (size, size),
-                lambda a: (((*path, "coulomb_n"), a[0]), ((*path, "coulomb_negative_n"), a[1])),
+                _at(path, lambda a: {"coulomb_n": a[0], "coulomb_negative_n": a[1]}),
                 (f"{start}coulomb_n", f"{start}coulomb_negative_n"), guide, is_part=True,
             )  # fmt: skip
     elif "coulomb_negative_n" not in said:
         yield Switch(
             "drive.asymmetric_friction", ("friction while moving down beyond that while moving up",), ("N",),
             (0.05 * coulomb,),
-            lambda a: (((*path, "coulomb_negative_n"), coulomb + a[0]),),
+            _at(path, lambda a: {"coulomb_negative_n": coulomb + a[0]}),
             (f"{start}coulomb_negative_n",), guide, is_amount=False, is_part=True,
         )  # fmt: skip
     if coulomb > 0.0 and "static_n" not in said:
@@ -136,15 +132,16 @@ def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterat
             yield _stribeck(path, start, guide, coulomb, said.get("coulomb_negative_n", coulomb), speed)
 
 
-def _stribeck(path: Key, start: str, place: str, coulomb: float, negative: float, speed: float) -> Switch:
-    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
-        return (
-            ((*path, "coulomb_negative_n"), negative),
-            ((*path, "static_n"), coulomb + a[0]),
-            ((*path, "static_negative_n"), negative + a[0]),
-            ((*path, "stribeck_speed_m_per_s"), speed),
-        )
+def _at(path: Key, made: Callable[[Sequence[float]], Mapping[str, Any]]) -> Changes:
+    """Changes of the keys of a section by amounts."""
+    return lambda a: tuple(((*path, key), value) for key, value in made(a).items())
 
+
+def _stribeck(path: Key, start: str, place: str, coulomb: float, negative: float, speed: float) -> Switch:
+    changes = _at(path, lambda a: {
+        "coulomb_negative_n": negative, "static_n": coulomb + a[0], "static_negative_n": negative + a[0],
+        "stribeck_speed_m_per_s": speed,
+    })  # fmt: skip
     return Switch(
         "drive.stribeck", ("break-away beyond the sliding friction",), ("N",), (0.1 * coulomb,), changes,
         (f"{start}static_n", f"{start}static_negative_n", f"{start}stribeck_speed_m_per_s"), place,
@@ -164,12 +161,7 @@ def _pitch(axis: str) -> Switch:
     path: Key = ("axes", axis, "transmission")
     names = tuple(f"axes.{axis}.transmission.{key}" for key in ("pitch_amplitude_m", "pitch_phase_rad"))
 
-    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
-        return (
-            ((*path, "pitch_amplitude_m"), math.hypot(*a)),
-            ((*path, "pitch_phase_rad"), math.atan2(a[1], a[0])),
-        )
-
+    changes = _at(path, lambda a: {"pitch_amplitude_m": math.hypot(*a), "pitch_phase_rad": math.atan2(a[1], a[0])})
     words = ("error with the lead, in phase", "error with the lead, a quarter later")
     return Switch(
         "drive.pitch_error", words, ("m", "m"), (1e-6, 1e-6), changes, names, f"{axis}.screw", is_amount=False
@@ -177,12 +169,9 @@ def _pitch(axis: str) -> Switch:
 
 
 def _ripple(axis: str, harmonic: float, unit: str) -> Switch:
-    path: Key = ("axes", axis, "ripple")
-
-    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
-        one = {"harmonic": harmonic, "cogging": math.hypot(*a), "phase_rad": math.atan2(a[1], a[0])}
-        return ((path, [one]),)
-
+    changes = _at(("axes", axis), lambda a: {
+        "ripple": [{"harmonic": harmonic, "cogging": math.hypot(*a), "phase_rad": math.atan2(a[1], a[0])}]
+    })  # fmt: skip
     names = tuple(f"axes.{axis}.ripple.1.{key}" for key in ("cogging", "phase_rad"))
     size = 1.0 if unit == "N" else 0.02
     return Switch(
@@ -226,20 +215,14 @@ def _source(
     shape: Mapping[str, Quantity] | None = None, *, is_amount: bool = True,
 ) -> Switch:  # fmt: skip
     name = f"{NEW} {node} {key.removesuffix('_w')}"
-
-    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
-        return ((("sources", name), {"shares": {node: 1.0}, key: a[0], **(law or {})}),)
-
+    changes = _at(("sources",), lambda a: {name: {"shares": {node: 1.0}, key: a[0], **(law or {})}})
     fitted = [f"sources.{name}.{key}", *([f"sources.{name}.exponent"] if law else [])]
     return Switch(id_, ("heat",), ("W",), (size,), changes, tuple(fitted), place, shape or {}, is_amount)
 
 
 def _film(node: str, place: str, id_: str, law: Mapping[str, Any]) -> Switch:
     name = f"{NEW} {node} film {id_.partition('.')[2]}"
-
-    def changes(a: Sequence[float]) -> tuple[tuple[Key, Any], ...]:
-        return ((("films", name), {"area_m2": {node: _AREA_M2}, "still_w_per_m2_k": a[0], **law}),)
-
+    changes = _at(("films",), lambda a: {name: {"area_m2": {node: _AREA_M2}, "still_w_per_m2_k": a[0], **law}})
     unit = f"W/(m²·K) on {_AREA_M2:g} m²"
     return Switch(id_, ("film",), (unit,), (10.0,), changes, (f"films.{name}.still_w_per_m2_k",), place)
 
@@ -356,11 +339,8 @@ def _columns(
 
 
 def _of_switch(effect: Effect, switch: Switch, fitted: Fitted) -> Reading:
-    half = 1.96 * fitted.standard_errors
-    amounts = {
-        key: Quantity(float(value), unit, float(value - error), float(value + error))
-        for key, value, error, unit in zip(switch.amounts, fitted.coefficients, half, switch.units, strict=True)
-    }
+    pairs = zip(switch.amounts, switch.units, strict=True)
+    amounts = {key: fitted.coefficient(unit, column=k) for k, (key, unit) in enumerate(pairs)}
     words = " and ".join(
         f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {'' if one.unit == '1' else one.unit}".rstrip()
         for key, one in amounts.items()
@@ -370,20 +350,9 @@ def _of_switch(effect: Effect, switch: Switch, fitted: Fitted) -> Reading:
         f"{effect.title} at {switch.place} is not in the model: {words}"
         f"{f' ({chosen})' if chosen else ''}; {fitted.rms:.3g} {fitted.unit} rms in {fitted.response}."
     )
-    return Reading(statement, {**_keys(switch, amounts), **_with_intervals(switch, fitted)})
-
-
-def _keys(switch: Switch, amounts: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    """Amounts under the keys of the file where there is one for each, else under their words."""
-    keys = [name.rpartition(".")[2] for name in switch.parameters[: len(amounts)]]
-    words = [word.replace(" ", "_").replace(",", "") for word in amounts]
-    chosen = keys if len(amounts) == 1 or switch.id == "drive.asymmetric_friction" else words
-    return dict(zip(chosen, amounts.values(), strict=True))
-
-
-def _with_intervals(switch: Switch, fitted: Fitted) -> dict[str, Quantity]:
-    return {
-        key: replace(one, low=fitted.shape_intervals.get(key, (None, None))[0],
-                     high=fitted.shape_intervals.get(key, (None, None))[1])
-        for key, one in switch.shape.items()
-    }  # fmt: skip
+    # under the keys of the file where there is one for each, else under their words
+    keys = [word.replace(" ", "_").replace(",", "") for word in amounts]
+    if len(amounts) == 1 or switch.id == "drive.asymmetric_friction":
+        keys = [name.rpartition(".")[2] for name in switch.parameters[: len(amounts)]]
+    shape = {key: replace(fitted.parameter(key), value=one.value) for key, one in switch.shape.items()}
+    return Reading(statement, dict(zip(keys, amounts.values(), strict=True)) | shape)

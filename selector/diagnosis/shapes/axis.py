@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import filled, lagged, rate
+from selector.diagnosis.shapes.signals import by_run, filled, lagged, rate
 from selector.types import Vector
 
 NOISE_SHARE = 0.02
@@ -63,7 +63,7 @@ def motion(comparison: Comparison, axis: str | None = None) -> Motion | None:
     elif position is not None:
         place, sources = _values(comparison, position), (position,)
     elif velocity is not None:
-        place, sources = _way(comparison, _values(comparison, velocity)), (velocity,)
+        place, sources = _summed(comparison, _values(comparison, velocity)), (velocity,)
     else:
         return None
     speed, acceleration = derivatives(comparison, place)
@@ -108,14 +108,6 @@ def _named(comparison: Comparison, role: str, axis: str | None) -> str | None:
 def _values(comparison: Comparison, name: str) -> Vector:
     simulated = comparison.simulated.get(name)
     return filled(comparison, comparison.recorded[name] if simulated is None else simulated)
-
-
-def _way(comparison: Comparison, speed: Vector) -> Vector:
-    way = np.zeros(len(speed))
-    for _, rows in comparison.rows_of_runs():
-        steps = 0.5 * (speed[rows][1:] + speed[rows][:-1]) * np.diff(comparison.time_s[rows])
-        way[rows] = np.r_[0.0, np.cumsum(steps)]
-    return way
 
 
 def _followed(
@@ -369,11 +361,9 @@ def _checked(comparison: Comparison, fit: Vector, yields: float) -> tuple[tuple[
 
 
 def _summed(comparison: Comparison, course: Vector) -> Vector:
-    result = np.zeros(len(course))
-    for _, rows in comparison.rows_of_runs():
-        part, time = course[rows], comparison.time_s[rows]
-        result[rows] = np.r_[0.0, np.cumsum(0.5 * (part[1:] + part[:-1]) * np.diff(time))]
-    return result
+    """From the start of every run on, by trapezia."""
+    return by_run(comparison, lambda x, time: np.r_[0.0, np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(time))],
+                  course, comparison.time_s)  # fmt: skip
 
 
 def _fit(columns: list[Vector], target: Vector, rows: slice) -> tuple[Vector, float]:

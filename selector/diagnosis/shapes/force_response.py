@@ -9,7 +9,7 @@ second order, a force that stays moves the axis for good, f/A(s), and is counter
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy.signal import lfilter
@@ -25,7 +25,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
     telling_rows,
 )
-from selector.diagnosis.shapes.signals import filled, lagged
+from selector.diagnosis.shapes.signals import by_run, filled, lagged, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
@@ -148,9 +148,7 @@ def felt(comparison: Comparison, response: str, course: Vector) -> Vector:
 
     The product with a force is that of the course with what the force does; but for dry friction, which is left out.
     """
-    backwards = np.empty(len(course))
-    for _, rows in comparison.rows_of_runs():
-        backwards[rows] = course[rows][::-1]
+    backwards = by_run(comparison, np.flip, course)
     channel = comparison.channel(response)
     told = simulated_axis(comparison, channel.axis)
     if told is None:
@@ -158,9 +156,7 @@ def felt(comparison: Comparison, response: str, course: Vector) -> Vector:
     else:
         answer = pushed(comparison, replace(told, dry_m_per_s2=0.0), backwards)
         back = answer.countered if channel.role in FORCE_ROLES else answer.motion[0]
-    for _, rows in comparison.rows_of_runs():
-        back[rows] = back[rows][::-1].copy()
-    return back
+    return by_run(comparison, np.flip, back)
 
 
 def _sense_of(comparison: Comparison, response: str) -> float:
@@ -209,44 +205,33 @@ def closed_loop(comparison: Comparison, axis: str | None = None) -> ClosedLoop |
     outputs = outputs or force
     if not outputs:
         return None
-    under_way = _under_way(comparison, speed / top)
+    for k, first in enumerate(comparison.starts[:-1]):
+        if abs(float(speed[first] / top)) > _FROM_REST:
+            # ones over a run that starts in motion: passed through the loop, what was before its first sample fades
+            inputs.append((comparison.run_index == k).astype(np.float64))
     found = (
-        _of_rows(comparison, outputs, inputs, under_way, by_motion if force else None, rows)
-        for rows in telling_rows(comparison)
+        _of_rows(comparison, outputs, inputs, by_motion if force else None, rows) for rows in telling_rows(comparison)
     )
     return next((loop for loop in found if loop is not None), None)
 
 
 def _of_rows(
-    comparison: Comparison,
-    outputs: list[Vector],
-    inputs: list[Vector],
-    under_way: list[Vector],
-    by_motion: float | None,
-    rows: slice,
+    comparison: Comparison, outputs: list[Vector], inputs: list[Vector], by_motion: float | None, rows: slice
 ) -> ClosedLoop | None:
     """The loop that some rows show; of a force alone with what mass and friction leave of it (`by_motion`)."""
     if any(float(np.std(course[rows])) == 0.0 for course in outputs):
         return None
     with_integral, without = (
-        min(
-            (
-                loop
-                for start in starts
-                if (loop := _iterated(comparison, outputs, inputs, under_way, start, rows)) is not None
-            ),
-            key=lambda loop: loop.misfit,
-            default=None,
-        )
+        min((_iterated(comparison, outputs, inputs, start, rows) for start in starts), key=lambda loop: loop.misfit)
         for starts in (STARTS, STARTS_WITHOUT_INTEGRAL)
     )
-    if with_integral is None or with_integral.misfit >= _NO_LOOP:
+    if with_integral.misfit >= _NO_LOOP:
         return None
     # a force hardly tells a slow reset
     if by_motion is not None and (by_motion < _OF_MOTION or with_integral.misfit > _BETTER * by_motion):
         return None
     exact, hardly_more = (_EXACT, _HARDLY_MORE) if by_motion is None else (np.inf, 1.1)
-    if without is not None and without.misfit < min(exact, hardly_more * with_integral.misfit):
+    if without.misfit < min(exact, hardly_more * with_integral.misfit):
         return without
     # where a pole was held at its bound, what drives the error is not the command (a force from outside)
     slowest = float(np.min(np.abs(np.roots(with_integral.polynomial))))
@@ -267,16 +252,6 @@ def _of_drive(comparison: Comparison, axis: str | None) -> tuple[list[Vector], f
     return [course], float(np.sqrt(np.mean(left**2)))
 
 
-def _under_way(comparison: Comparison, speed: Vector) -> list[Vector]:
-    """Ones over every run that starts in motion: passed through the loop, what was before its first sample fades."""
-    found = []
-    for _, rows in comparison.rows_of_runs():
-        if abs(float(speed[rows][0])) > _FROM_REST:
-            found.append(np.zeros(len(speed)))
-            found[-1][rows] = 1.0
-    return found
-
-
 def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str | None) -> Vector | None:
     """A simulated error, current… that shows the loop, of unit variance; None if the channel is no such thing."""
     channel = comparison.channel(name)
@@ -287,30 +262,24 @@ def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str |
     course = filled(comparison, comparison.simulated[name])
     if channel.role == "position":
         course = course - command
-    for _, rows in comparison.rows_of_runs():
-        course[rows] -= course[rows][0]
+    course = rise(comparison, course, over_samples=1)
     spread = float(np.std(course))
     return course / spread if spread > 0.0 else None
 
 
 def _iterated(
-    comparison: Comparison,
-    outputs: list[Vector],
-    inputs: list[Vector],
-    under_way: list[Vector],
-    start: tuple[float, ...],
-    rows: slice,
-) -> ClosedLoop | None:
+    comparison: Comparison, outputs: list[Vector], inputs: list[Vector], start: tuple[float, ...], rows: slice
+) -> ClosedLoop:
     order = len(start)
     polynomial = np.real(np.poly(-np.array(start)))
-    best: ClosedLoop | None = None
+    best = ClosedLoop((), np.inf)
     for _ in range(ROUNDS):
-        driven = np.stack([b[rows] for u in (*inputs, *under_way) for b in _branches(comparison, polynomial, u)])
+        driven = np.stack([b[rows] for u in inputs for b in _branches(comparison, polynomial, u)])
         size = np.sqrt(np.mean(driven**2, axis=1))
         basis, _ = np.linalg.qr((driven[size > 0.0] / size[size > 0.0, None]).T)
         left_over = float(np.mean([1.0 - np.sum((basis.T @ y[rows]) ** 2) / (y[rows] @ y[rows]) for y in outputs]))
         misfit = float(np.sqrt(max(left_over, 0.0)))
-        if best is None or misfit < best.misfit:
+        if misfit < best.misfit:
             best = ClosedLoop(tuple(float(c) for c in polynomial), misfit)
         left, right = [], []
         for y in outputs:
@@ -345,10 +314,7 @@ def _through(comparison: Comparison, loop: ClosedLoop, power: int, course: Vecto
 def _filtered(comparison: Comparison, polynomial: Vector, power: int, course: Vector) -> Vector:
     """s^power·x/A(s), run by run, from rest at the first sample (Tustin)."""
     b, a = _tustin(power, tuple(float(c) for c in polynomial), comparison.period_s)
-    result = np.empty(len(course))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = lfilter(b, a, course[rows])
-    return result
+    return by_run(comparison, partial(lfilter, b, a), course)
 
 
 @lru_cache(maxsize=4096)

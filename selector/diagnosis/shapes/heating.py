@@ -11,7 +11,7 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, rate, rise, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, rate, rise, time_constants
 from selector.quality.survey import duration
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -28,6 +28,7 @@ _SOURCE = (
 _SQUARED = ("current", "force", "voltage", "acceleration")
 _MOVING = ("feed_rate", "velocity")
 _SWITCHED = ("state", "flow")
+_SENSED = ("temperature", "ambient")
 
 
 @dataclass(frozen=True)
@@ -46,10 +47,10 @@ class Sources:
 @lru_cache(maxsize=16)
 def sources(comparison: Comparison, response: str) -> Sources:
     """What heats, cools or surrounds the machine of this comparison, as far as it was recorded and moves."""
+    # the steps of what is switched or set are no resolution
+    grain = {c.name: comparison.resolution.get(c.name, 0.0) * (c.role in _SENSED) for c in comparison.channels}
     moving = [
-        channel
-        for channel in comparison.channels
-        if channel.name != response and excited(course(comparison, channel.name), _grain(comparison, channel))
+        c for c in comparison.channels if c.name != response and excited(course(comparison, c.name), grain[c.name])
     ]
     warm = [channel for channel in moving if channel.role == "temperature"]
     switched = [channel for channel in moving if channel.role in _SWITCHED and channel.name not in comparison.responses]
@@ -58,12 +59,8 @@ def sources(comparison: Comparison, response: str) -> Sources:
         coolant = [channel for channel in switched if not _says(channel, _SOURCE)][:1]
     hall = [c for c in moving if c.role == "ambient"] + [c for c in warm if _says(c, _HALL)]
     fluid = [channel for channel in warm if _says(channel, _COOLANT) and channel not in hall]
-    others = [
-        channel
-        for channel in moving
-        if channel.name not in comparison.responses
-        and (channel.role in (*_MOVING, *_SQUARED, "position") or (channel in switched and channel not in coolant))
-    ]
+    driven = [c for c in moving if c.role in (*_MOVING, *_SQUARED, "position") or (c in switched and c not in coolant)]
+    others = [c for c in driven if c.name not in comparison.responses]
     commands = [c for c in moving if c.role == "position_command" and c.axis not in {o.axis for o in others}]
     return Sources(
         spindle=next((channel.name for channel in moving if channel.role == "spindle_speed"), None),
@@ -138,11 +135,6 @@ def shown_unit(unit: str) -> str:
     return {"um": "µm", "degC": "K"}.get(unit, unit)
 
 
-def _grain(comparison: Comparison, channel: Channel) -> float:
-    """Resolution of a sensor; the steps of what is switched or set are no resolution."""
-    return comparison.resolution.get(channel.name, 0.0) if channel.role in ("temperature", "ambient") else 0.0
-
-
 def _says(channel: Channel, words: str) -> bool:
     text = f"{channel.name} {channel.place or ''}".lower().replace("_", " ")
     return re.search(words, text) is not None
@@ -157,12 +149,8 @@ def cooled(comparison: Comparison, source: Vector, gate: Vector, tau_s: float, e
 
     Source and gate count as their means between two samples. With r = 0 it is a lag of first order.
     """
-    result = np.empty(len(source))
-    for _, rows in comparison.rows_of_runs():
-        part = np.ascontiguousarray(source[rows], dtype=np.float64)
-        blown = np.ascontiguousarray(gate[rows], dtype=np.float64)
-        result[rows] = _cooled(part, blown, comparison.time_s[rows], tau_s, extra_per_s)
-    return result
+    courses = (*(np.ascontiguousarray(of, dtype=np.float64) for of in (source, gate)), comparison.time_s)
+    return by_run(comparison, lambda s, g, time: _cooled(s, g, time, tau_s, extra_per_s), *courses)
 
 
 @njit(cache=True, nogil=True)
@@ -212,12 +200,9 @@ class SpindleLaw:
         By `extra_per_s` [1/s] in every mode alike, or if that is None by the part `share` of its own rate.
         """
         result = np.zeros(len(source))
-        for tau_s, weight in zip(self.tau_s, self.weights, strict=True):
-            if tau_s > 0.0:
-                extra = share / float(tau_s) if extra_per_s is None else extra_per_s
-                result += weight * cooled(comparison, source, gate, float(tau_s), extra)
-            else:
-                result += weight * source
+        for tau_s, weight in zip(self.tau_s.tolist(), self.weights, strict=True):
+            extra = share / max(tau_s, 1e-300) if extra_per_s is None else extra_per_s
+            result += weight * (cooled(comparison, source, gate, tau_s, extra) if tau_s > 0.0 else source)
         return result
 
     @property
@@ -236,7 +221,8 @@ def spindle_law(comparison: Comparison, response: str) -> SpindleLaw | None:
     if name is None or float(np.std(target)) <= 0.0:
         return None
     others = _surroundings(comparison, response)
-    without = _misfit(others, target, _every(comparison))
+    rows = _every(comparison)
+    without = float(np.mean((target[rows] - others[rows] @ _ridge(others[rows], target[rows])) ** 2))
     tau_s = np.concatenate([[0.0], time_constants(comparison, _OWN_LAGS)])
     tried = {p: _fit(comparison, name, p, tau_s, others, target) for p in EXPONENTS}
     best = _between({p: misfit for p, (misfit, _) in tried.items()})
@@ -267,39 +253,21 @@ def follows_sensors(comparison: Comparison, response: str) -> bool:
     return bool(np.sum(left**2) < _LEFT_BY_SENSORS * np.sum(target**2))
 
 
-def spindle_part(comparison: Comparison, response: str, name: str) -> Vector:
-    """A recorded temperature's rise [K] without what hall, coolant and other sources explain of it, and calm.
-
-    What follows the speed, or with no speed recorded the simulated course, stays in it.
-    """
-    return _parts(comparison, response, name).spindle
-
-
-def calm_rise(comparison: Comparison, response: str, name: str) -> Vector:
-    """A recorded temperature's rise [K] without the steps of its resolution.
-
-    What the recorded sources explain of it is kept as it is, the rest as its mean over half an hour.
-    """
-    parts = _parts(comparison, response, name)
-    return parts.spindle + parts.others
-
-
-def free_part(comparison: Comparison, response: str, name: str) -> tuple[Vector, float]:
-    """What neither the spindle nor hall nor coolant explains of a rise [K], calm, and its share of variance."""
-    parts = _parts(comparison, response, name)
-    return parts.free, parts.free_share
-
-
 @dataclass(frozen=True, eq=False)
-class _Parts:
-    spindle: Vector
-    others: Vector
-    free: Vector
-    free_share: float
+class RiseParts:
+    """A recorded temperature's rise [K], without the steps of its resolution."""
+
+    #: Without what hall, coolant and other sources explain; what follows the speed, or with no speed recorded the
+    #: simulated course, stays in it
+    of_spindle: Vector
+    calm: Vector  #: What the recorded sources explain as it is, the rest as its mean over half an hour
+    unaccounted: Vector  #: What neither the spindle nor hall nor coolant explains, calm
+    unaccounted_share: float  #: Its share of variance
 
 
 @lru_cache(maxsize=64)
-def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
+def rise_parts(comparison: Comparison, response: str, name: str) -> RiseParts:
+    """What a recorded temperature's rise since the start of its run is made of."""
     values = temperature_rise(comparison, name)
     spindle = _spindle_columns(comparison, response)
     others = np.column_stack([_surroundings(comparison, response), *_cooled_by_coolant(comparison, response)])
@@ -308,19 +276,11 @@ def _parts(comparison: Comparison, response: str, name: str) -> _Parts:
     by_spindle = spindle @ coefficients[: spindle.shape[1]]
     by_others = others @ coefficients[spindle.shape[1] :]
     free = values - by_spindle - by_others
-    calm = _smoothed(comparison, free)
+    samples = max(3, round(_CALM_S / comparison.period_s) | 1)
+    calm = by_run(comparison, lambda part: uniform_filter1d(part, samples, mode="nearest"), free)
     variance = float(np.var(values))
     share = float(np.var(calm)) / variance if variance > 0.0 else 0.0
-    return _Parts(by_spindle + calm, by_others, calm, share)
-
-
-def _smoothed(comparison: Comparison, values: Vector) -> Vector:
-    """Mean over half an hour about every sample, run by run."""
-    result = np.empty(len(values))
-    samples = max(3, round(_CALM_S / comparison.period_s) | 1)
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = uniform_filter1d(values[rows], samples, mode="nearest")
-    return result
+    return RiseParts(by_spindle + calm, by_spindle + calm + by_others, calm, share)
 
 
 @lru_cache(maxsize=32)
@@ -372,10 +332,6 @@ def _fit(
     coefficients = _ridge(design, target[rows])
     misfit = float(np.mean((target[rows] - design @ coefficients) ** 2))
     return misfit, coefficients[: len(tau_s)]
-
-
-def _misfit(design: Matrix, target: Vector, rows: slice) -> float:
-    return float(np.mean((target[rows] - design[rows] @ _ridge(design[rows], target[rows])) ** 2))
 
 
 def _ridge(design: Matrix, target: Vector) -> Vector:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -107,23 +107,23 @@ def fault_variants(comparison: Comparison, response: str, id: str) -> Iterator[V
         )
 
 
-def fault_reading(fitted: Fitted, comparison: Comparison) -> Reading | None:
-    """The words for a variant made by `fault_variants`; None for any other."""
-    variant = fitted.variant
-    if not variant.sources or variant.names != (_name(variant.sources[0]),):
-        return None
-    channel = comparison.channel(variant.sources[0])
-    fault = next(
-        fault
-        for fault in input_faults(comparison)
-        if (fault.channel, fault.run, fault.from_s) == (channel.name, variant.run, variant.shape["from_s"].value)
-    )
-    value, half = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    unit = f"{fitted.unit}/{'K' if channel.unit == 'degC' else channel.unit}"
-    return Reading(
-        f"{fault.statement} The simulation of {fitted.response} follows that reading.",
-        {**variant.shape, "sensitivity": Quantity(value, unit, value - half, value + half)},
-    )
+def or_of_input(reading: Callable[[Fitted, Comparison], Reading]) -> Callable[[Fitted, Comparison], Reading]:
+    """The `reading` of an effect, with words of its own for the shapes that `fault_variants` has made."""
+
+    def either(fitted: Fitted, comparison: Comparison) -> Reading:
+        variant = fitted.variant
+        if not variant.sources or variant.names != (_name(variant.sources[0]),):
+            return reading(fitted, comparison)
+        channel = comparison.channel(variant.sources[0])
+        key = channel.name, variant.run, variant.shape["from_s"].value
+        fault = next(one for one in input_faults(comparison) if (one.channel, one.run, one.from_s) == key)
+        unit = f"{fitted.unit}/{'K' if channel.unit == 'degC' else channel.unit}"
+        return Reading(
+            f"{fault.statement} The simulation of {fitted.response} follows that reading.",
+            {**variant.shape, "sensitivity": fitted.coefficient(unit)},
+        )
+
+    return either
 
 
 def _name(channel: str) -> str:

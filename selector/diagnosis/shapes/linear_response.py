@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 from weakref import WeakKeyDictionary
 
@@ -15,7 +16,18 @@ from scipy.signal import cont2discrete, find_peaks, freqz, lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited, filled, rate
+from selector.diagnosis.shapes.signals import (
+    EvenRun,
+    by_run,
+    course,
+    even_runs,
+    excited,
+    filled,
+    no_vibration,
+    of_a_drive,
+    on_even_clock,
+    rate,
+)
 from selector.diagnosis.shapes.spectral_lines import rotating_forces
 from selector.types import Matrix, Vector
 
@@ -53,10 +65,7 @@ class LinearResponse:
 
     def passed(self, comparison: Comparison, values: Vector) -> Vector:
         """What a force of this course (no holes) does to the response, run by run from rest."""
-        result = np.zeros(len(values))
-        for run in even_runs(comparison):
-            result[run.rows] = run.back(np.asarray(lfilter(self.numerator, self.denominator, run.on(values))))
-        return result
+        return on_even_clock(comparison, partial(lfilter, self.numerator, self.denominator), values)
 
 
 _known: WeakKeyDictionary[Comparison, dict[str, tuple[LinearResponse, ...]]] = WeakKeyDictionary()
@@ -296,10 +305,7 @@ def restoring(comparison: Comparison, values: Vector, law: Law, width: float = 1
     ``cubic``: y³. ``stop``: an elastic element that slips at y = `width` from its last reversal (Prandtl), −1 … 1.
     ``dahl``: dφ/dy = (1 − φ·sgn ẏ)/`width`, the Bouc–Wen law with n = 1, β = γ, −1 … 1.
     """
-    result = np.zeros(len(values))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = _force(np.ascontiguousarray(values[rows]), _NUMBER[law], width)
-    return result
+    return by_run(comparison, lambda y: _force(y, _NUMBER[law], width), np.ascontiguousarray(values))
 
 
 def linear_part(comparison: Comparison, path: LinearResponse, values: Vector, force: Vector) -> tuple[float, float]:
@@ -404,6 +410,17 @@ def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
 
 
+JOINT_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
+
+
+def no_joint(comparison: Comparison, response: str) -> str | None:
+    """Why no force of a joint can be seen in this response, in one clause; None if it can."""
+    reason = no_vibration(comparison, response, roles=JOINT_ROLES) or of_a_drive(comparison, response)
+    if reason is None and not linear_responses(comparison, response):
+        return f"the simulated {response} shows no resonance that a force could pass through"
+    return reason
+
+
 def joints(comparison: Comparison, response: str) -> Iterator[tuple[str, LinearResponse, LinearResponse | None]]:
     """(member, path from a force to it, how the response follows it): the response itself, then simulated members."""
     for path in linear_responses(comparison, response):
@@ -487,13 +504,12 @@ def _derivative(comparison: Comparison, member: str, angle: Vector) -> NDArray[n
 
 def curvature(comparison: Comparison, values: Vector) -> Vector:
     """Second derivative in time of a course [unit/s²], by central differences on the even clock of every run."""
-    result = np.zeros(len(values))
-    for run in even_runs(comparison):
-        part = run.on(values)
-        second = np.zeros(len(part))
-        second[1:-1] = (part[2:] - 2.0 * part[1:-1] + part[:-2]) / comparison.period_s**2
-        result[run.rows] = run.back(second)
-    return result
+
+    def second(part: Vector) -> Vector:
+        inside = (part[2:] - 2.0 * part[1:-1] + part[:-2]) / comparison.period_s**2
+        return np.pad(inside, 1)[: len(part)]
+
+    return on_even_clock(comparison, second, values)
 
 
 def displacement_of(comparison: Comparison, name: str, values: Vector) -> Vector:
@@ -501,13 +517,13 @@ def displacement_of(comparison: Comparison, name: str, values: Vector) -> Vector
     order = _MOTION.get(comparison.channel(name).role, 0)
     if order == 0:
         return values
-    result = np.zeros(len(values))
-    for run in even_runs(comparison):
-        part = run.on(values)
+
+    def integrated(part: Vector) -> Vector:
         n = len(part)
         spectrum = np.fft.rfft(part - part.mean(), 2 * n)
         omega = 2.0 * np.pi * np.fft.rfftfreq(2 * n, comparison.period_s)
         slow = 2.0 * np.pi * 4.0 / (n * comparison.period_s)
         weight = (1j * omega) ** order / (omega**2 + slow**2) ** order * (-1.0) ** order
-        result[run.rows] = run.back(np.fft.irfft(spectrum * weight, 2 * n)[:n])
-    return result
+        return np.asarray(np.fft.irfft(spectrum * weight, 2 * n)[:n])
+
+    return on_even_clock(comparison, integrated, values)

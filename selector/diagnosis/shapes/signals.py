@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,11 @@ def filled(comparison: Comparison, values: Vector) -> Vector:
     return result
 
 
+def by_run(comparison: Comparison, made: Callable[..., Vector], *courses: Vector) -> Vector:
+    """A course that is made of others run by run."""
+    return np.concatenate([made(*(values[rows] for values in courses)) for _, rows in comparison.rows_of_runs()])
+
+
 def course(comparison: Comparison, name: str) -> Vector:
     """The recorded channel without holes, in its canonical unit; of a channel that is only simulated, that."""
     return filled(comparison, comparison.recorded[name] if name in comparison.recorded else comparison.simulated[name])
@@ -31,10 +37,7 @@ def course(comparison: Comparison, name: str) -> Vector:
 
 def rise(comparison: Comparison, values: Vector, *, over_samples: int = 5) -> Vector:
     """What the course has risen since the start of its run (median of the first samples)."""
-    result = np.array(values, dtype=np.float64)
-    for _, rows in comparison.rows_of_runs():
-        result[rows] -= np.median(result[rows][:over_samples])
-    return result
+    return by_run(comparison, lambda part: part - np.median(part[:over_samples]), values)
 
 
 def lagged(comparison: Comparison, values: Vector, tau_s: float, *, settled: bool = False) -> Vector:
@@ -44,11 +47,8 @@ def lagged(comparison: Comparison, values: Vector, tau_s: float, *, settled: boo
     """
     if tau_s <= 0.0:
         return np.array(values, dtype=np.float64)
-    result = np.empty(len(values))
-    for _, rows in comparison.rows_of_runs():
-        part = np.ascontiguousarray(values[rows], dtype=np.float64)
-        result[rows] = _lag(part, comparison.time_s[rows], tau_s, part[0] if settled else 0.0)
-    return result
+    whole = np.ascontiguousarray(values, dtype=np.float64)
+    return by_run(comparison, lambda x, t: _lag(x, t, tau_s, x[0] if settled else 0.0), whole, comparison.time_s)
 
 
 @njit(cache=True, nogil=True)
@@ -147,6 +147,11 @@ def even_runs(comparison: Comparison) -> tuple[EvenRun, ...]:
         even = n == len(time) and float(np.abs(clock - time).max(initial=0.0)) <= _JITTER * period
         found.append(EvenRun(rows, time, time if even else clock))
     return tuple(found)
+
+
+def on_even_clock(comparison: Comparison, made: Callable[[Vector], Vector], values: Vector) -> Vector:
+    """A course that is made of another one, without holes, on the even clock of every run."""
+    return np.concatenate([run.back(np.asarray(made(run.on(values)))) for run in even_runs(comparison)])
 
 
 def slope(comparison: Comparison, response: str, swept_hz: Vector) -> Vector:

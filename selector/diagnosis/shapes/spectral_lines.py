@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from scipy.stats import chi2, gamma
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited
+from selector.diagnosis.shapes.signals import EvenRun, course, even_runs, excited, on_even_clock
 from selector.types import Matrix, Vector
 
 _ORDER = 12
@@ -158,6 +157,7 @@ def lines(
     # strays of noise with heavy tails hide a line; even a strong sine stays below
     stray = _STRAY * 1.4826 * float(np.median(np.abs(np.concatenate([white[p] for p in parts]))))
     white = np.clip(white, -stray, stray) if stray > 0.0 else white
+    looked = _Looked(comparison, white, noise, abscissa, weight, parts)
     spectra = [_spectrum(white[p], abscissa[p], weight[p]) for p in parts]
     usable = [k for k, s in enumerate(spectra) if s is not None]
     if not usable:
@@ -183,18 +183,7 @@ def lines(
             taken = np.abs(grid - grid[top]) <= 4.0 / span
             open_[taken] = 0.0
             runs = tuple(usable[k] for k in together)
-            line = _line(
-                comparison,
-                white,
-                noise,
-                abscissa,
-                weight,
-                parts,
-                runs,
-                float(grid[top]),
-                float(strength[top]),
-                _is_lasting if near is not None else _is_steady,
-            )
+            line = _line(looked, runs, float(grid[top]), float(strength[top]), is_near=near is not None)
             if line is not None and _sharp(grid, strength, top, span, len(together)):
                 claimed |= taken
                 found.append(line)
@@ -247,56 +236,50 @@ def _spectrum(left: Vector, abscissa: Vector, weight: Vector) -> tuple[Vector, V
     n = 2 * len(part)
     power = np.abs(np.fft.rfft((part - part.mean()) * tapered(len(part)), n)) ** 2
     cycles = np.arange(len(power)) / (n * (even[1] - even[0]))
-    skip = 5
-    return cycles[skip:], power[skip:] / floor(power[skip:])
+    return cycles[5:], power[5:] / floor(power[5:])
 
 
-def _line(
-    comparison: Comparison,
-    left: Vector,
-    noise: Vector,
-    abscissa: Vector,
-    weight: Vector,
-    parts: list[slice],
-    runs: tuple[int, ...],
-    cycles: float,
-    strength: float,
-    is_there: Callable[[list[Pieces], float], bool],
-) -> Line | None:
+@dataclass(frozen=True, eq=False)
+class _Looked:
+    """What lines are looked for in: a course behind the filter, its abscissa and weights, parts of runs."""
+
+    comparison: Comparison
+    left: Vector
+    noise: Vector
+    abscissa: Vector
+    weight: Vector
+    parts: list[slice]
+
+    def turned(self, part: slice, cycles: float) -> Pieces:
+        """The course of a part turned back by a line."""
+        return np.asarray(self.left[part] * self.weight[part] * np.exp(-2j * np.pi * cycles * self.abscissa[part]))
+
+    def phase(self, part: slice, cycles: float) -> float:
+        """φ of cos(2π·cycles·abscissa + φ)·weight in a stretch that went through the filter, as the line did."""
+        turn = 2.0 * np.pi * cycles * self.abscissa[part]
+        waves = (wave * self.weight[part] for wave in (np.cos(turn), -np.sin(turn)))
+        cosine, sine = least_squares(np.column_stack([filtered(wave, self.noise) for wave in waves]), self.left[part])
+        return float(np.arctan2(sine, cosine))
+
+
+def _line(of: _Looked, runs: tuple[int, ...], cycles: float, strength: float, *, is_near: bool) -> Line | None:
     """The line near `cycles`, refined; None if its phase does not last through the runs, as that of noise does not."""
-    span = max(float(np.ptp(abscissa[parts[k]])) for k in runs)
+    looked = [of.parts[k] for k in runs]
+    span = max(float(np.ptp(of.abscissa[part])) for part in looked)
     tried = cycles + np.linspace(-0.6, 0.6, 13) / span
     for width in (0.1, 0.02):
-        power = [
-            sum(abs(_tone(left[p], abscissa[p], weight[p], f)) ** 2 for p in (parts[k] for k in runs)) for f in tried
-        ]
+        power = [sum(abs(complex(np.sum(of.turned(part, f)))) ** 2 for part in looked) for f in tried]
         cycles = float(tried[int(np.argmax(power))])
         tried = cycles + np.linspace(-width, width, 9) / span
-    pieces = [_pieces(left[p], abscissa[p], weight[p], cycles) for p in (parts[k] for k in runs)]
-    if not is_there(pieces, strength):
+    pieces = [np.array([p.sum() for p in np.array_split(of.turned(part, cycles), _PIECES)]) for part in looked]
+    if not (_is_lasting(pieces) if is_near else _is_steady(pieces, strength)):
         return None
-    phases: list[float | None] = [None] * len(parts)
-    for k, (_, rows) in enumerate(comparison.rows_of_runs()):
-        if k in runs:
-            part = parts[k]
-        elif parts[k].start == parts[k].stop and len(runs) == sum(p.start < p.stop for p in parts):
-            part = _first_part(rows)
-        else:
-            continue
-        phases[k] = _phase(left[part], noise, abscissa[part], weight[part], cycles)
+    phases: list[float | None] = [None] * len(of.parts)
+    for k, (_, rows) in enumerate(of.comparison.rows_of_runs()):
+        is_unfitted = of.parts[k].start == of.parts[k].stop and len(runs) == sum(p.start < p.stop for p in of.parts)
+        if k in runs or is_unfitted:
+            phases[k] = of.phase(of.parts[k] if k in runs else _first_part(rows), cycles)
     return Line(cycles, tuple(phases), strength)
-
-
-def _phase(white: Vector, noise: Vector, abscissa: Vector, weight: Vector, cycles: float) -> float:
-    """φ of cos(2π·cycles·abscissa + φ)·weight in a stretch that went through the filter, as the line did."""
-    turn = 2.0 * np.pi * cycles * abscissa
-    columns = np.column_stack([filtered(part * weight, noise) for part in (np.cos(turn), -np.sin(turn))])
-    cosine, sine = least_squares(columns, white)
-    return float(np.arctan2(sine, cosine))
-
-
-def _tone(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> complex:
-    return complex(np.sum(left * weight * np.exp(-2j * np.pi * cycles * abscissa)))
 
 
 def _first_part(rows: slice) -> slice:
@@ -313,7 +296,7 @@ def _sharp(grid: Vector, strength: Vector, top: int, span: float, n_runs: int) -
     return len(beside) == 0 or float(np.mean(beside)) < _BESIDE * float(strength[top]) + noise
 
 
-def _is_lasting(pieces: list[Pieces], strength: float) -> bool:
+def _is_lasting(pieces: list[Pieces]) -> bool:
     """Whether a line is there in all pieces of a run but one, in one phase, as a burst or a passing sweep is not."""
     if _coherence(pieces) < _COHERENT:
         return False
@@ -340,11 +323,6 @@ def _is_steady(pieces: list[Pieces], strength: float) -> bool:
     return apart < noise + _UNSTEADY**2 * whole / _PIECES
 
 
-def _pieces(left: Vector, abscissa: Vector, weight: Vector, cycles: float) -> Pieces:
-    turned = left * weight * np.exp(-2j * np.pi * cycles * abscissa)
-    return np.array([piece.sum() for piece in np.array_split(turned, _PIECES)])
-
-
 def is_turning(comparison: Comparison, name: str) -> bool:
     """Whether the shaft turns at all, at a steady speed or not."""
     speed = course(comparison, name)
@@ -353,12 +331,12 @@ def is_turning(comparison: Comparison, name: str) -> bool:
 
 def turns_of(comparison: Comparison, rpm: Vector) -> Vector:
     """∫ n/60 dt from the start of every run [turns]."""
-    turns = np.zeros(len(rpm))
-    for run in even_runs(comparison):
-        per_sample = run.on(rpm) / 60.0 * comparison.period_s
-        summed = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], per_sample))
-        turns[run.rows] = run.back(summed - summed[0])
-    return turns + 1e-12 * np.arange(len(turns))
+
+    def summed(part: Vector) -> Vector:
+        course = np.asarray(lfilter([0.5, 0.5], [1.0, -1.0], part / 60.0 * comparison.period_s))
+        return course - course[0]
+
+    return on_even_clock(comparison, summed, rpm) + 1e-12 * np.arange(len(rpm))
 
 
 def rotating_forces(comparison: Comparison) -> Matrix:
@@ -401,9 +379,8 @@ def resonances(comparison: Comparison, left: Vector, source: Vector, most: int =
     order = np.argsort(hz)
     hz, u, e = hz[order], u[order], e[order]
     grids = [np.exp(np.arange(np.log(low), np.log(high), damping / _PER_HALF_WIDTH)) for damping in DAMPING]
-    gains = [
-        np.array([_explained(hz, u, e, float(f), z) for f in grid]) for grid, z in zip(grids, DAMPING, strict=True)
-    ]
+    pairs = zip(grids, DAMPING, strict=True)
+    gains = [np.array([_explained(hz, u, e, float(f), z) for f in grid]) for grid, z in pairs]
     limit = float(chi2.isf(CHANCE / len(hz), 2))
     found: list[tuple[float, float]] = []
     while len(found) < most:

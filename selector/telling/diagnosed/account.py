@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, Place, recalibration_of
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, recalibration_of
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.shown_units import displayed, p_words, unit_words
 from selector.diagnosis.wording import (
     amount,
@@ -26,6 +27,7 @@ from selector.telling.account import (
     Account,
     Block,
     Captioned,
+    Drawing,
     Heading,
     Note,
     Paragraph,
@@ -51,6 +53,18 @@ _ALSO = (
     "More is left than noise, so that many shapes fit a part of it. These are too small beside it, or do not hold on "
     "rows that were not fitted: no part of the answer, and nothing to put into the simulation."
 )
+_MAP = (
+    "Orange: more was recorded than simulated; blue: less; 1 is the rms that stands beside the response. In grey what "
+    "the machine did, from its lowest (light) to its highest value (dark)."
+)
+_BEFORE_AFTER = "The shaded part was held out: nothing was fitted to it, and the error in the title is that part's."
+_EVIDENCE = (
+    "Every effect was fitted to some blocks of the record and judged on the others. Noise alone gains about nothing; p "
+    "is the probability that noise gains as much, adjusted for all effects tested."
+)
+_DETECTABLE = (
+    "Dotted: the error that is left. What is smaller than a dot may be there without being seen in this record."
+)
 Drawings = Mapping[str, Sequence[Block]]
 """Section of an account → its drawings; empty unless a page is made."""
 
@@ -71,22 +85,19 @@ def diagnosis_account(
     recordings, which a page has to say.
     """
     told, described = provenance or {}, description or {}
-    drawings: Mapping[str, Sequence[Block]] = {}
-    if drawn and not is_alone:
-        from selector.telling.diagnosed.pictures import drawings as drawings_of
-
-        drawings = drawings_of(found)
-    machine = told.get("machine")
+    drawings = _drawings(found) if drawn and not is_alone else {}
+    machine, urgent = told.get("machine"), remarks_of(found.findings, "error", "warning")
+    fault = "What is at fault" if found.verdict == "data-fault" else "What was left out"
     return Account(
         title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
         (found.headline or headline(found), *what_to_do(found)),
         sections(
-            section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out")
-            if is_alone
-            else None,
-            _warnings(found),
+            section(
+                "left-out", "What this page leaves out", Paragraph(_LEFT_OUT) if is_alone else None, link="Left out"
+            ),
+            section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings"),
             section("where", "Where", *drawings.get("where", ()), _captioned("Windows", _places(found))),
-            _effects(found),
+            section("effects", fault, *(block for effect in found.effects for block in _effect(found, effect))),
             _also_seen(found),
             _better(found, drawings),
             _evidence(found, drawings),
@@ -115,18 +126,23 @@ def diagnosis_account(
     )
 
 
+def _drawings(found: Diagnosis) -> Drawings:
+    from selector.figures.diagnosis import before_after, detectability, evidence, mismatch_map, next_runs, told_apart
+
+    apart, runs, missed = told_apart(found), next_runs(found), detectability(found)
+    courses = [before_after(found, name) for name in found.fit]
+    is_tested = any(not one.note.startswith(UNTESTED) for one in found.evidence)
+    return {
+        "where": [Drawing(mismatch_map(found), _MAP)] if found.fit else [],
+        "better": [Drawing(one, "" if k else _BEFORE_AFTER) for k, one in enumerate(courses)],
+        "evidence": [Drawing(evidence(found), _EVIDENCE)] if is_tested else [],
+        "apart": [Drawing(one) for one in (apart, runs) if one is not None],
+        "detectability": [] if missed is None else [Drawing(missed, _DETECTABLE)],
+    }
+
+
 def _captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> Captioned | None:
     return None if told is None else Captioned(caption, told, on_screen)
-
-
-def _warnings(found: Diagnosis) -> Section | None:
-    urgent = remarks_of(found.findings, "error", "warning")
-    return section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings")
-
-
-def _effects(found: Diagnosis) -> Section | None:
-    blocks = [block for effect in found.effects for block in _effect(found, effect)]
-    return section("effects", "What is at fault" if found.verdict == "data-fault" else "What was left out", *blocks)
 
 
 def _also_seen(found: Diagnosis) -> Section | None:
@@ -162,22 +178,19 @@ def _places(found: Diagnosis) -> Table | None:
     places = sorted(found.where, key=lambda place: -place.share)
     left = len(places) - MOST_PLACES
     note = f"{left} smaller windows are in diagnosis.json." if left > 0 else ""
-    return table(["channel", "place", "run", ">from", ">to", "state of the machine", ">share"], [
-        _place(place) for place in places[:MOST_PLACES]
-    ], note)  # fmt: skip
-
-
-def _place(place: Place) -> list[str]:
-    times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
-    cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
-    return [*cells, share_text(place.share)]
+    rows = []
+    for place in places[:MOST_PLACES]:
+        times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
+        cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
+        rows.append([*cells, share_text(place.share)])
+    return table(["channel", "place", "run", ">from", ">to", "state of the machine", ">share"], rows, note)
 
 
 def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
     """What is said of one effect that was named."""
     name = name_of(effect.id)
-    told = [f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"]
-    told.append(f"{share_text(effect.share)} of the mismatch")
+    sure = f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"
+    told = [sure, f"{share_text(effect.share)} of the mismatch"]
     if effect.suspected:
         told.append(f"suspected: {suspicion_words(found, effect)}")
     seen = listed(list(effect.channels or (effect.channel,))) + (f", at {effect.place}" if effect.place else "")
@@ -212,19 +225,17 @@ def _error_rows(name: str, fit: Fit) -> list[list[str]]:
         shown = (errors.rmse_before, recalibrated, errors.rmse_after, errors.noise_floor)
         return [NONE if value is None or not isfinite(value) else amount(value, fit.unit) for value in shown]
 
-    shares = [
-        NONE if one is None else _share(one.value, one.low, one.high) for one in (fit.gap_closed, fit.placebo_gain)
-    ]
+    shares = [NONE if one is None else _share(one) for one in (fit.gap_closed, fit.placebo_gain)]
     return [
         [name, "held out", *cells(fit.heldout, fit.recalibrated_heldout), *shares],
         [name, "fitted", *cells(fit.train, None), NONE, NONE],
     ]
 
 
-def _share(value: float, low: float | None, high: float | None) -> str:
-    if low is None or high is None:
-        return share_text(value)
-    return f"{share_text(value)} ({100 * low:.0f} to {100 * high:.0f})".replace("-", "−")
+def _share(of: Quantity) -> str:
+    if of.low is None or of.high is None:
+        return share_text(of.value)
+    return f"{share_text(of.value)} ({100 * of.low:.0f} to {100 * of.high:.0f})".replace("-", "−")
 
 
 def _recalibration(found: Diagnosis) -> Table | None:
@@ -237,18 +248,15 @@ def _recalibration(found: Diagnosis) -> Table | None:
 
 
 def _tested(found: Diagnosis) -> Table | None:
-    if not found.evidence:
-        return None
-    rows, marked = [], []
     tested = [one for one in found.evidence if not one.note.startswith(UNTESTED)]
-    for k, one in enumerate(sorted(tested, key=lambda one: (not one.named, -one.gain))):
+    tested.sort(key=lambda one: (not one.named, -one.gain))
+    rows = []
+    for one in tested:
         cells = [number_text(one.gain), p_words(one.p_value)]
         rows.append([one.id, one.channel, *cells, "named" if one.named else one.note or "not named"])
-        if one.named:
-            marked.append(k)
-    if not rows:
-        return None
-    return table(["effect", "response", ">gain", ">p", "what came of it"], rows, marked=marked)
+    marked = [k for k, one in enumerate(tested) if one.named]
+    headings = ["effect", "response", ">gain", ">p", "what came of it"]
+    return table(headings, rows, marked=marked) if rows else None
 
 
 def _untested(found: Diagnosis) -> Table | None:
@@ -267,15 +275,11 @@ def _untested(found: Diagnosis) -> Table | None:
 def _next(found: Diagnosis) -> Table | None:
     if not found.next_runs:
         return None
-    rows = [
-        [
-            run.description,
-            listed([name_of(id_) for id_ in run.separates]),
-            NONE if run.power is None else share_text(run.power),
-            span_text(run.duration_s),
-        ]
-        for run in found.next_runs
-    ]
+    rows = []
+    for run in found.next_runs:
+        chance = NONE if run.power is None else share_text(run.power)
+        pair = listed([name_of(id_) for id_ in run.separates])
+        rows.append([run.description, pair, chance, span_text(run.duration_s)])
     return table(["run", "tells apart", ">chance", ">takes"], rows)
 
 
@@ -286,6 +290,5 @@ def _detectable(found: Diagnosis) -> Table | None:
         [one.id, one.channel, amount(one.size, one.unit), share_text(one.chance), one.note] for one in found.detectable
     ]
     units = listed(sorted({displayed(one.unit, one.size)[1] for one in found.detectable}))
-    return table(
-        ["effect", "response", ">smallest size", ">found in", "remark"], rows, f"Sizes are rms of the course [{units}]."
-    )
+    headings = ["effect", "response", ">smallest size", ">found in", "remark"]
+    return table(headings, rows, f"Sizes are rms of the course [{units}].")

@@ -9,16 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
-from selector.diagnosis.answer import (
-    Diagnosis,
-    Errors,
-    Fit,
-    NamedEffect,
-    NextRun,
-    Place,
-    Verdict,
-    recalibration_of,
-)
+from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, NextRun, Place, Verdict, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
 from selector.selection.result_file import FindingPart

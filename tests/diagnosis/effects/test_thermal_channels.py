@@ -11,16 +11,7 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.shapes.heating import (
-    calm_rise,
-    cooled,
-    follows_sensors,
-    free_part,
-    heats,
-    lacking,
-    sources,
-    spindle_law,
-)
+from selector.diagnosis.shapes.heating import cooled, follows_sensors, heats, lacking, rise_parts, sources, spindle_law
 from selector.diagnosis.shapes.signals import lagged
 from selector.recording import Channel
 from selector.units import CANONICAL_UNITS
@@ -142,10 +133,10 @@ def test_what_spindle_hall_and_coolant_leave_of_a_sensor_is_little_unless_someth
     for physics, other in ((wet, 0.005), (heated, None)):
         record = recorded(physics, 1)
         comparison = comparison_of(record, recorded(HALL, 1), drop=("hyd",))
-        share = free_part(comparison, "Z", "T9")[1]
+        share = rise_parts(comparison, "Z", "T9").unaccounted_share
         # Seen: 0.0001 and 0.05; sensors of the spindle stay below 0.0035, thresholds are 0.015 and 0.03.
         assert share < other if other is not None else share > 0.03
-        calm = calm_rise(comparison, "Z", "T1")
+        calm = rise_parts(comparison, "Z", "T1").calm
         rise = record["T1"] - np.repeat([record["T1"][k * len(calm) // 3] for k in range(3)], len(calm) // 3)
         # Seen 0.21 K with strong coolant, whose quick part is smoothed over half an hour; the sensor rises by 14 K.
         assert np.sqrt(np.mean((calm - rise) ** 2)) < 0.4

@@ -74,7 +74,7 @@ def _told(progress: Progress) -> Iterator[Progress]:
 @contextmanager
 def _runnable(model: Path, recording: Recording) -> Iterator[Runnable]:
     if model.suffix.lower() == ".fmu":
-        from selector.diagnosis.open_model.fmu import fmu_model
+        from selector.diagnosis.open_model.runnable import fmu_model
 
         with fmu_model(model, recording) as unit:
             yield unit

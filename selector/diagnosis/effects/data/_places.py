@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.effects.effect import Quantity, Variant
 from selector.diagnosis.shown_units import displayed
 from selector.types import Mask, Vector
 
@@ -39,15 +40,33 @@ class Part:
             return {}
         return {"from_s": Quantity(self.from_s, "s"), "to_s": Quantity(self.to_s, "s")}
 
-    @property
-    def regime(self) -> str | None:
-        """When the fault acts, as an answer says it; None = always."""
-        return None if self.run is None and not self.words else self.words
+    def variant(
+        self, course: Vector, name: str, place: str, shape: Mapping[str, Quantity] = {}, **also: Any
+    ) -> Variant:
+        """The course in this part as a shape of a fault; `shape` beside the window, `also` as of `Variant`."""
+        columns, regime = self.over(course)[:, None], self.words or self.run
+        return Variant(columns, (name,), {**self.shape, **shape}, place, run=self.run, regime=regime, **also)
+
+
+def everywhere(comparison: Comparison) -> Part:
+    """All rows of all runs."""
+    return Part(np.ones(len(comparison.time_s), dtype=bool), None, "")
+
+
+def in_one_run(comparison: Comparison, run: str) -> Part:
+    """All rows of a run."""
+    return Part(comparison.run_index == comparison.runs.index(run), run, f"run {run}")
 
 
 def fitted_runs(comparison: Comparison) -> tuple[str, ...]:
     """Runs with rows that are not held out."""
     return tuple(run for run, rows in comparison.rows_of_runs() if not comparison.held_out[rows].all())
+
+
+def single_runs(comparison: Comparison) -> list[Part]:
+    """Every run with rows that are not held out, by itself; none where there is but one."""
+    runs = fitted_runs(comparison)
+    return [in_one_run(comparison, run) for run in runs if len(runs) > 1]
 
 
 def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None = None) -> Iterator[Part]:
@@ -65,7 +84,7 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
     singles: tuple[str, ...] = runs
     onwards: tuple[str, ...] = ()
     if oddness is None:
-        yield Part(np.ones(len(comparison.time_s), dtype=bool), None, "")
+        yield everywhere(comparison)
         # what begins in the last fitted run goes on in the runs that are held out
         lasting = runs[-1:] != comparison.runs[-1:]
         onwards = runs[1:] if lasting else runs[1:-1]
@@ -78,11 +97,9 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
     else:
         # from the second on is all but the first, from the last on is the last alone
         onwards = runs[2:-1]
-    index = comparison.run_index
-    for run in singles:
-        yield Part(index == comparison.runs.index(run), run, f"run {run}")
+    yield from (in_one_run(comparison, run) for run in singles)
     for run in onwards:
-        yield Part(index >= comparison.runs.index(run), None, f"from run {run} on")
+        yield Part(comparison.run_index >= comparison.runs.index(run), None, f"from run {run} on")
 
 
 def later_parts(
@@ -99,19 +116,15 @@ def later_parts(
     """
     runs = fitted_runs(comparison)
     per_run = int(np.clip(total // max(len(runs), 1), 3, most))
-    index = np.arange(len(comparison.time_s))
     for run, rows in comparison.rows_of_runs():
         n = rows.stop - rows.start
         if run not in runs or n < 3 * _LEAST_ROWS:
             continue
         low, high = max(_LEAST_ROWS, int(between[0] * n)), min(n - _LEAST_ROWS, int(between[1] * n))
         firsts = np.unique(np.linspace(low, high, min(per_run, n // _LEAST_ROWS)).astype(int))
-        end_s = float(comparison.time_s[rows.stop - 1])
         for first in firsts + rows.start:
-            from_s = float(comparison.time_s[first])
-            yield Part(
-                (index >= first) & (index < rows.stop), run, f"run {run} from {duration(from_s)} on", from_s, end_s
-            )
+            part = window(comparison, run, first, rows.stop - 1)
+            yield replace(part, words=f"run {run} from {duration(part.from_s or 0.0)} on")
 
 
 def window(comparison: Comparison, run: str, first: int, last: int) -> Part:
@@ -129,22 +142,6 @@ def duration(seconds: float) -> str:
         if size >= 2.0 * length:
             return f"{seconds / length:.4g} {unit}"
     return f"{1e3 * seconds:.4g} ms" if size < 1.0 else f"{seconds:.4g} s"
-
-
-def where_of(fitted: Fitted) -> str:
-    """Where a fitted variant acts, to stand at the end of a sentence."""
-    return (
-        f" in {fitted.variant.regime}"
-        if (fitted.variant.regime or "").startswith("run ")
-        else (f" {fitted.variant.regime}" if fitted.variant.regime else " in all runs")
-    )
-
-
-def estimate(fitted: Fitted, unit: str, column: int = 0, factor: float = 1.0, offset: float = 0.0) -> Quantity:
-    """A coefficient as a quantity, `offset` + `factor` × coefficient, with its 95 % interval."""
-    value = offset + factor * float(fitted.coefficients[column])
-    half = 1.96 * abs(factor) * float(fitted.standard_errors[column])
-    return Quantity(value, unit, value - half, value + half)
 
 
 _SHOWN = {"um": "µm", "degC": "K", "1": ""}

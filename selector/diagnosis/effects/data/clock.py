@@ -7,18 +7,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import (
-    Part,
-    duration,
-    estimate,
-    fitted_runs,
-    later_parts,
-    where_of,
-    whole_runs,
-)
+from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import input_faults
-from selector.diagnosis.shapes.signals import excited, filled, rate
+from selector.diagnosis.shapes.signals import by_run, excited, filled, rate
 from selector.types import Vector
 
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
@@ -47,26 +39,24 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 def _shifted(comparison: Comparison, response: str, course: Vector, slope: Vector) -> Iterator[Variant]:
     """Late or early in all runs, or in whole runs, by little or by much."""
     parts = list(whole_runs(comparison, lambda rows: _lateness(comparison, response, slope, rows)))
-    everywhere = Part(np.ones(len(course), dtype=bool), None, "")
+    whole = everywhere(comparison)
     sizes = _FEW_SIZES if len(comparison.runs) > _MANY_RUNS else _SIZES
     yield from equally_likely(
-        (_variant(part, -slope, _LATE) for part in (everywhere, *parts)),
+        (_variant(part, -slope, _LATE) for part in (whole, *parts)),
         _by_sizes(comparison, course, slope, parts, sizes),
-        _by_hours(comparison, course, everywhere),
+        _by_hours(comparison, course, whole),
         # recalibration takes a delay by few samples only; a thermometer's clock may be off by more
-        _by_sizes(comparison, course, slope, [everywhere], sizes)
+        _by_sizes(comparison, course, slope, [whole], sizes)
         if comparison.channel(response).role == "temperature"
         else (),
     )
 
 
-def _by_hours(comparison: Comparison, course: Vector, everywhere: Part) -> Iterator[Variant]:
+def _by_hours(comparison: Comparison, course: Vector, whole: Part) -> Iterator[Variant]:
     """Another time zone, or summer time, in one of the two clocks; a delay by hours is no recalibration."""
-    for hours in range(1, _ZONES + 1):
-        for shift_s in (3600.0 * hours, -3600.0 * hours):
-            if abs(shift_s) < _OF_RUN * comparison.longest_s:
-                change = _late(comparison, course, shift_s) - course
-                yield _variant(everywhere, change, f"late by {duration(shift_s)}", shift_s)
+    for shift_s in (3600.0 * sign * hours for hours in range(1, _ZONES + 1) for sign in (1, -1)):
+        if abs(shift_s) < _OF_RUN * comparison.longest_s:
+            yield from _shifted_by(comparison, course, shift_s, [whole])
 
 
 def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
@@ -76,8 +66,7 @@ def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[V
     for fault in input_faults(comparison):
         if fault.id == "data.clock":
             part = Part(fault.course != 0.0, fault.run, f"run {fault.run}", fault.from_s, fault.to_s)
-            leap_s = float(np.abs(fault.course).max())
-            leaps.append(_variant(part, _late(comparison, course, leap_s) - course, "leap of the stamps", leap_s))
+            leaps += _shifted_by(comparison, course, float(np.abs(fault.course).max()), [part], "leap of the stamps")
     sizes = () if len(comparison.runs) > _MANY_RUNS else _FEW_SIZES
     yield from equally_likely(
         (_variant(part, -slope, _LATE) for part in parts),
@@ -90,21 +79,27 @@ def _by_sizes(
     comparison: Comparison, course: Vector, slope: Vector, parts: Sequence[Part], sizes: tuple[float, ...]
 ) -> Iterator[Variant]:
     for shift_s in _tried(comparison, course, slope, sizes):
-        change = _late(comparison, course, shift_s) - course
-        yield from (_variant(part, change, f"late by {duration(shift_s)}", shift_s) for part in parts)
+        yield from _shifted_by(comparison, course, shift_s, parts)
+
+
+def _shifted_by(
+    comparison: Comparison, course: Vector, shift_s: float, parts: Sequence[Part], words: str = ""
+) -> list[Variant]:
+    change, words = _late(comparison, course, shift_s) - course, words or f"late by {duration(shift_s)}"
+    return [_variant(part, change, words, "shift_s", Quantity(shift_s, "s")) for part in parts]
 
 
 def _of_another_rate(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[Variant]:
     """Right at the start of a run and off by more and more."""
-    everywhere = Part(np.ones(len(course), dtype=bool), None, "")
-    parts = [everywhere, *_singles(comparison)]
+    parts = [everywhere(comparison), *single_runs(comparison)]
     few = _FEW_SIZES if len(comparison.runs) > _MANY_RUNS else _SIZES
     large = []
     for part in parts:
         for shift_s in _tried(comparison, course, slope, _FINE_SIZES if part.run is None else few):
             error = shift_s / comparison.longest_s
             change = _late(comparison, course, error * comparison.time_s) - course
-            large.append(_variant(part, change, f"late by {error:.2%} of the time", rate_error=error))
+            words = f"late by {error:.2%} of the time"
+            large.append(_variant(part, change, words, "rate_error", Quantity(error, "1")))
     yield from equally_likely((_variant(part, -comparison.time_s * slope, _RATE) for part in parts), large)
 
 
@@ -116,35 +111,14 @@ def _tried(comparison: Comparison, course: Vector, slope: Vector, sizes: tuple[f
     return [sign * shift_s for shift_s in kept for sign in (1.0, -1.0)]
 
 
-def _singles(comparison: Comparison) -> Iterator[Part]:
-    runs = fitted_runs(comparison)
-    for run in runs if len(runs) > 1 else ():
-        yield Part(comparison.run_index == comparison.runs.index(run), run, f"run {run}")
-
-
-def _variant(
-    part: Part, values: Vector, name: str, shift_s: float | None = None, *, rate_error: float | None = None
-) -> Variant:
-    shift = {} if shift_s is None else {"shift_s": Quantity(shift_s, "s")}
-    error = {} if rate_error is None else {"rate_error": Quantity(rate_error, "1")}
-    return Variant(
-        columns=part.over(values)[:, None],
-        names=(name,),
-        shape=part.shape | shift | error,
-        place="time base",
-        run=part.run,
-        bounds=_AROUND_ONE if shift or error else None,
-        regime=part.regime,
-    )
+def _variant(part: Part, values: Vector, name: str, key: str = "", by: Quantity | None = None) -> Variant:
+    shape, bounds = ({}, None) if by is None else ({key: by}, _AROUND_ONE)
+    return part.variant(values, name, "time base", shape, bounds=bounds)
 
 
 def _late(comparison: Comparison, course: Vector, by_s: float | Vector) -> Vector:
     """The course as a clock shows it that is late by so much; before its start and after its end it stands."""
-    asked = comparison.time_s - by_s
-    result = np.empty(len(course))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = np.interp(asked[rows], comparison.time_s[rows], course[rows])
-    return result
+    return by_run(comparison, np.interp, comparison.time_s - by_s, comparison.time_s, course)
 
 
 def _lateness(comparison: Comparison, response: str, slope: Vector, rows: slice) -> float:
@@ -156,25 +130,23 @@ def _lateness(comparison: Comparison, response: str, slope: Vector, rows: slice)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not excited(rate(comparison, filled(comparison, comparison.simulated[response]))):
-        return "the simulated course does not move, so that a shift of time would not show"
-    return None
+    moves = excited(rate(comparison, filled(comparison, comparison.simulated[response])))
+    return None if moves else "the simulated course does not move, so that a shift of time would not show"
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     variant, channel = fitted.variant, fitted.response
     if variant.names == (_RATE,) or "rate_error" in variant.shape:
-        off = estimate(fitted, "1", factor=_tried_value(variant, "rate_error"))
+        off = fitted.coefficient("1", factor=_tried_value(variant, "rate_error"))
         gap_s = off.value * comparison.longest_s
         return Reading(
             f"The clock of {channel} runs {abs(off.value):.3%} too {'slow' if off.value < 0 else 'fast'}"
-            f"{where_of(fitted)}: {duration(abs(gap_s))} at the end of the longest run.",
+            f"{fitted.where}: {duration(abs(gap_s))} at the end of the longest run.",
             {"rate_error": off},
         )
-    late = estimate(fitted, "s", factor=_tried_value(variant, "shift_s"))
+    late = fitted.coefficient("s", factor=_tried_value(variant, "shift_s"))
     return Reading(
-        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}"
-        f"{where_of(fitted)}.",
+        f"{channel} is recorded {duration(abs(late.value))} too {'late' if late.value > 0 else 'early'}{fitted.where}.",
         {"shift_s": late} | {name: variant.shape[name] for name in ("from_s",) if name in variant.shape},
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,27 +11,25 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import (
     Part,
     amount,
-    estimate,
+    everywhere,
     fitted_runs,
     later_parts,
     step_unit,
-    where_of,
+    window,
 )
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, always
+from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 
 _STARTS = 12
 _BENDS = (1.0, 0.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    yield _ramp(comparison, Part(np.ones(len(comparison.time_s), dtype=bool), None, ""))
+    yield _ramp(comparison, everywhere(comparison))
     runs = fitted_runs(comparison)
     for run, rows in comparison.rows_of_runs():
         if run in runs and len(runs) > 1:
-            first_s, last_s = (float(comparison.time_s[row]) for row in (rows.start, rows.stop - 1))
-            here = comparison.run_index == comparison.runs.index(run)
-            yield _ramp(comparison, Part(here, run, f"run {run}", first_s, last_s))
+            yield _ramp(comparison, replace(window(comparison, run, rows.start, rows.stop - 1), words=f"run {run}"))
     for part in later_parts(comparison, _STARTS, 5 * _STARTS, (0.04, 0.8)):
         for bend in _BENDS:
             yield _ramp(comparison, part, bend)
@@ -41,32 +40,19 @@ def _ramp(comparison: Comparison, part: Part, bend: float = 1.0) -> Variant:
     """Hours since the drift began; bent, so that it is fast at first (below 1) or at last, and the same at the end."""
     hours = np.maximum(comparison.time_s - (part.from_s or 0.0), 0.0) / 3600.0
     end = max(float(part.over(hours).max()), 1e-12)
-    return Variant(
-        columns=part.over(end * (hours / end) ** bend)[:, None],
-        names=("hours since it began",),
-        shape=part.shape | ({} if bend == 1.0 else {"bend": Quantity(bend, "1")}),
-        place="sensor",
-        run=part.run,
-        regime=part.regime,
-    )
-
-
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return None
+    bent = {} if bend == 1.0 else {"bend": Quantity(bend, "1")}
+    return part.variant(end * (hours / end) ** bend, "hours since it began", "sensor", bent)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    of_input = fault_reading(fitted, comparison)
-    if of_input is not None:
-        return of_input
     shape = fitted.variant.shape
     from_s = shape["from_s"].value if "from_s" in shape else 0.0
     to_s = shape["to_s"].value if "to_s" in shape else comparison.longest_s
-    slope = estimate(fitted, f"{step_unit(fitted.unit)}/h")
+    slope = fitted.coefficient(f"{step_unit(fitted.unit)}/h")
     end = slope.value * (to_s - from_s) / 3600.0
     return Reading(
         f"The sensor of {fitted.response} runs away by {amount(slope.value, fitted.unit)}/h on average"
-        f"{where_of(fitted)}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
+        f"{fitted.where}: {amount(end, fitted.unit)} too {'high' if end > 0 else 'low'} at the end.",
         {"drift": slope} | ({"from_s": shape["from_s"]} if "from_s" in shape else {}),
     )
 
@@ -92,6 +78,6 @@ EFFECT = Effect(
     experiment="Let the machine stand at constant temperature for as long as the run lasted, with the sensor against a "
     "piece that carries no heat; swap the sensor for another one and repeat.",
     variants=_variants,
-    testable=_testable,
-    reading=_reading,
+    testable=always,
+    reading=or_of_input(_reading),
 )

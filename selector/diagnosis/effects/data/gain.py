@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import Part, estimate, where_of, whole_runs
+from selector.diagnosis.effects.data._places import everywhere, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import excited, filled
-from selector.types import Vector
 
 _FACTORS = {
     1000.0: "a thousandfold: mm for µm, or mA for A",
@@ -31,23 +31,15 @@ _NEAR = 0.02
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     course = filled(comparison, comparison.simulated[response])
-    everywhere = Part(np.ones(len(course), dtype=bool), None, "")
     with_zero = comparison.channel(response).role in ("temperature", "ambient")
-    for part in [everywhere, *whole_runs(comparison, lambda rows: _gain(comparison, response, rows) - 1.0)]:
-        yield _variant(part, course)
+    parts = whole_runs(comparison, lambda rows: _gain(comparison, response, rows) - 1.0)
+    for part in (everywhere(comparison), *parts):
+        found = part.variant(course, "simulated course", "scale")
+        yield found
         if with_zero and part.run is not None:
             # another temperature scale has another zero too
-            yield _variant(part, course, np.ones(len(course)))
-
-
-def _variant(part: Part, *courses: Vector) -> Variant:
-    return Variant(
-        columns=np.column_stack([part.over(values) for values in courses]),
-        names=("simulated course", "zero")[: len(courses)],
-        place="scale",
-        run=part.run,
-        regime=part.regime,
-    )
+            both = np.column_stack([found.columns[:, 0], part.over(np.ones(len(course)))])
+            yield replace(found, columns=both, names=("simulated course", "zero"))
 
 
 def _gain(comparison: Comparison, response: str, rows: slice) -> float:
@@ -61,9 +53,8 @@ def _gain(comparison: Comparison, response: str, rows: slice) -> float:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not excited(filled(comparison, comparison.simulated[response])):
-        return "the simulated course does not move, so that a scale would not show"
-    return None
+    moves = excited(filled(comparison, comparison.simulated[response]))
+    return None if moves else "the simulated course does not move, so that a scale would not show"
 
 
 def known_factor(gain: Quantity) -> str | None:
@@ -77,11 +68,11 @@ def known_factor(gain: Quantity) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    gain = estimate(fitted, "1", offset=1.0)
+    gain = fitted.coefficient("1", offset=1.0)
     meaning = known_factor(gain)
     means = f" Such a factor is known: {meaning}." if meaning else ""
     return Reading(
-        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{where_of(fitted)}.{means}",
+        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{fitted.where}.{means}",
         {"gain": gain},
     )
 

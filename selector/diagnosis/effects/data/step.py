@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import Part, amount, estimate, fitted_runs, later_parts, step_unit, window
+from selector.diagnosis.effects.data._places import Part, amount, fitted_runs, later_parts, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import leftover
 
 _BESIDE = 8
@@ -21,15 +21,7 @@ _CLEAR = 6.0
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     tried = [(part, 1.0) for part in later_parts(comparison)]
     for part, looked_at in (*tried, *_seen(comparison, response)):
-        yield Variant(
-            columns=part.rows.astype(float)[:, None],
-            names=("jump",),
-            shape=part.shape,
-            place="sensor",
-            run=part.run,
-            regime=part.regime,
-            looked_at=looked_at,
-        )
+        yield part.variant(np.ones(len(part.rows)), "jump", "sensor", looked_at=looked_at)
     yield from fault_variants(comparison, response, "data.step")
 
 
@@ -52,33 +44,22 @@ def _seen(comparison: Comparison, response: str) -> Iterator[tuple[Part, float]]
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not any(True for _ in later_parts(comparison)):
-        return "no fitted run is long enough to have a before and an after"
-    return None
+    some = next(later_parts(comparison), None)
+    return "no fitted run is long enough to have a before and an after" if some is None else None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    of_input = fault_reading(fitted, comparison)
-    if of_input is not None:
-        return of_input
-    step = estimate(fitted, step_unit(fitted.unit))
+    step = fitted.coefficient(step_unit(fitted.unit))
     from_s = fitted.variant.shape["from_s"].value
     low, high = fitted.shape_intervals.get("from_s", (from_s, from_s))
-    half_s = 0.5 * _grid_s(comparison, fitted.variant.run)
+    tried_s = [part.from_s or 0.0 for part in later_parts(comparison) if part.run == fitted.variant.run]
+    half_s = 0.5 * (float(np.median(np.diff(tried_s))) if len(tried_s) > 1 else comparison.longest_s)
+    since = Quantity(from_s, "s", max(0.0, min(low, from_s - half_s)), max(high, from_s + half_s))
     return Reading(
         f"{fitted.response} jumps {'up' if step.value > 0 else 'down'} by {amount(step.value, fitted.unit)} and stays "
         f"there: {fitted.variant.regime}.",
-        {
-            "step": step,
-            "from_s": Quantity(from_s, "s", max(0.0, min(low, from_s - half_s)), max(high, from_s + half_s)),
-        },
+        {"step": step, "from_s": since},
     )
-
-
-def _grid_s(comparison: Comparison, run: str | None) -> float:
-    """Distance of the moments that were tried in a run [s]."""
-    tried = [part.from_s or 0.0 for part in later_parts(comparison) if part.run == run]
-    return float(np.median(np.diff(tried))) if len(tried) > 1 else comparison.longest_s
 
 
 EFFECT = Effect(
@@ -99,5 +80,5 @@ EFFECT = Effect(
     experiment="Read a reference before and after the moment, or run the same programme with the sensor fastened anew.",
     variants=_variants,
     testable=_testable,
-    reading=_reading,
+    reading=or_of_input(_reading),
 )

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.signals import filled, of_a_drive
 from selector.quality.survey import block_noise
+from selector.types import Vector
 
 _LEAST = 6
 """Equal readings below which nothing is a stretch."""
@@ -44,15 +44,9 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         part = window(comparison, run, first, last)
         reading = float(comparison.recorded[response][first])
         expected = simulated + _level_beside(comparison, response, first, last)
-        yield Variant(
-            columns=part.over(reading - expected)[:, None],
-            names=("reading less what it should be",),
-            shape=part.shape | {"reading": Quantity(reading, comparison.channel(response).unit)},
-            place="sensor",
-            run=run,
-            bounds=_AROUND_ONE,
-            regime=part.regime,
-        )
+        shape = {"reading": Quantity(reading, comparison.channel(response).unit)}
+        words = "reading less what it should be"
+        yield part.variant(reading - expected, words, "sensor", shape, bounds=_AROUND_ONE)
     yield from fault_variants(comparison, response, "data.stuck")
 
 
@@ -83,9 +77,8 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     dead: list[tuple[str, int, int]] = []
     if chance == 1.0 and of_a_drive(comparison, response) is None:
         dead = _dead_in_runs(comparison, recorded, resolution, still)
-    long_ones = [(first, last) for _, first, last in still]
     low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
-    at_ends = [recorded[first] for first, last in long_ones if recorded[first] in (low, high)]
+    at_ends = [recorded[first] for _, first, _ in still if recorded[first] in (low, high)]
     span = float(np.nanmax(simulated) - np.nanmin(simulated))
     found = []
     for run, first, last in still:
@@ -108,10 +101,7 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
 
 
 def _dead_in_runs(
-    comparison: Comparison,
-    recorded: NDArray[np.float64],
-    resolution: float,
-    still: Sequence[tuple[str, int, int]],
+    comparison: Comparison, recorded: Vector, resolution: float, still: Sequence[tuple[str, int, int]]
 ) -> list[tuple[str, int, int]]:
     """The longest stretch of every run, where the channel is never silent outside of these, if it is no rest.
 
@@ -132,7 +122,7 @@ def _dead_in_runs(
     ]
 
 
-def _moves_on(comparison: Comparison, recorded: NDArray[np.float64], last: int, resolution: float) -> bool:
+def _moves_on(comparison: Comparison, recorded: Vector, last: int, resolution: float) -> bool:
     """Whether the first reading after a stretch lies beside it."""
     rows = dict(comparison.rows_of_runs())[comparison.runs[int(comparison.run_index[last])]]
     after = recorded[last + 1 : rows.stop]
@@ -144,7 +134,7 @@ def _moves_on(comparison: Comparison, recorded: NDArray[np.float64], last: int, 
 
 
 def _chance_of_equal(
-    comparison: Comparison, recorded: NDArray[np.float64], resolution: float, *longest: tuple[str, int, int]
+    comparison: Comparison, recorded: Vector, resolution: float, *longest: tuple[str, int, int]
 ) -> float:
     """Largest probability of a reading to equal the one before it; 1 where the channel is quiet now and then.
 
@@ -160,7 +150,7 @@ def _chance_of_equal(
     return max(1e-3, float(erf(resolution / (2.0 * np.sqrt(2.0) * quiet))))
 
 
-def _equal(comparison: Comparison, recorded: NDArray[np.float64]) -> Iterator[tuple[str, int, int]]:
+def _equal(comparison: Comparison, recorded: Vector) -> Iterator[tuple[str, int, int]]:
     """Stretches of equal readings within a run; missing samples do not end one."""
     for run, rows in comparison.rows_of_runs():
         seen = rows.start + np.flatnonzero(np.isfinite(recorded[rows]))
@@ -179,9 +169,6 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    of_input = fault_reading(fitted, comparison)
-    if of_input is not None:
-        return of_input
     shape = fitted.variant.shape
     return Reading(
         f"{fitted.response} stands at {shape['reading'].value:.6g} {step_unit(fitted.unit).replace('um', 'µm')} in "
@@ -209,5 +196,5 @@ EFFECT = Effect(
     experiment="Repeat the run with a second sensor beside this one.",
     variants=_variants,
     testable=_testable,
-    reading=_reading,
+    reading=or_of_input(_reading),
 )

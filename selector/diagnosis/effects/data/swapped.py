@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 
-import numpy as np
-
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import estimate, fitted_runs, where_of, whole_runs
+from selector.diagnosis.effects.data._places import single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely
-from selector.diagnosis.shapes.input_faults import fault_reading, fault_variants
+from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited, filled
 from selector.types import Vector
@@ -47,60 +45,37 @@ def _of_response(comparison: Comparison, response: str) -> Iterator[Variant]:
     """The response stands under the name of another one."""
     for other in _others(comparison, response):
         change = _difference(comparison, other, response)
+        words = f"simulated {other} less simulated {response}"
         for part in whole_runs(comparison):
-            yield Variant(
-                columns=part.over(change)[:, None],
-                names=(f"simulated {other} less simulated {response}",),
-                place="wiring",
-                sources=(response, other),
-                run=part.run,
-                bounds=_AROUND_ONE,
-                regime=part.regime,
-            )
+            yield part.variant(change, words, "wiring", sources=(response, other), bounds=_AROUND_ONE)
 
 
 def _of_readings(comparison: Comparison, response: str) -> Iterator[Variant]:
     """Two readings that the simulation was computed from changed places in a run: how much that makes is known."""
     weights = weights_of_readings(comparison, response)
-    index = comparison.run_index
     for one, other in combinations(weights, 2):
         if comparison.channel(one).role != comparison.channel(other).role:
             continue
         change = exchanged(comparison, weights, one, other)
-        for run in fitted_runs(comparison) if len(fitted_runs(comparison)) > 1 else ():
-            yield Variant(
-                columns=np.where(index == comparison.runs.index(run), change, 0.0)[:, None],
-                names=(f"{one} and {other} put back in their places",),
-                place="wiring",
-                sources=(one, other),
-                run=run,
-                bounds=_AROUND_ONE,
-                regime=f"run {run}",
-            )
+        words = f"{one} and {other} put back in their places"
+        for part in single_runs(comparison):
+            yield part.variant(change, words, "wiring", sources=(one, other), bounds=_AROUND_ONE)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if not any(True for _ in _variants(comparison, response)):
-        return "no other channel of the same quantity was recorded and simulated, or read by the simulation"
-    return None
+    lacking = "no other channel of the same quantity was recorded and simulated, or read by the simulation"
+    return lacking if next(_variants(comparison, response), None) is None else None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    of_input = fault_reading(fitted, comparison)
-    if of_input is not None:
-        return of_input
     one, other = fitted.variant.sources
-    if one != fitted.response:
-        return Reading(
-            f"{one} and {other} have changed places{where_of(fitted)}: so read, the simulation of {fitted.response} is "
-            f"off by up to {fitted.largest:.3g} {fitted.unit}.",
-            {"share": estimate(fitted, "1")},
-        )
-    return Reading(
-        f"What stands under {fitted.response} is what was simulated for {other}: the two channels have changed places"
-        f"{where_of(fitted)}.",
-        {"share": estimate(fitted, "1")},
+    changed = f"have changed places{fitted.where}"
+    text = (
+        f"{one} and {other} {changed}: so read, the simulation of {fitted.response} is off by up to {fitted.up_to}."
+        if one != fitted.response
+        else f"What stands under {one} is what was simulated for {other}: the two channels {changed}."
     )
+    return Reading(text, {"share": fitted.coefficient("1")})
 
 
 EFFECT = Effect(
@@ -118,5 +93,5 @@ EFFECT = Effect(
     experiment="Warm, press or move one of the two sensors by hand and see which channel answers.",
     variants=_variants,
     testable=_testable,
-    reading=_reading,
+    reading=or_of_input(_reading),
 )

@@ -7,15 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import Part, amount, estimate, step_unit, where_of, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.data._places import amount, everywhere, step_unit, whole_runs
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, always
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    ones = np.ones(len(comparison.time_s))
-    everywhere = Part(ones.astype(bool), None, "")
-    for part in [everywhere, *whole_runs(comparison, lambda rows: _level(comparison, response, rows))]:
-        yield Variant(part.over(ones)[:, None], ("constant",), place="zero", run=part.run, regime=part.regime)
+    for part in (everywhere(comparison), *whole_runs(comparison, lambda rows: _level(comparison, response, rows))):
+        yield part.variant(np.ones(len(comparison.time_s)), "constant", "zero")
 
 
 def _level(comparison: Comparison, response: str, rows: slice) -> float:
@@ -24,15 +22,11 @@ def _level(comparison: Comparison, response: str, rows: slice) -> float:
     return float(np.median(seen)) if len(seen) else 0.0
 
 
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return None
-
-
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    zero = estimate(fitted, step_unit(fitted.unit))
+    zero = fitted.coefficient(step_unit(fitted.unit))
     return Reading(
         f"{fitted.response} is recorded {amount(zero.value, fitted.unit)} too {'high' if zero.value > 0 else 'low'}"
-        f"{where_of(fitted)}.",
+        f"{fitted.where}.",
         {"zero": zero},
     )
 
@@ -51,6 +45,6 @@ EFFECT = Effect(
     refuted_by="A reading of the reference point that is right at the start of the run in question.",
     experiment="Read the reference point (datum bore, gauge block, rest position) before and after every run.",
     variants=_variants,
-    testable=_testable,
+    testable=always,
     reading=_reading,
 )

@@ -22,10 +22,8 @@ from selector.diagnosis.shapes.axis import (
 )
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
 from selector.diagnosis.shapes.signals import excited, filled, rate
-from selector.diagnosis.shown_units import displayed
 from selector.types import Vector
 
-PLACES = PLACE_ROLES
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
 
@@ -84,28 +82,25 @@ def _looked_at(shape: Mapping[str, Quantity] | None) -> float:
     return LEADS_LOOKED_AT if shape and "lead_mm" in shape else 1.0
 
 
-def any_response(comparison: Comparison, response: str) -> str | None:
-    """None if a force on an axis can be seen here."""
-    return responds(comparison, response)
-
-
 def reverses(comparison: Comparison, response: str) -> str | None:
     """None if a force can be seen here and the axis goes both ways."""
     lacking = responds(comparison, response)
-    if lacking is not None:
-        return lacking
-    sense = motion_of(comparison, response).sense
-    if not (np.any(sense > 0.0) and np.any(sense < 0.0)):
+    if lacking is None and np.ptp(motion_of(comparison, response).sense) < 2.0:
         return "the axis moves one way only, where dry friction is a constant"
-    return None
+    return lacking
 
 
 def place_only(comparison: Comparison, response: str) -> str | None:
     """None if the response is a displacement or position of an axis that moves."""
     lacking = responds(comparison, response)
-    if lacking is None and comparison.channel(response).role not in PLACES:
+    if lacking is None and comparison.channel(response).role not in PLACE_ROLES:
         return f"{response} is no displacement or position, and it does not show elsewhere"
     return lacking
+
+
+def stays(comparison: Comparison, response: str) -> str | None:
+    """None if the axis is at more than one place."""
+    return None if np.ptp(motion_of(comparison, response).position_m) > 0.0 else "the axis stays in one place"
 
 
 def presliding_m(comparison: Comparison, response: str) -> float:
@@ -122,54 +117,21 @@ def centred_place(moving: Motion) -> Vector:
     return np.asarray((2.0 * moving.position_m - low - high) / (high - low))
 
 
-def coefficient(fitted: Fitted, column: int, unit: str | None = None, factor: float = 1.0) -> Quantity:
-    """A fitted coefficient with its 95 % interval, times a factor, in this unit (None: of the response)."""
-    value, half = (
-        factor * float(fitted.coefficients[column]),
-        1.96 * abs(factor * float(fitted.standard_errors[column])),
-    )
-    return Quantity(value, fitted.unit if unit is None else unit, value - half, value + half)
-
-
-def shape_quantity(fitted: Fitted, name: str) -> Quantity:
-    """A shape parameter with the interval of its profile."""
-    found = fitted.variant.shape[name]
-    low, high = fitted.shape_intervals.get(name, (found.low, found.high))
-    return Quantity(found.value, found.unit, low, high)
-
-
-def size_of(fitted: Fitted) -> str:
-    """How large the effect's course is, in words."""
-    factor, unit = displayed(fitted.unit, fitted.largest)
-    rms, largest = _number(factor * fitted.rms), _number(factor * fitted.largest)
-    return f"{rms} {unit} rms and up to {largest} {unit} in {fitted.response}"
-
-
-def with_interval(quantity: Quantity, *, amount: bool = False) -> str:
-    """Value, interval and unit in words; with `amount` without its sign."""
-    factor, unit = displayed(quantity.unit, quantity.value)
-    value = factor * (abs(quantity.value) if amount else quantity.value)
-    unit = f" {unit}" if unit else ""
-    if quantity.low is None or quantity.high is None:
-        return f"{_number(value)}{unit}"
-    low, high = factor * quantity.low, factor * quantity.high
-    if amount and quantity.value < 0.0:
-        low, high = -high, -low
-    return f"{_number(value)} ({_number(low)} to {_number(high)}){unit}"
-
-
 def is_force(fitted: Fitted, comparison: Comparison) -> bool:
     """Whether the fitted response is a force, current or voltage: its first coefficient then is a force in its unit."""
     return comparison.channel(fitted.response).role in FORCE_ROLES
 
 
-def key_of(fitted: Fitted) -> str:
-    """Name of a parameter that is a force in the unit of the response."""
-    return {"N": "force_n", "A": "current_a", "V": "voltage_v"}.get(fitted.unit, "amount")
+def force_key(fitted: Fitted, comparison: Comparison) -> str:
+    """Name of a parameter that is a force in the unit of the response; empty where it is none."""
+    key = {"N": "force_n", "A": "current_a", "V": "voltage_v"}.get(fitted.unit, "amount")
+    return key if is_force(fitted, comparison) else ""
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}"
+def waved(fitted: Fitted) -> Quantity:
+    """Amplitude of a sine and a cosine, the first two columns."""
+    amount, error = (float(np.hypot(*of[:2])) for of in (fitted.coefficients, fitted.standard_errors))
+    return Quantity(amount, fitted.unit, max(amount - 1.96 * error, 0.0), amount + 1.96 * error)
 
 
 SHORTEST_M = 5e-4
@@ -201,7 +163,7 @@ def leads(comparison: Comparison, axis: str | None, *, of_force: bool) -> tuple[
     courses = []
     for name in comparison.responses:
         channel = comparison.channel(name)
-        seen = FORCE_ROLES + PLACES if of_force else PLACES
+        seen = FORCE_ROLES + PLACE_ROLES if of_force else PLACE_ROLES
         if channel.role not in seen or (axis is not None and channel.axis not in (None, axis)):
             continue
         left = _left(comparison, moving, name)

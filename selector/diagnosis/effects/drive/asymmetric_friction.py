@@ -7,18 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    coefficient,
-    is_force,
-    key_of,
-    motion_of,
-    of_forces,
-    presliding_m,
-    reverses,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _ALL = "friction that both directions differ by"
@@ -26,16 +15,13 @@ _GROWING = "the same, growing with speed"
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if reverses(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     # a constant in both directions and at rest is no friction: only what starts and stops with the motion counts
     moved = np.abs(moving.friction_state(presliding_m(comparison, response)))
-    fast = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
     share = moving.velocity_m_per_s / float(np.abs(moving.velocity_m_per_s).max())
-    yield from of_forces(comparison, response, {_ALL: moved}, {"growth": Quantity(0.0, "1")})
-    yield from of_forces(comparison, response, {_GROWING: fast}, {"growth": Quantity(1.0, "1")})
-    yield from of_forces(comparison, response, {_ALL: moved, _GROWING: fast}, {"growth": Quantity(0.5, "1")})
+    fast = np.abs(share)
+    for growth, forces in ((0.0, {_ALL: moved}), (1.0, {_GROWING: fast}), (0.5, {_ALL: moved, _GROWING: fast})):
+        yield from of_forces(comparison, response, forces, {"growth": Quantity(growth, "1")})
     for sense, words in ((1.0, "forwards"), (-1.0, "backwards")):
         one_way = np.maximum(sense * share, 0.0) * sense
         shape = {"growth": Quantity(1.0, "1"), "direction": Quantity(sense, "1")}
@@ -47,31 +33,24 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     one_way = fitted.variant.shape.get("direction")
     how = "" if one_way is None else (" forwards" if one_way.value > 0.0 else " backwards") + " only"
     law = " and grows with speed" if growing else ""
-    if is_force(fitted, comparison):
-        force = coefficient(fitted, 0)
+    key = force_key(fitted, comparison)
+    if key:
+        force = fitted.coefficient()
         at = " at the largest speed" if growing and len(fitted.coefficients) == 1 else ""
-        differ = Quantity(2.0 * abs(force.value), force.unit) if one_way is None else None
-        text = (
-            f"differs by {with_interval(differ)} between the two directions{at}"
-            if differ is not None
-            else f"has another law{how}, by {with_interval(force, amount=True)} at the largest speed"
-        )
-        return Reading(
-            f"Friction {text}{law if not at and differ else ''}: {size_of(fitted)}.", {key_of(fitted): force}
-        )
-    return Reading(
-        f"Friction differs between the two directions{how}{law}: {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)},
-    )
+        text = f"has another law{how}, by {force.words(amount=True)} at the largest speed"
+        if one_way is None:
+            differ = Quantity(2.0 * abs(force.value), force.unit)
+            text = f"differs by {differ.words()} between the two directions{at or law}"
+        return Reading(f"Friction {text}: {fitted.size_words}.", {key: force})
+    return Reading(f"Friction differs between the two directions{how}{law}: {fitted.size_words}.", fitted.size)
 
 
 EFFECT = Effect(
     id="drive.asymmetric_friction",
     title="Friction that differs by direction",
-    physics="Preload, wear or a wiper make the friction of one direction larger than that of the other, by a "
-    "constant or in "
-    "proportion to speed. What differs starts and stops with the motion; a constant that is there at rest as well is a "
-    "force, not friction.",
+    physics="Preload, wear or a wiper make the friction of one direction larger than that of the other, by a constant "
+    "or in proportion to speed. What differs starts and stops with the motion; a constant that is there at rest as "
+    "well is a force, not friction.",
     reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; A. Janot, M. "
     "Gautier, "
     "M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks",
@@ -91,9 +70,8 @@ EFFECT = Effect(
     confounders=("drive.coulomb", "drive.viscous", "drive.offset_force", "data.zero"),
     refuted_by="Strokes at the same speed in both directions whose forces, less the force at rest, are equal and "
     "opposite.",
-    experiment="Move 50 mm to and fro at 5, 20 and 100 % of the rapid speed with 1 s dwells, and let the drive off "
-    "and on in one "
-    "dwell: the mean of the forces there and back, less that at rest, is the asymmetry.",
+    experiment="Move 50 mm to and fro at 5, 20 and 100 % of the rapid speed with 1 s dwells, and let the drive off and "
+    "on in one dwell: the mean of the forces there and back, less that at rest, is the asymmetry.",
     variants=_variants,
     testable=reverses,
     reading=_reading,

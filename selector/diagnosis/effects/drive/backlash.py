@@ -9,19 +9,10 @@ import numpy as np
 from numba import njit
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    PLACES,
-    coefficient,
-    direct,
-    motion_of,
-    presliding_m,
-    reverses,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import direct, motion_of, presliding_m, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force
-from selector.diagnosis.shapes.force_response import loop_parts
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts
 from selector.diagnosis.shapes.signals import scaled
 from selector.types import Vector
 
@@ -39,8 +30,6 @@ _LOADED = 0.01
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     starts = np.asarray(moving.starts)
     seen: list[Vector] = []
@@ -83,7 +72,7 @@ def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: 
 
 def _of_side(comparison: Comparison, response: str, side: Vector, shape: dict[str, Quantity]) -> Variant:
     """Position: half of the play on either side; force: what crossing it costs the drive."""
-    if comparison.channel(response).role in PLACES:
+    if comparison.channel(response).role in PLACE_ROLES:
         return direct(comparison, response, {"side that the flanks touch on": -side}, shape)
     impulses = loop_parts(comparison, response, side)
     columns = {f"impulse at reversal, {k + 1}": scaled(part) for k, part in enumerate(impulses)}
@@ -124,36 +113,29 @@ def _loaded_side(load, starts, least, begun):  # type: ignore[no-untyped-def]
 
 def _testable(comparison: Comparison, response: str) -> str | None:
     lacking = reverses(comparison, response)
-    if lacking is not None:
-        return lacking
-    if comparison.channel(response).role not in PLACES + FORCE_ROLES:
+    if lacking is None and comparison.channel(response).role not in PLACE_ROLES + FORCE_ROLES:
         return f"{response} is no displacement, position, force or current"
-    return None
+    return lacking
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    if comparison.channel(fitted.response).role in PLACES:
-        lost = coefficient(fitted, 0, factor=2.0)
+    if comparison.channel(fitted.response).role in PLACE_ROLES:
+        lost = fitted.coefficient(factor=2.0)
         return Reading(
-            f"At each reversal {with_interval(lost, amount=True)} of motion are lost, whatever speed and force.",
+            f"At each reversal {lost.words(amount=True)} of motion are lost, whatever speed and force.",
             {"lost_motion": Quantity(abs(lost.value), lost.unit)},
         )
-    return Reading(
-        f"At each reversal the drive crosses a play: impulses of {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)},
-    )
+    return Reading(f"At each reversal the drive crosses a play: impulses of {fitted.size_words}.", fitted.size)
 
 
 EFFECT = Effect(
     id="drive.backlash",
     title="Backlash",
     physics="Play between nut and screw, in a gear or coupling is crossed at each reversal before the table follows. "
-    "The position "
-    "lags by half of it on either side, whatever speed and force, and stays there at standstill; the current shows "
-    "impulses.",
+    "The position lags by half of it on either side, whatever speed and force, and stays there at standstill; the "
+    "current shows impulses.",
     reference="ISO 230-2:2014, reversal error of an axis; M. Nordin, P.-O. Gutman (2002), Controlling mechanical "
-    "systems with "
-    "backlash – a survey, Automatica 38(10), 1633–1649",
+    "systems with backlash – a survey, Automatica 38(10), 1633–1649",
     enters="displacement",
     acts_at="nut, gear, coupling or bearing of an axis",
     parameters=(
@@ -169,8 +151,7 @@ EFFECT = Effect(
     refuted_by="A lost motion that grows with load, speed or acceleration, or a force that jumps at each reversal by "
     "its amount.",
     experiment="Approach ten places from both sides at 1 and 20 mm/s, with dwells of 1 s, with an empty and a loaded "
-    "table: the "
-    "difference is the same everywhere and for every load.",
+    "table: the difference is the same everywhere and for every load.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -5,26 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    coefficient,
-    is_force,
-    key_of,
-    motion_of,
-    of_forces,
-    reverses,
-    shape_quantity,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if reverses(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     for presliding_um in _PRESLIDING_UM:
         friction = moving.friction_state(1e-6 * presliding_um)
@@ -33,20 +20,20 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    presliding = shape_quantity(fitted, "presliding_um")
-    if is_force(fitted, comparison):
-        force = coefficient(fitted, 0)
+    presliding = fitted.parameter("presliding_um")
+    key = force_key(fitted, comparison)
+    if key:
+        force = fitted.coefficient()
         turned = " against the sense that friction has" if force.value < 0.0 else ""
         return Reading(
-            f"Dry friction of {with_interval(force, amount=True)} by sign of motion{turned}, whatever the speed, "
-            f"acts on "
-            f"the axis and is not in the simulation ({size_of(fitted)}).",
-            {key_of(fitted): force, "presliding_um": presliding},
+            f"Dry friction of {force.words(amount=True)} by sign of motion{turned}, whatever the speed, acts on the "
+            f"axis and is not in the simulation ({fitted.size_words}).",
+            {key: force, "presliding_um": presliding},
         )
     return Reading(
         f"At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside: "
-        f"{size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit), "presliding_um": presliding},
+        f"{fitted.size_words}.",
+        fitted.size | {"presliding_um": presliding},
     )
 
 
@@ -74,8 +61,7 @@ EFFECT = Effect(
     refuted_by="Strokes at constant speed in both directions whose forces differ by nothing, or by what grows with "
     "speed.",
     experiment="Move 50 mm to and fro at 5, 20, 50 and 100 % of the rapid speed, three times each with 0.5 s dwells: "
-    "half the "
-    "difference of the forces there and back is the same at all four speeds.",
+    "half the difference of the forces there and back is the same at all four speeds.",
     variants=_variants,
     testable=reverses,
     reading=_reading,

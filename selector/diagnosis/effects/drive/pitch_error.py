@@ -7,22 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    centred_place,
-    direct,
-    leads,
-    motion_of,
-    place_only,
-    shape_quantity,
-    size_of,
-)
+from selector.diagnosis.effects.drive._forces import centred_place, direct, leads, motion_of, place_only, waved
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shown_units import displayed
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if place_only(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     place = centred_place(moving)
     powers = {"position": place, "position²": place**2, "position³": place**3}
@@ -46,19 +36,17 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if "lead_mm" in fitted.variant.shape:
-        lead = shape_quantity(fitted, "lead_mm")
-        amount = float(np.hypot(fitted.coefficients[0], fitted.coefficients[1]))
-        half = 1.96 * float(np.hypot(fitted.standard_errors[0], fitted.standard_errors[1]))
-        factor, unit = displayed(fitted.unit, amount)
-        amplitude = Quantity(amount, fitted.unit, max(amount - half, 0.0), amount + half)
+        lead = fitted.parameter("lead_mm")
+        amplitude = waved(fitted)
+        factor, unit = displayed(fitted.unit, amplitude.value)
+        size = f"{factor * amplitude.value:.3g} {unit}"
         return Reading(
-            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {factor * amount:.3g} {unit}, "
-            f"whatever the speed: {size_of(fitted)}.",
+            f"The position error repeats every {lead.value:.4g} mm with an amplitude of {size}, "
+            f"whatever the speed: {fitted.size_words}.",
             {"lead_mm": lead, "amplitude": amplitude},
         )
     return Reading(
-        f"A position error grows along the way, whatever speed and direction: {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)},
+        f"A position error grows along the way, whatever speed and direction: {fitted.size_words}.", fitted.size
     )
 
 
@@ -66,8 +54,7 @@ EFFECT = Effect(
     id="drive.pitch_error",
     title="Pitch error",
     physics="The screw's lead, or the scale's pitch, is off by an amount that belongs to the place: cumulative, or "
-    "repeating with "
-    "each turn. The position is off by it in both directions and at every speed, and the force is not.",
+    "repeating with each turn. The position is off by it in both directions and at every speed, and the force is not.",
     reference="ISO 230-2:2014, positioning deviation along the axis; ISO 3408-3, travel deviation and variation of "
     "ball screws",
     enters="displacement",
@@ -84,8 +71,7 @@ EFFECT = Effect(
     confounders=("drive.ripple", "drive.varying_stiffness", "thermal.second_source", "vibration.line"),
     refuted_by="The same places passed at another speed with another error, or one that shifts between directions.",
     experiment="Measure the position error at rest every 1/8 lead over ten turns and every 50 mm over the whole way, "
-    "both "
-    "directions, five times (ISO 230-2).",
+    "both directions, five times (ISO 230-2).",
     variants=_variants,
     testable=place_only,
     reading=_reading,

@@ -7,69 +7,51 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    any_response,
-    is_force,
-    key_of,
-    leads,
-    motion_of,
-    of_forces,
-    shape_quantity,
-    size_of,
-)
+from selector.diagnosis.effects.drive._forces import force_key, leads, motion_of, of_forces, waved
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.force_response import responds
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     for lead in leads(comparison, comparison.channel(response).axis, of_force=True):
         turn = 2.0 * np.pi * moving.position_m / lead
         once = {"sine of the angle": np.sin(turn), "cosine of the angle": np.cos(turn)}
-        shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(1.0, "1")}
-        yield from of_forces(comparison, response, once, shape, of_motor=True)
         twice = {"sine of twice the angle": np.sin(2.0 * turn), "cosine of twice the angle": np.cos(2.0 * turn)}
-        shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(2.0, "1")}
-        yield from of_forces(comparison, response, once | twice, shape, of_motor=True)
+        for harmonics, waves in ((1.0, once), (2.0, once | twice)):
+            shape = {"lead_mm": Quantity(1e3 * lead, "mm"), "harmonics": Quantity(harmonics, "1")}
+            yield from of_forces(comparison, response, waves, shape, of_motor=True)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lacking = any_response(comparison, response)
-    if lacking is not None:
-        return lacking
-    if not leads(comparison, comparison.channel(response).axis, of_force=True):
+    lacking = responds(comparison, response)
+    if lacking is None and not leads(comparison, comparison.channel(response).axis, of_force=True):
         return "the way is too short, or too quick for the sampling, to show what repeats along it"
-    return None
+    return lacking
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    lead = shape_quantity(fitted, "lead_mm")
-    if is_force(fitted, comparison):
-        amount = float(np.hypot(fitted.coefficients[0], fitted.coefficients[1]))
-        half = 1.96 * float(np.hypot(fitted.standard_errors[0], fitted.standard_errors[1]))
-        amplitude = Quantity(amount, fitted.unit, max(amount - half, 0.0), amount + half)
+    lead = fitted.parameter("lead_mm")
+    key = force_key(fitted, comparison)
+    if key:
+        amplitude = waved(fitted)
         return Reading(
             f"A force that repeats every {lead.value:.4g} mm, as cogging or commutation does, has an amplitude of "
-            f"{amount:.3g} {fitted.unit} ({size_of(fitted)}).",
-            {"lead_mm": lead, key_of(fitted): amplitude},
+            f"{amplitude.value:.3g} {fitted.unit} ({fitted.size_words}).",
+            {"lead_mm": lead, key: amplitude},
         )
-    return Reading(
-        f"A force that repeats every {lead.value:.4g} mm shakes the axis, less the slower it goes: {size_of(fitted)}.",
-        {"lead_mm": lead, "largest": Quantity(fitted.largest, fitted.unit)},
-    )
+    text = f"A force that repeats every {lead.value:.4g} mm shakes the axis, less the slower it goes"
+    return Reading(f"{text}: {fitted.size_words}.", {"lead_mm": lead} | fitted.size)
 
 
 EFFECT = Effect(
     id="drive.ripple",
     title="Torque ripple",
-    physics="Cogging, commutation and errors of current measurement make a torque that repeats with the motor's "
-    "angle. The drive "
-    "counters it in current or force, and what it does not counter moves the axis, more at the speeds that the loop "
-    "is weak at.",
-    reference="T. M. Jahns, W. L. Soong (1996), Pulsating torque minimization techniques for permanent magnet AC "
-    "motor drives – "
-    "a review, IEEE Trans. Industrial Electronics 43(2), 321–330",
+    physics="Cogging, commutation and errors of current measurement make a torque that repeats with the motor's angle. "
+    "The drive counters it in current or force, and what it does not counter moves the axis, more at the speeds that "
+    "the loop is weak at.",
+    reference="T. M. Jahns, W. L. Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor "
+    "drives – a review, IEEE Trans. Industrial Electronics 43(2), 321–330",
     enters="force",
     acts_at="motor or screw of an axis",
     parameters=(
@@ -81,9 +63,8 @@ EFFECT = Effect(
     # in the position alone, and at one speed, both are the same sine
     confounders=("drive.pitch_error", "vibration.line"),
     refuted_by="A current without the period, or a period that keeps its frequency when the speed changes.",
-    experiment="Move 10 turns to and fro at 2, 5, 10, 20 and 50 turns per minute: the period stays the same along "
-    "the way, and "
-    "the amplitude in the current, too.",
+    experiment="Move 10 turns to and fro at 2, 5, 10, 20 and 50 turns per minute: the period stays the same along the "
+    "way, and the amplitude in the current, too.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

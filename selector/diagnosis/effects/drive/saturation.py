@@ -7,16 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    PLACES,
-    any_response,
-    asked_for,
-    held_back,
-    held_back_axis,
-    motion_of,
-    shape_quantity,
-    size_of,
-)
+from selector.diagnosis.effects.drive._forces import asked_for, held_back, held_back_axis, motion_of
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
@@ -25,7 +16,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_axis,
     simulated_drive_force,
 )
-from selector.diagnosis.shapes.force_response import ClosedLoop, closed_loop, drawn_out
+from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, closed_loop, drawn_out, responds
 from selector.diagnosis.shapes.signals import scaled
 from selector.types import Vector
 
@@ -38,8 +29,6 @@ _FURTHEST_S = 10.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     axis = comparison.channel(response).axis
     told = simulated_axis(comparison, axis)
     loop = told or closed_loop(comparison, axis)
@@ -55,14 +44,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             if not 0.0 < level < top or int(np.count_nonzero(above[~comparison.held_out])) < _FEWEST_ROWS:
                 continue
             shape = {"limit": Quantity(level, unit), "kind": Quantity(kind, "1")}
-            for columns, words in _shapes(comparison, response, loop, course, level, kind):
-                yield Variant(
-                    np.column_stack(columns),
-                    tuple(f"{what} at the limit of {name}" for what in words),
-                    shape,
-                    sources=motion_of(comparison, response).sources,
-                    regime=f"|{name}| > {level:.3g} {unit}",
-                )
+            regime = f"|{name}| > {level:.3g} {unit}"
+            for column, what in _shapes(comparison, response, loop, course, level, kind):
+                words = (f"{what} at the limit of {name}",)
+                sources = motion_of(comparison, response).sources
+                yield Variant(column[:, None], words, shape, sources=sources, regime=regime)
 
 
 def _shapes(
@@ -72,15 +58,15 @@ def _shapes(
     course: Vector,
     level: float,
     kind: float,
-) -> Iterator[tuple[list[Vector], list[str]]]:
+) -> Iterator[tuple[Vector, str]]:
     """What a course that cannot exceed a level does to the response; with a control that winds up, and without."""
     role = comparison.channel(response).role
     if kind == 1.0:
         excess = np.sign(course) * np.maximum(np.abs(course) - level, 0.0)
-        yield [drawn_out(comparison, response, excess)], ["way that lacks"]
+        yield drawn_out(comparison, response, excess), "way that lacks"
     elif loop is None:
         if role in FORCE_ROLES:
-            yield [np.clip(course, -level, level) - course], ["force that lacks"]
+            yield np.clip(course, -level, level) - course, "force that lacks"
     else:
         for winds_up in (True, False):
             if isinstance(loop, SimulatedAxis):
@@ -91,12 +77,12 @@ def _shapes(
             if not np.abs(behind).max() < _FURTHEST_S**2 * np.abs(course).max():
                 continue
             if role in FORCE_ROLES:
-                yield [lacking], ["force that lacks"]
-            elif role in PLACES:
-                yield [scaled(behind)], ["way behind"]
+                yield lacking, "force that lacks"
+            elif role in PLACE_ROLES:
+                yield scaled(behind), "way behind"
             else:
                 speed, acceleration = derivatives(comparison, scaled(behind))
-                yield [speed if role == "velocity" else acceleration], ["motion that lacks"]
+                yield speed if role == "velocity" else acceleration, "motion that lacks"
 
 
 def _limited(comparison: Comparison, response: str) -> Iterator[tuple[str, Vector, str, float]]:
@@ -122,17 +108,12 @@ def _plateau(comparison: Comparison, name: str) -> list[float]:
     return [level] if 0.2 * float(told[both].max(initial=0.0)) < level else []
 
 
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return any_response(comparison, response)
-
-
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    limit = shape_quantity(fitted, "limit")
+    limit = fitted.parameter("limit")
     what = fitted.variant.regime or ""
     return Reading(
         f"A limit of {limit.value:.3g} {limit.unit} is run into ({what}), and what is lacking has to be made good "
-        f"later: "
-        f"{size_of(fitted)}.",
+        f"later: {fitted.size_words}.",
         {"limit": limit},
     )
 
@@ -140,9 +121,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="drive.saturation",
     title="Limit of force or speed",
-    physics="Current, voltage, torque or speed of the drive cannot exceed a limit. Where the simulation asks for "
-    "more, the record "
-    "is flat, the axis falls behind, and the loop makes up for it afterwards.",
+    physics="Current, voltage, torque or speed of the drive cannot exceed a limit. Where the simulation asks for more, "
+    "the record is flat, the axis falls behind, and the loop makes up for it afterwards.",
     reference="K. J. Åström, T. Hägglund (2006), Advanced PID control, chapter 3 (limits and windup)",
     enters="limit",
     acts_at="amplifier, motor or control of an axis",
@@ -154,9 +134,8 @@ EFFECT = Effect(
     confounders=("drive.mass", "drive.delay", "data.stuck"),
     refuted_by="A record that exceeds the limit without becoming flat.",
     experiment="Strokes of 100 mm with 50, 70, 90 and 100 % of the largest acceleration and speed: the current stops "
-    "growing at "
-    "one of them.",
+    "growing at one of them.",
     variants=_variants,
-    testable=_testable,
+    testable=responds,
     reading=_reading,
 )

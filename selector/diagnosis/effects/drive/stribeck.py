@@ -7,19 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    coefficient,
-    is_force,
-    key_of,
-    motion_of,
-    of_forces,
-    presliding_m,
-    reverses,
-    shape_quantity,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 
 _N_SPEEDS = 6
@@ -28,8 +16,6 @@ _EXPONENTS = (1.0, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     speed = np.abs(moving.velocity_m_per_s)
     friction = moving.friction_state(presliding_m(comparison, response))
@@ -55,22 +41,22 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    speed = shape_quantity(fitted, "stribeck_speed_m_per_s")
+    speed = fitted.parameter("stribeck_speed_m_per_s")
     below = f"below about {1e3 * speed.value:.3g} mm/s"
     parameters = {"stribeck_speed_m_per_s": speed}
-    if is_force(fitted, comparison):
-        force = coefficient(fitted, 0)
+    key = force_key(fitted, comparison)
+    if key:
+        force = fitted.coefficient()
         more = "more" if force.value > 0.0 else "less"
         return Reading(
-            f"Friction is {with_interval(force, amount=True)} {more} near standstill than at speed; it has changed "
-            f"{below} "
-            f"({size_of(fitted)}).",
-            {key_of(fitted): force} | parameters,
+            f"Friction is {force.words(amount=True)} {more} near standstill than at speed; it has changed {below} "
+            f"({fitted.size_words}).",
+            {key: force} | parameters,
         )
     return Reading(
         f"A friction that falls with speed, felt {below}, pushes the axis aside where it starts and turns: "
-        f"{size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)} | parameters,
+        f"{fitted.size_words}.",
+        fitted.size | parameters,
     )
 
 
@@ -94,9 +80,8 @@ EFFECT = Effect(
     needs="current, force, voltage or position error of an axis that goes both ways, with slow motion in it",
     confounders=("drive.coulomb", "drive.viscous", "drive.backlash"),
     refuted_by="Slow strokes whose friction is no larger than that of fast ones, less the viscous part.",
-    experiment="Move 20 mm to and fro at 0.2, 0.5, 1, 2, 5 and 20 mm/s, then at 100 mm/s: friction against speed "
-    "falls first and "
-    "rises then.",
+    experiment="Move 20 mm to and fro at 0.2, 0.5, 1, 2, 5 and 20 mm/s, then at 100 mm/s: friction against speed falls "
+    "first and rises then.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

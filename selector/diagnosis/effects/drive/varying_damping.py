@@ -7,63 +7,39 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    any_response,
-    centred_place,
-    coefficient,
-    is_force,
-    motion_of,
-    of_forces,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, centred_place, is_force, motion_of, of_forces, stays
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.force_response import responds
 
 _WITH = ("position", "position to the second power", "acceleration")
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     speed, place = moving.velocity_m_per_s, centred_place(moving)
     pull = np.abs(moving.acceleration_m_per_s2)
     pull = pull / max(float(pull.max()), 1e-12)
-    linear = "viscous friction times position"
-    square = "viscous friction times position²"
-    for number, forces in enumerate(
-        (
-            {linear: speed * place},
-            {linear: speed * place, square: speed * place**2},
-            {"viscous friction times acceleration": speed * pull},
-        )
-    ):
-        shape = {"law": Quantity(float(number), "1")}
-        yield from of_forces(comparison, response, forces, shape)
+    linear = {"viscous friction times position": speed * place}
+    square = {"viscous friction times position²": speed * place**2}
+    laws = (linear, linear | square, {"viscous friction times acceleration": speed * pull})
+    for number, forces in enumerate(laws):
+        yield from of_forces(comparison, response, forces, {"law": Quantity(float(number), "1")})
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lacking = any_response(comparison, response)
-    if lacking is not None:
-        return lacking
-    moving = motion_of(comparison, response)
-    return None if np.ptp(moving.position_m) > 0.0 else "the axis stays in one place"
+    return responds(comparison, response) or stays(comparison, response)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     what = _WITH[int(fitted.variant.shape["law"].value)]
     if is_force(fitted, comparison):
-        slope = coefficient(fitted, 0, f"{fitted.unit}*s/m")
+        slope = fitted.coefficient(f"{fitted.unit}*s/m")
         where = "from the middle of the way to its end" if "position" in what else "up to the largest acceleration"
         return Reading(
-            f"Friction per speed changes with {what}, by {with_interval(slope)} {where} ({size_of(fitted)}).",
+            f"Friction per speed changes with {what}, by {slope.words()} {where} ({fitted.size_words}).",
             {"change": slope},
         )
-    return Reading(
-        f"A friction per speed that changes with {what} shifts the axis: {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)},
-    )
+    return Reading(f"A friction per speed that changes with {what} shifts the axis: {fitted.size_words}.", fitted.size)
 
 
 EFFECT = Effect(
@@ -85,8 +61,7 @@ EFFECT = Effect(
     confounders=("drive.viscous", "drive.varying_stiffness", "drive.pitch_error", "drive.mass"),
     refuted_by="Strokes at one speed whose force is the same at every place.",
     experiment="Move over the whole way to and fro at 20 and 100 % of the rapid speed, three times: the force at "
-    "constant speed "
-    "against position, there and back.",
+    "constant speed against position, there and back.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,60 +7,37 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    centred_place,
-    direct,
-    motion_of,
-    place_only,
-    presliding_m,
-    size_of,
-)
+from selector.diagnosis.effects.drive._forces import centred_place, direct, motion_of, place_only, presliding_m, stays
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.axis import Motion, simulated_drive_force
-from selector.types import Vector
+from selector.diagnosis.shapes.axis import simulated_drive_force
 
 _INERTIA, _FRICTION = "inertia", "friction"
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     moving = motion_of(comparison, response)
     place = centred_place(moving)
     speed = np.abs(moving.velocity_m_per_s) / float(np.abs(moving.velocity_m_per_s).max())
-    for number, (name, load) in enumerate(_loads(comparison, response, moving)):
-        shape = {"load": Quantity(float(number), "1")}
-        linear, square = f"{name} × position", f"{name} × position²"
-        yield direct(comparison, response, {linear: load * place}, shape | _law(0))
-        yield direct(comparison, response, {linear: load * place, square: load * place**2}, shape | _law(1))
-        if name == _FRICTION:
-            # friction times its amount is friction, and times speed a lag: nothing that varies
-            continue
+    friction = moving.friction_state(presliding_m(comparison, response))
+    loads = [(_INERTIA, moving.acceleration_m_per_s2), (_FRICTION, friction)]
+    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
+    for number, (name, load) in enumerate([drive, *loads] if drive is not None else loads):
         # contacts stiffen with their load: the stiffness of Hertz goes with its cube root
         most = max(float(np.abs(load).max()), 1e-300)
-        yield direct(comparison, response, {f"{name} × its amount": load * np.abs(load) / most}, shape | _law(2))
-        if name == _INERTIA:
-            yield direct(comparison, response, {f"{name} × speed": load * speed}, shape | _law(3))
-
-
-def _law(number: int) -> dict[str, Quantity]:
-    return {"law": Quantity(float(number), "1")}
-
-
-def _loads(comparison: Comparison, response: str, moving: Motion) -> list[tuple[str, Vector]]:
-    loads = [
-        (_INERTIA, moving.acceleration_m_per_s2),
-        (_FRICTION, moving.friction_state(presliding_m(comparison, response))),
-    ]
-    drive = simulated_drive_force(comparison, comparison.channel(response).axis)
-    return [drive, *loads] if drive is not None else loads
+        linear, square = {f"{name} × position": load * place}, {f"{name} × position²": load * place**2}
+        laws = [linear, linear | square, {f"{name} × its amount": load * np.abs(load) / most}]
+        if name == _FRICTION:
+            # friction times its amount is friction, and times speed a lag: nothing that varies
+            laws = laws[:2]
+        elif name == _INERTIA:
+            laws.append({f"{name} × speed": load * speed})
+        for law, columns in enumerate(laws):
+            shape = {"load": Quantity(float(number), "1"), "law": Quantity(float(law), "1")}
+            yield direct(comparison, response, columns, shape)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lacking = place_only(comparison, response)
-    if lacking is not None:
-        return lacking
-    return None if np.ptp(motion_of(comparison, response).position_m) > 0.0 else "the axis stays in one place"
+    return place_only(comparison, response) or stays(comparison, response)
 
 
 _WITH = ("position", "position and its square", "load", "speed")
@@ -68,21 +45,16 @@ _WITH = ("position", "position and its square", "load", "speed")
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     what = _WITH[int(fitted.variant.shape["law"].value)]
-    return Reading(
-        f"The wind-up of the axis per load changes with {what}: {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit)},
-    )
+    return Reading(f"The wind-up of the axis per load changes with {what}: {fitted.size_words}.", fitted.size)
 
 
 EFFECT = Effect(
     id="drive.varying_stiffness",
     title="Stiffness that varies",
     physics="The part of the screw that carries the load grows with the distance of the nut from the fixed bearing, "
-    "and contacts "
-    "stiffen with their load. The same force yields more at one place than at another.",
+    "and contacts stiffen with their load. The same force yields more at one place than at another.",
     reference="Yao, Zhang, time-varying characteristics of an NC feed system (equations 4 and 5: torsion by length, "
-    "Hertz contacts "
-    "by load)",
+    "Hertz contacts by load)",
     enters="state",
     acts_at="screw, nut or bearings of an axis",
     parameters=(
@@ -94,9 +66,8 @@ EFFECT = Effect(
     needs="displacement or position of the table of an axis that is loaded at several places",
     confounders=("drive.elasticity", "drive.varying_damping", "drive.pitch_error", "thermal.second_source"),
     refuted_by="The same push that yields the same at both ends of the way.",
-    experiment="Short strokes of 5 mm with the largest acceleration, ten at each end and ten in the middle: the "
-    "error while it "
-    "speeds up differs by place.",
+    experiment="Short strokes of 5 mm with the largest acceleration, ten at each end and ten in the middle: the error "
+    "while it speeds up differs by place.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,24 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import (
-    YIELD,
-    any_response,
-    coefficient,
-    is_force,
-    motion_of,
-    of_forces,
-    size_of,
-    with_interval,
-)
+from selector.diagnosis.effects.drive._forces import YIELD, is_force, motion_of, of_forces
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.force_response import responds
 
 _EXPONENTS = (1.0, 0.67, 1.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if any_response(comparison, response) is not None:
-        return
     speed = motion_of(comparison, response).velocity_m_per_s
     top = float(np.abs(speed).max())
     for exponent in _EXPONENTS:
@@ -37,25 +27,24 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     exponent = fitted.variant.shape["exponent"]
     law = "in proportion to speed" if exponent.value == 1.0 else f"with speed to the power {exponent.value:g}"
     if is_force(fitted, comparison):
-        slope = coefficient(fitted, 0, f"{fitted.unit}*s/m")
+        slope = fitted.coefficient(f"{fitted.unit}*s/m")
         less = "more" if slope.value > 0.0 else "less"
         return Reading(
-            f"Friction that grows {law} is {with_interval(slope, amount=True)} {less} than in the simulation "
-            f"({size_of(fitted)}).",
+            f"Friction that grows {law} is {slope.words(amount=True)} {less} than in the simulation "
+            f"({fitted.size_words}).",
             {"coefficient": slope, "exponent": exponent},
         )
     return Reading(
-        f"A friction that grows {law} and is not in the simulation shifts the axis: {size_of(fitted)}.",
-        {"largest": Quantity(fitted.largest, fitted.unit), "exponent": exponent},
+        f"A friction that grows {law} and is not in the simulation shifts the axis: {fitted.size_words}.",
+        fitted.size | {"exponent": exponent},
     )
 
 
 EFFECT = Effect(
     id="drive.viscous",
     title="Viscous friction",
-    physics="Oil sheared in guides, nut and bearings, and eddy currents in the motor, resist in proportion to speed "
-    "or a power "
-    "of it. Current or force follows the speed, and in its changes the axis is pushed aside.",
+    physics="Oil sheared in guides, nut and bearings, and eddy currents in the motor, resist in proportion to speed or "
+    "a power of it. Current or force follows the speed, and in its changes the axis is pushed aside.",
     reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138",
     enters="force",
     acts_at="guide, screw, bearings or motor of an axis",
@@ -71,7 +60,7 @@ EFFECT = Effect(
     experiment="Move 100 mm to and fro at 5, 20, 50 and 100 % of the rapid speed: the force at constant speed grows "
     "with it.",
     variants=_variants,
-    testable=any_response,
+    testable=responds,
     reading=_reading,
     absorbs=True,
 )

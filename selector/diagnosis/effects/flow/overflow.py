@@ -1,18 +1,186 @@
-"""`flow.overflow`: a store that spills at a level."""
+"""`flow.overflow`: a store that spills at a level, and which stores in a row a simulated level looks like.
+
+Store j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is filled by the recorded inflow. The
+simulation has no noise, so the constants and the levels at the start are found by least squares on its course.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
+from scipy.optimize import least_squares as nonlinear_least_squares
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.reservoirs import Brims, Stores, refitted, stores_of
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_flow, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, no_flow, time_constants
 from selector.types import Vector
+
+_FITS, _WELL = 0.05, 0.01
+"""Root mean square that may be left, and that needs no second look, over the spread of the course."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stores:
+    """One or two stores whose last level is the simulated course."""
+
+    inflow: Vector  #: (n_rows,): What fills the first store, of size about 1
+    #: (6,): Of filling, leak, emptying of the first and of the last store, power of the outflow; how far the inflow
+    #: runs along a line between samples (0: it is held, 1: it does)
+    rates: Vector
+    #: first and last: (n_runs,): Levels at the start of every run
+    first: Vector
+    last: Vector
+    #: zero and size: Course = zero + size·level
+    zero: float
+    size: float
+    n: int  #: Number of stores
+
+    def levels(
+        self, comparison: Comparison, first_brim: float = np.inf, last_brim: float = np.inf, caught: float = 0.0
+    ) -> tuple[Vector, Vector]:
+        """Level of the first store [its own unit] and the course of the last, with brims in these units.
+
+        `caught` is the share of what the first store spills that the second one gets.
+        """
+        brim = (last_brim - self.zero) / self.size
+        h, y = np.zeros(len(comparison.time_s)), np.zeros(len(comparison.time_s))
+        for k, (_, rows) in enumerate(comparison.rows_of_runs()):
+            levels = self.first[k], self.last[k], self.n, first_brim, brim, caught
+            h[rows], y[rows] = _filled(self.inflow[rows], comparison.time_s[rows], self.rates, *levels)
+        return h, self.zero + self.size * y
+
+
+def stores_of(comparison: Comparison, simulated: Vector, inflow: Vector) -> Stores | None:
+    """One store, or else two, that fill with the inflow like the simulated course does; None if neither does."""
+    scale = float(np.std(inflow))
+    size = float(np.ptp(simulated))
+    if scale <= 0.0 or size <= 0.0:
+        return None
+    u = inflow / max(float(np.abs(inflow).max()), 1e-300)
+    best: tuple[float, Stores] | None = None
+    for n, fills, torricelli in ((1, 15.0, True), (2, 8.0, True), (2, 30.0, True), (2, 8.0, False), (2, 30.0, False)):
+        if best is None or best[0] > _WELL * float(np.std(simulated)):
+            found = _fitted(comparison, simulated, u, n, size, fills, torricelli=torricelli)
+            best = found if best is None or found[0] < 0.5 * best[0] else best
+    return best[1] if best is not None and best[0] < _FITS * float(np.std(simulated)) else None
+
+
+def _fitted(
+    comparison: Comparison, simulated: Vector, u: Vector, n: int, size: float, fills: float, *, torricelli: bool
+) -> tuple[float, Stores]:
+    """Fitted from a filling time of `fills` time constants per longest run on; (root mean square left, stores).
+
+    With `torricelli` the outflow goes with the root of the level, and nothing leaks or is read off zero.
+    """
+    n_runs = len(comparison.runs)
+    low = float(simulated.min())
+    rate = fills / comparison.longest_s
+    begins = np.array([max((simulated[rows][0] - low) / size, 0.05) for _, rows in comparison.rows_of_runs()])
+    guess = np.r_[np.log([rate, rate, rate]), 0.5, 0.0, 0.0 if torricelli else low / size, 0.5, begins, begins]
+    if torricelli:
+        guess[7:] += low / size
+    free = np.ones(len(guess), dtype=bool)
+    free[3:6] = not torricelli
+
+    def made(x: Vector) -> Stores:
+        rates = np.array([np.exp(x[0]), x[4] * np.exp(x[0]), np.exp(x[1]), np.exp(x[2]), x[3], x[6]])
+        first, last = np.abs(x[7 : 7 + n_runs]), np.abs(x[7 + n_runs :])
+        return Stores(u, rates, first, last, float(x[5] * size), size, n)
+
+    def put(part: Vector) -> Vector:
+        x = np.array(guess)
+        x[free] = part
+        return x
+
+    def left(part: Vector) -> Vector:
+        course = made(put(part)).levels(comparison)[1]
+        return np.asarray(np.where(np.isfinite(course), course - simulated, size) / size)
+
+    wide = np.full(2 * n_runs, 5.0)
+    bounds = (
+        np.r_[guess[:3] - 6.0, 0.1, -2.0, guess[5] - 3.0, 0.0, 0 * wide],
+        np.r_[guess[:3] + 6.0, 1.3, 2.0, guess[5] + 3.0, 1.0, wide],
+    )
+    start = np.clip(guess, bounds[0] + 1e-9, bounds[1] - 1e-9)[free]
+    limits = (bounds[0][free], bounds[1][free])
+    found = nonlinear_least_squares(left, start, bounds=limits, x_scale="jac", max_nfev=40)
+    return float(np.sqrt(np.mean(found.fun**2))) * size, made(put(found.x))
+
+
+Brims = tuple[float, float, float]
+"""Of the first store [its unit], of the last [unit of the course]; share of the first spill that the last gets."""
+
+
+def refitted(
+    comparison: Comparison, stores: Stores, recorded: Vector, brims: Brims | None
+) -> tuple[float, Stores, Brims | None]:
+    """Filling, leak, emptying, zero and the brims, if there are some, fitted to a recorded course in the fitted rows.
+
+    Levels at the start of the first runs are fitted too; of held-out runs they stay. Returns (root mean square left
+    [unit of the course], stores, brims).
+    """
+    rows = np.isfinite(recorded) & ~comparison.held_out
+    free = [k for k, (_, part) in enumerate(comparison.rows_of_runs()) if not comparison.held_out[part][0]]
+    moving = [k for k in (0, 1) if brims is not None and np.isfinite(brims[k])]
+    whole, plain = stores.levels(comparison)
+    sizes = (max(float(np.ptp(whole)), 1e-9), float(np.ptp(plain)))
+
+    def made(x: Vector) -> tuple[Stores, Brims | None]:
+        rates = stores.rates * np.exp(np.r_[x[0], x[0], x[1], x[2], 0.0, 0.0])
+        rates[1] += x[3] * rates[0]
+        first, last = np.array(stores.first), np.array(stores.last)
+        first[free] = np.abs(first[free] + x[5 : 5 + len(free)])
+        last[free] = np.abs(last[free] + x[5 + len(free) : 5 + 2 * len(free)])
+        other = np.setdiff1d(np.arange(len(first)), free)
+        first[other] *= float(np.sum(first[free]) / max(float(np.sum(stores.first[free])), 1e-12))
+        last[other] = np.maximum(last[other] - x[4], 0.0)
+        anew = Stores(stores.inflow, rates, first, last, stores.zero + x[4] * stores.size, stores.size, stores.n)
+        if brims is None:
+            return anew, None
+        levels = list(brims)
+        for k, change in zip(moving, x[5 + 2 * len(free) :], strict=False):
+            levels[k] += change * sizes[k]
+        if 0 in moving:
+            levels[2] = float(np.clip(brims[2] + x[-1], 0.0, 1.0))
+        return anew, (levels[0], levels[1], levels[2])
+
+    def left(x: Vector) -> Vector:
+        anew, levels = made(x)
+        course = anew.levels(comparison, *levels)[1] if levels is not None else anew.levels(comparison)[1]
+        return np.asarray((course - recorded)[rows] / stores.size)
+
+    n = 5 + 2 * len(free) + len(moving) + (0 in moving)
+    found = nonlinear_least_squares(
+        left, np.zeros(n), bounds=(-np.full(n, 1.5), np.full(n, 1.5)), max_nfev=40, diff_step=np.full(n, 1e-4)
+    )
+    return float(np.sqrt(np.mean(found.fun**2))) * stores.size, *made(found.x)
+
+
+@njit(cache=True, nogil=True)
+def _filled(u, time_s, rates, first, last, n, first_brim, last_brim, caught):  # type: ignore[no-untyped-def]
+    fill, leak, c1, c2, power, line = rates
+    h, y = first, last
+    levels, course = np.empty(len(u)), np.empty(len(u))
+    for i in range(len(u)):
+        if i > 0:
+            step = (time_s[i] - time_s[i - 1]) / 2
+            for j in range(2):
+                inflow = fill * (u[i - 1] + line * (u[i] - u[i - 1]) * (j + 0.5) / 2) + leak
+                between, spill = inflow, 0.0
+                if n == 2:
+                    between = c1 * max(h, 0.0) ** power
+                    h = max(h + step * (inflow - between), 0.0)
+                    if h > first_brim:
+                        spill = (h - first_brim) / step
+                        h = first_brim
+                y = min(max(y + step * (between + caught * spill - c2 * max(y, 0.0) ** power), 0.0), last_brim)
+        levels[i], course[i] = h, y
+    return levels, course
+
 
 _FALLING = ((-np.inf, 0.0),)
 _RISING = ((0.0, np.inf),)
@@ -30,8 +198,6 @@ _TUNED = 4.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     simulated = filled(comparison, comparison.simulated[response])
     ceilings = _ceilings(comparison, response, simulated)
     unit = comparison.channel(response).unit
@@ -46,7 +212,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         for tau_s in (*taus[1::2], np.inf):
             lost = spilled(comparison, simulated, ceiling, float(tau_s))
             if np.any(lost):
-                shape = {"ceiling": Quantity(ceiling, unit)} | _lag(float(tau_s))
+                lag = {"tau_s": Quantity(float(tau_s), "s")} if np.isfinite(tau_s) else {}
+                shape = {"ceiling": Quantity(ceiling, unit)} | lag
                 yield Variant(lost[:, None], (f"spills at {ceiling:.3g} {unit}",), shape, bounds=_RISING)
     for name, level, lost in _uppers(comparison, response, taus):
         shape = {"upper_ceiling": Quantity(level, "1")}
@@ -57,7 +224,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 def inflows(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Channels that may fill the store: flows before voltages of pumps, then levels of other stores."""
     names = comparison.with_role("flow") + comparison.with_role("voltage")
-    names += tuple(n for n in comparison.with_role("displacement", "position", "size", "state"))
+    names += comparison.with_role("displacement", "position", "size", "state")
     return tuple(n for n in names if n != response and excited(course(comparison, n)))[:3]
 
 
@@ -65,7 +232,7 @@ def _of_stores(
     comparison: Comparison, response: str, stores: Stores, ceilings: list[float], inflow: str
 ) -> Iterator[Variant]:
     """The same stores with brims: on a grid, and where they explain most."""
-    remainder = Remainder(comparison, response)
+    remainder, unit = Remainder(comparison, response), comparison.channel(response).unit
     whole, plain = stores.levels(comparison)
     fitted = ~comparison.held_out
     shares = (*_UPPER_SHARES, *_HIGH_SHARES)
@@ -91,22 +258,18 @@ def _of_stores(
         column = lost(brims)
         if np.any(column):
             looked_at = 1.0 if brims in on_grid else _TUNED
-            yield _with_brims(comparison, response, column, brims, whole, inflow, looked_at)
+            yield _with_brims(comparison, unit, column, brims, whole, inflow, looked_at)
     recorded = comparison.recorded[response]
     without, _, _ = refitted(comparison, stores, recorded, None)
     for brims in best:
         error, anew, moved = refitted(comparison, stores, recorded, brims)
         if moved is not None and error < _BETTER * without:
             whole, course_ = anew.levels(comparison)[0], anew.levels(comparison, *moved)[1]
-            yield _with_brims(comparison, response, course_ - plain, moved, whole, inflow, _TUNED)
+            yield _with_brims(comparison, unit, course_ - plain, moved, whole, inflow, _TUNED)
 
 
 def _refined(
-    remainder: Remainder,
-    lost: Callable[[Brims], Vector],
-    brims: Brims,
-    upper_size: float,
-    lower_size: float,
+    remainder: Remainder, lost: Callable[[Brims], Vector], brims: Brims, upper_size: float, lower_size: float
 ) -> Brims:
     """Brims moved one by one, by ever smaller steps, as long as they explain more."""
     best, score = brims, remainder.share(lost(brims), most=1.0)
@@ -126,15 +289,9 @@ def _refined(
 
 
 def _with_brims(
-    comparison: Comparison,
-    response: str,
-    column: Vector,
-    brims: Brims,
-    whole: Vector,
-    inflow: str,
-    looked_at: float,
+    comparison: Comparison, unit: str, column: Vector, brims: Brims, whole: Vector, inflow: str, looked_at: float
 ) -> Variant:
-    unit, shape, words = comparison.channel(response).unit, {}, []
+    shape, words = {}, []
     if np.isfinite(brims[1]):
         shape["ceiling"] = Quantity(float(brims[1]), unit)
         words.append(f"spills at {brims[1]:.3g} {unit}")
@@ -149,10 +306,7 @@ def _with_brims(
 
 def spilled(comparison: Comparison, level: Vector, ceiling: float, tau_s: float) -> Vector:
     """What a simulated level loses by spilling at a ceiling [its unit], ≤ 0: at once there, forgotten with `tau_s`."""
-    result = np.zeros(len(level))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = _reflected(np.ascontiguousarray(level[rows]), comparison.time_s[rows], ceiling, tau_s)
-    return result
+    return by_run(comparison, lambda y, t: _reflected(y, t, ceiling, tau_s), level, comparison.time_s)
 
 
 @njit(cache=True, nogil=True)
@@ -184,10 +338,8 @@ def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tup
     The level above is recorded, simulated alone, or the inflow lagged; what is lost reaches the response late.
     """
     levels: list[tuple[str, Vector]] = []
-    for name in (
-        *comparison.with_role("flow", "voltage", "displacement", "position", "size"),
-        *_only_simulated(comparison),
-    ):
+    names = comparison.with_role("flow", "voltage", "displacement", "position", "size")
+    for name in (*names, *(name for name in comparison.simulated if name not in comparison.recorded)):
         values = course(comparison, name)
         if not excited(values):
             continue
@@ -205,14 +357,6 @@ def _uppers(comparison: Comparison, response: str, taus: Vector) -> Iterator[tup
                     yield name, ceiling, lost
 
 
-def _only_simulated(comparison: Comparison) -> tuple[str, ...]:
-    return tuple(name for name in comparison.simulated if name not in comparison.recorded)
-
-
-def _lag(tau_s: float) -> dict[str, Quantity]:
-    return {"tau_s": Quantity(tau_s, "s")} if np.isfinite(tau_s) else {}
-
-
 def _recorded(comparison: Comparison, name: str) -> tuple[str, ...]:
     return (name,) if name in comparison.recorded else ()
 
@@ -226,31 +370,25 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     shape = fitted.variant.shape
-    parameters = {"largest": Quantity(fitted.largest, fitted.unit)}
-    parts = []
+    parameters, parts = fitted.size, []
     if "ceiling" in shape:
-        low, high = fitted.shape_intervals.get("ceiling", (None, None))
-        parameters["ceiling"] = Quantity(shape["ceiling"].value, fitted.unit, low, high)
+        parameters["ceiling"] = replace(fitted.parameter("ceiling"), unit=fitted.unit)
         parts.append(f"spills at {shape['ceiling'].value:.3g} {fitted.unit}")
     if "caught" in shape:
         parameters |= {"upper_ceiling": shape["upper_ceiling"], "caught": shape["caught"]}
     if "upper_ceiling" in shape:
         parts.append("loses inflow while the store above it spills")
-    text = f"{fitted.response} {' and '.join(parts)}; this takes up to {fitted.largest:.3g} {fitted.unit}"
+    text = f"{fitted.response} {' and '.join(parts)}; this takes up to {fitted.up_to}"
     return Reading(text, parameters)
 
 
 EFFECT = Effect(
     id="flow.overflow",
     title="A store spills at a level",
-    physics=(
-        "A tank is full at a level; what flows in beyond is lost or falls past the next store. The "
-        "level stays at its ceiling "
-        "while inflow goes on, and is lower than simulated for a time afterwards, in the store below too."
-    ),
-    reference=(
-        "Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, 2016"
-    ),
+    physics="A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at "
+    "its ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too.",
+    reference="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, "
+    "2016",
     enters="limit",
     acts_at="every store with a recorded level, and a store above it",
     parameters=(
@@ -263,9 +401,8 @@ EFFECT = Effect(
     needs="an inflow that fills the store to the brim",
     confounders=("drive.saturation", "data.stuck", "data.gain"),
     refuted_by="the recorded level exceeds the ceiling at any time, or no liquid leaves over the brim",
-    experiment=(
-        "Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; twice."
-    ),
+    experiment="Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; "
+    "twice.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -21,8 +21,6 @@ _GROOVES = tuple(float(k) for k in range(1, 13))
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     parts = part_by_part(comparison, response)
     ripples = list(_ripples(comparison, response))
     for name, share in _interruptions(comparison):
@@ -33,14 +31,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             shape = {"tau_s": Quantity(tau_s, "s")}
             yield Variant(smooth[:, None], (f"offset while {name}",), shape, sources=(name,), regime=f"{name} > 0")
         for order, columns in ripples:
-            names = (f"ripple of {order:g} per turn while {name}",)
-            yield Variant(
-                (columns * share)[:, None],
-                names,
-                {"grooves": Quantity(order, "1")},
-                sources=(name,),
-                regime=f"{name} > 0",
-            )
+            names, shape = (f"ripple of {order:g} per turn while {name}",), {"grooves": Quantity(order, "1")}
+            yield Variant((columns * share)[:, None], names, shape, sources=(name,), regime=f"{name} > 0")
     for order, column in ripples:
         yield Variant(column[:, None], (f"ripple of {order:g} per turn",), {"grooves": Quantity(order, "1")})
     for column in _envelopes(comparison, response) if not parts else ():
@@ -53,13 +45,12 @@ def _interruptions(comparison: Comparison) -> Iterator[tuple[str, Vector]]:
     An infeed that never stops goes with nothing.
     """
     feeding = [np.abs(rate_um_per_s) > 0.0 for rate_um_per_s in infeed(comparison).values()]
-    feeding = [on for on in feeding if not on.all()]
     for name in comparison.with_role("state"):
         state = course(comparison, name)
         if not excited(state):
             continue
         share = (state - float(state.min())) / float(np.ptp(state))
-        agrees = [float(np.mean(on == (share > 0.5))) for on in feeding]
+        agrees = [float(np.mean(on == (share > 0.5))) for on in feeding if not on.all()]
         if all(_OWN < agreement < 1.0 - _OWN for agreement in agrees):
             yield name, share
 
@@ -94,34 +85,28 @@ def _envelopes(comparison: Comparison, response: str) -> Iterator[Vector]:
 
 def _testable(comparison: Comparison, response: str) -> str | None:
     reason = no_gauging(comparison, response)
-    if reason is not None:
-        return reason
     quick = comparison.period_s <= SLOWEST_VIBRATION_S and not part_by_part(comparison, response)
-    if not quick and not any(True for _ in _interruptions(comparison)):
+    if reason is None and not quick and next(_interruptions(comparison), None) is None:
         return "no state of the surface is recorded (role state), and no reading in time that would show its ripple"
-    return None
+    return reason
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     grooves = fitted.variant.shape.get("grooves")
-    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
     if grooves is not None:
-        text = f"{fitted.response} ripples {grooves.value:g} times a turn by up to {fitted.largest:.3g} {fitted.unit}"
-        return Reading(text, largest | {"grooves": grooves})
-    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    offset = Quantity(value, fitted.unit, value - error, value + error)
+        text = f"{fitted.response} ripples {grooves.value:g} times a turn by up to {fitted.up_to}"
+        return Reading(text, fitted.size | {"grooves": grooves})
+    offset = fitted.coefficient()
     when = f"while {fitted.variant.sources[0]} is on" if fitted.variant.sources else "when its ripple is strong"
-    text = f"{fitted.response} reads {value:+.3g} {fitted.unit} {when}, as on an interrupted surface"
-    return Reading(text, largest | {"offset": offset})
+    text = f"{fitted.response} reads {offset.value:+.3g} {fitted.unit} {when}, as on an interrupted surface"
+    return Reading(text, fitted.size | {"offset": offset})
 
 
 EFFECT = Effect(
     id="gauging.interrupted",
     title="Interrupted surface under the gauge",
-    physics=(
-        "Grooves and keyways let the probe drop, and its filter mixes their depth into the mean. While the surface is "
-        "interrupted the reading is off and ripples with the number of grooves per turn."
-    ),
+    physics="Grooves and keyways let the probe drop, and its filter mixes their depth into the mean. While the surface "
+    "is interrupted the reading is off and ripples with the number of grooves per turn.",
     reference="G (Trompet, Aleksandrov), interrupted surfaces; docs/explanation/finished-sizes.md",
     enters="measurement",
     acts_at="the gauge's probe",

@@ -21,20 +21,17 @@ _JUMP = 0.3
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     feeds = infeed(comparison)
     if part_by_part(comparison, response):
         for name, rate_um_per_s in feeds.items():
-            yield Variant(
-                -rate_um_per_s[:, None],
-                (f"infeed {name} at the stop",),
-                {"rows": Quantity(1.0, "part")},
-                sources=(name,),
-            )
+            shape = {"rows": Quantity(1.0, "part")}
+            yield Variant(-rate_um_per_s[:, None], (f"infeed {name} at the stop",), shape, sources=(name,))
         return
     simulated = filled(comparison, comparison.simulated[response])
-    jumps = _jumps(comparison, simulated)
+    # where the simulated reading jumps the gauge is put onto the next part
+    steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
+    steps[list(comparison.starts[:-1])] = 0.0
+    jumps = np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
     for tau_s in _lags_s(comparison):
         late = lagged(comparison, simulated, tau_s, settled=True) - simulated
         shape = {"tau_s": Quantity(tau_s, "s")}
@@ -47,13 +44,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             column = -lagged(comparison, rate_um_per_s, tau_s)
             words = f"infeed {name}" + (f", {tau_s:.3g} s later" if tau_s else "")
             yield Variant(column[:, None], (words,), {"transient_s": Quantity(tau_s, "s")}, sources=(name,))
-
-
-def _jumps(comparison: Comparison, simulated: Vector) -> NDArray[np.intp]:
-    """Rows at which the simulated reading jumps, as where the gauge is put onto the next part."""
-    steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
-    steps[list(comparison.starts[:-1])] = 0.0
-    return np.flatnonzero(steps > _JUMP * float(np.ptp(simulated)))
 
 
 def _late_anew(comparison: Comparison, simulated: Vector, jumps: NDArray[np.intp], tau_s: float) -> Vector:
@@ -95,32 +85,23 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
-    tau = fitted.variant.shape.get("tau_s")
-    if tau is not None:
-        low, high = fitted.shape_intervals.get("tau_s", (None, None))
-        text = (
-            f"{fitted.response} follows {tau.value:.3g} s late; at most that makes {fitted.largest:.3g} {fitted.unit}"
-        )
-        return Reading(text, largest | {"tau_s": Quantity(tau.value, "s", low, high), "share": Quantity(value, "1")})
+    if "tau_s" in fitted.variant.shape:
+        tau, share = fitted.parameter("tau_s"), Quantity(float(fitted.coefficients[0]), "1")
+        text = f"{fitted.response} follows {tau.value:.3g} s late; at most that makes {fitted.up_to}"
+        return Reading(text, fitted.size | {"tau_s": tau, "share": share})
     if fitted.unit == "um":
-        lag = Quantity(value, "s", value - error, value + error)
-        text = f"the gauge stops the feed {value:.3g} s late: {fitted.response} is off by that times the infeed, up to "
-        return Reading(text + f"{fitted.largest:.3g} {fitted.unit}", largest | {"lag_s": lag})
-    text = f"{fitted.response} is off in proportion to the infeed, up to {fitted.largest:.3g} {fitted.unit}"
-    return Reading(text, largest)
+        lag = fitted.coefficient("s")
+        text = f"the gauge stops the feed {lag.value:.3g} s late: {fitted.response} is off by that times the infeed"
+        return Reading(f"{text}, up to {fitted.up_to}", fitted.size | {"lag_s": lag})
+    return Reading(f"{fitted.response} is off in proportion to the infeed, up to {fitted.up_to}", fitted.size)
 
 
 EFFECT = Effect(
     id="gauging.lag",
     title="The gauge is late",
-    physics=(
-        "The smoothing filter, the relay and the stopping feed let the wheel go on for a time after "
-        "the wanted size was "
-        "reached. The error of the size is that time times the infeed at the stop; a reading in time "
-        "trails what it measures."
-    ),
+    physics="The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted "
+    "size was reached. The error of the size is that time times the infeed at the stop; a reading in time trails what "
+    "it measures.",
     reference="G (Trompet, Aleksandrov) eq. 20 to 23: the mean reading is late by T_Φ",
     enters="measurement",
     acts_at="the gauge between probe and relay",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.gauging.lag import infeed
-from selector.diagnosis.shapes.signals import course, excited, no_gauging, part_by_part
+from selector.diagnosis.shapes.signals import by_run, course, excited, no_gauging, part_by_part
 from selector.types import Vector
 
 _SATURATION = (0.15, 0.4)
@@ -18,29 +18,24 @@ _SATURATION = (0.15, 0.4)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     every = list(_amounts(comparison, response))
     yield from _wheel_and_probe(every)
     for words, sources, used in every:
         total = float(np.abs(used).max(initial=0.0))
         if total <= 0.0:
             continue
-        shape = {"whole": Quantity(total, "1")}
         relative = used / total
-        yield Variant(
-            relative[:, None], (f"wear with {words}",), shape | {"power": Quantity(1.0, "1")}, sources=sources
-        )
-        yield Variant(
-            (relative**2)[:, None],
-            (f"wear with the square of {words}",),
-            shape | {"power": Quantity(2.0, "1")},
-            sources=sources,
-        )
-        for share in _SATURATION:
-            settled = 1.0 - np.exp(-relative / share)
-            names = (f"wear with {words}, settling",)
-            yield Variant(settled[:, None], names, shape | {"settles": Quantity(share * total, "1")}, sources=sources)
+        laws = [
+            (relative, words, "power", 1.0),
+            (relative**2, f"the square of {words}", "power", 2.0),
+            *(
+                (1.0 - np.exp(-relative / share), f"{words}, settling", "settles", share * total)
+                for share in _SATURATION
+            ),
+        ]
+        for column, law, key, value in laws:
+            shape = {"whole": Quantity(total, "1"), key: Quantity(value, "1")}
+            yield Variant(column[:, None], (f"wear with {law}",), shape, sources=sources)
 
 
 def _wheel_and_probe(every: list[tuple[str, tuple[str, ...], Vector]]) -> Iterator[Variant]:
@@ -65,35 +60,23 @@ def _amounts(comparison: Comparison, response: str) -> Iterator[tuple[str, tuple
     since_start = np.array(comparison.time_s)
     yield f"{unit} since the start of the run", (), since_start
     yield f"{unit} over all runs", (), _over_all_runs(comparison, since_start)
-    steps = _steps(comparison)
+    steps = np.maximum(np.diff(comparison.time_s, prepend=comparison.time_s[:1]), 0.0)
     for name in comparison.with_role("state"):
         state = course(comparison, name)
         if not excited(state):
             continue
         low, high = float(state.min()), float(state.max())
         on = (state - low) / (high - low)
-        contact = _summed(comparison, on * steps)
+        contact = by_run(comparison, np.cumsum, on * steps)
         yield f"time of {name}", (name,), contact
         yield f"time of {name} over all runs", (name,), _over_all_runs(comparison, contact)
         since = _since_rise(comparison, on > 0.5)
         if since is not None:
             yield f"{unit} since {name} last came on", (name,), since
     for name, rate_um_per_s in infeed(comparison).items():
-        removed = _summed(comparison, np.abs(rate_um_per_s) * steps)
+        removed = by_run(comparison, np.cumsum, np.abs(rate_um_per_s) * steps)
         yield f"stock removed by {name}", (name,), removed
         yield f"stock removed by {name} over all runs", (name,), _over_all_runs(comparison, removed)
-
-
-def _steps(comparison: Comparison) -> Vector:
-    steps = np.diff(comparison.time_s, prepend=comparison.time_s[:1])
-    return np.asarray(np.maximum(steps, 0.0))
-
-
-def _summed(comparison: Comparison, values: Vector) -> Vector:
-    result = np.zeros(len(values))
-    for _, rows in comparison.rows_of_runs():
-        result[rows] = np.cumsum(values[rows])
-    return result
 
 
 def _over_all_runs(comparison: Comparison, used: Vector) -> Vector:
@@ -117,30 +100,20 @@ def _since_rise(comparison: Comparison, on: NDArray[np.bool_]) -> Vector | None:
     return result if 2 <= rises <= len(on) // 4 else None
 
 
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return no_gauging(comparison, response)
-
-
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    way = "grows" if value > 0.0 else "shrinks"
-    amount = Quantity(value, fitted.unit, value - error, value + error)
-    text = f"{fitted.response} {way} by {abs(value):.3g} {fitted.unit} over the record, as {fitted.variant.names[0]}"
-    return Reading(text, {"over_the_record": amount, "largest": Quantity(fitted.largest, fitted.unit)})
+    amount = fitted.coefficient()
+    by = f"{'grows' if amount.value > 0.0 else 'shrinks'} by {abs(amount.value):.3g} {fitted.unit}"
+    text = f"{fitted.response} {by} over the record, as {fitted.variant.names[0]}"
+    return Reading(text, {"over_the_record": amount} | fitted.size)
 
 
 EFFECT = Effect(
     id="gauging.wear",
     title="Wheel or probe wears",
-    physics=(
-        "The probe's tip loses length where it slides on the workpiece, the wheel loses radius with "
-        "the stock that it takes "
-        "off. Sizes run away slowly with parts, contact time or stock, and jump back at a dressing or a new tip."
-    ),
-    reference=(
-        "Archard, J. Appl. Phys. 24, 1953 (wear proportional to load and path); Malkin, Grinding "
-        "Technology, 1989 (G ratio)"
-    ),
+    physics="The probe's tip loses length where it slides on the workpiece, the wheel loses radius with the stock that "
+    "it takes off. Sizes run away slowly with parts, contact time or stock, and jump back at a dressing or a new tip.",
+    reference="Archard, J. Appl. Phys. 24, 1953 (wear proportional to load and path); Malkin, Grinding "
+    "Technology, 1989 (G ratio)",
     enters="measurement",
     acts_at="probe tip or grinding wheel",
     parameters=(
@@ -155,6 +128,6 @@ EFFECT = Effect(
     refuted_by="the sizes stay where they are after a new tip or a dressing, or run away while nothing is ground",
     experiment="Measure a master part with the gauge before and after fifty parts, and dress in between once.",
     variants=_variants,
-    testable=_testable,
+    testable=no_gauging,
     reading=_reading,
 )

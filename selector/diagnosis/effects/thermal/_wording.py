@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import isfinite
 
+import numpy as np
+
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity
+from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.shapes.heating import shown_unit
+from selector.diagnosis.shapes.signals import lagged
 from selector.quality.survey import duration
+from selector.types import Vector
 
 _BOTH_WAYS = 0.2
 """Of the larger way, from which on the smaller one is said as well."""
@@ -19,26 +24,45 @@ def with_place(comparison: Comparison, name: str) -> str:
     return f"{name} ({place})" if place else name
 
 
+def late(
+    comparison: Comparison,
+    name: str,
+    parts: Sequence[tuple[str, Vector, float]],
+    shape: Mapping[str, Quantity] | None = None,
+    *,
+    taus_s: Sequence[float] = (),
+    place: str | None = None,
+    regime: str | None = None,
+) -> Variant:
+    """Heats that a channel stands for behind lags: (what, course, lag [s]) of every column, with the place of it.
+
+    `taus_s`, by default the lags of all columns, are the delays of the answer: the first, and the last of several.
+    """
+    lags = [float(tau_s) for tau_s in taus_s or [part[-1] for part in parts]]
+    delays = {"tau_s": Quantity(lags[0], "s")} | ({"slow_tau_s": Quantity(lags[-1], "s")} if len(lags) > 1 else {})
+    return Variant(
+        np.column_stack([lagged(comparison, heat, float(tau_s)) for _, heat, tau_s in parts]),
+        tuple(f"{words} delayed by {tau_s / 60:.3g} min" if tau_s else words for words, _, tau_s in parts),
+        {**(shape or {}), **delays},
+        place=place or place_of(comparison, name),
+        sources=(name,),
+        regime=regime,
+    )
+
+
 def place_of(comparison: Comparison, name: str) -> str | None:
     """Where a channel sits, in the words of the machine file; None if it says nothing."""
     return next((channel.place for channel in comparison.channels if channel.name == name), None)
 
 
-def delay(tau_s: float) -> str:
-    """``"with a delay of 41 min"``, or ``"at once"``."""
-    return f"with a delay of {duration(tau_s)}" if tau_s > 0.0 else "at once"
-
-
 def delay_of(fitted: Fitted) -> str:
     """The delays of the fitted variant: one, or two that act together."""
     shape = fitted.variant.shape
-    if "tau_s" not in shape:
-        return "at once"
-    text = delay(shape["tau_s"].value)
-    if "tau_s" in fitted.shape_intervals:
-        text += f" ({_interval(*fitted.shape_intervals['tau_s'])})"
-    elif shape["tau_s"].value > 0.0:
-        text = f"with a delay of about {duration(shape['tau_s'].value)}"
+    tau_s = shape["tau_s"].value if "tau_s" in shape else 0.0
+    known = fitted.shape_intervals.get("tau_s")
+    text = f"with a delay of {'about ' if known is None else ''}{duration(tau_s)}" if tau_s > 0.0 else "at once"
+    if known is not None:
+        text += f" ({_interval(*known)})"
     if "slow_tau_s" not in shape:
         return text
     text += f" and one of {duration(shape['slow_tau_s'].value)}"
@@ -69,17 +93,14 @@ def _signed(value: float) -> str:
     return f"{value:+.3g}".replace("-", "−")
 
 
-def quantities(fitted: Fitted, comparison: Comparison) -> dict[str, Quantity]:
+def quantities(fitted: Fitted) -> dict[str, Quantity]:
     """The shape parameters with their intervals, and how far the effect moved the response.
 
     `largest` is the amount, `lowest` and `highest` are signed and count from the start of a run.
     """
-    found = {}
-    for name, quantity in fitted.variant.shape.items():
-        low, high = fitted.shape_intervals.get(name, (quantity.low, quantity.high))
-        found[name] = Quantity(quantity.value, quantity.unit, low, high)
-    unit = comparison.channel(fitted.response).unit
-    found["largest"] = Quantity(fitted.largest, unit)
+    found = {name: fitted.parameter(name) for name in fitted.variant.shape} | fitted.size
     if fitted.extremes != (0.0, 0.0):
-        found |= {"lowest": Quantity(fitted.extremes[0], unit), "highest": Quantity(fitted.extremes[1], unit)}
+        found |= {
+            key: Quantity(end, fitted.unit) for key, end in zip(("lowest", "highest"), fitted.extremes, strict=True)
+        }
     return found

@@ -8,45 +8,27 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     taus = time_constants(comparison, 9)
     for name in sources(comparison, response).hall:
         risen = temperature_rise(comparison, name)
         level = course(comparison, name)
         level = level - np.median(level[:5])
         for tau_s in (0.0, *taus):
-            column = lagged(comparison, risen, float(tau_s))
-            yield _variant(name, f"rise of {name} {_behind(tau_s)}", column[:, None], tau_s)
+            yield late(comparison, name, [(f"rise of {name}", risen, tau_s)], place="structure")
         if len(comparison.runs) > 1:
             for tau_s in (0.0, *taus[2::2]):
-                column = lagged(comparison, level, float(tau_s), settled=True)
-                yield _variant(name, f"level of {name} {_behind(tau_s)}", column[:, None], tau_s)
+                settled = f"level of {name}, late", lagged(comparison, level, float(tau_s), settled=True), 0.0
+                yield late(comparison, name, [settled], taus_s=(tau_s,), place="structure")
         for quick in (0.0, float(taus[2])):
             for slow in taus[4::2]:
-                pair = [lagged(comparison, risen, quick), lagged(comparison, risen, float(slow))]
-                words = f"rise of {name} {_behind(quick)}", f"rise of {name} {_behind(slow)}"
-                yield Variant(
-                    np.column_stack(pair),
-                    words,
-                    {"tau_s": Quantity(quick, "s"), "slow_tau_s": Quantity(float(slow), "s")},
-                    place="structure",
-                    sources=(name,),
-                )
-
-
-def _variant(name: str, words: str, columns: np.ndarray, tau_s: float) -> Variant:
-    return Variant(columns, (words,), {"tau_s": Quantity(float(tau_s), "s")}, place="structure", sources=(name,))
-
-
-def _behind(tau_s: float) -> str:
-    return f"delayed by {tau_s / 60:.3g} min" if tau_s > 0.0 else "at once"
+                pair = [(f"rise of {name}", risen, tau_s) for tau_s in (quick, slow)]
+                yield late(comparison, name, pair, place="structure")
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -62,24 +44,19 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} follows the hall temperature {with_place(comparison, name)}, which moved by "
         f"{moved:.2g} K, {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted, comparison)
-        | {"per_kelvin": Quantity(float(np.sum(fitted.coefficients)), f"{fitted.unit}/K")},
+        quantities(fitted) | {"per_kelvin": Quantity(float(np.sum(fitted.coefficients)), f"{fitted.unit}/K")},
     )
 
 
 EFFECT = Effect(
     id="thermal.ambient",
     title="hall temperature acts on the structure",
-    physics=(
-        "Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
-        "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
-        "spindle turns or not."
-    ),
-    reference=(
-        "Environmental temperature variation error: ISO 230-3 and ISO/TR 16015; a body in a film of air follows as "
-        "a lag of first order with τ = ρ·c·V/(h·A): Incropera, DeWitt, Fundamentals of Heat and Mass Transfer, "
-        "lumped capacitance method"
-    ),
+    physics="Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
+    "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
+    "spindle turns or not.",
+    reference="Environmental temperature variation error: ISO 230-3 and ISO/TR 16015; a body in a film of air follows "
+    "as a lag of first order with τ = ρ·c·V/(h·A): Incropera, DeWitt, Fundamentals of Heat and Mass Transfer, lumped "
+    "capacitance method",
     enters="heat flow",
     acts_at="structure",
     parameters=(
@@ -90,10 +67,8 @@ EFFECT = Effect(
     needs="a recorded temperature of the hall that moves by some tenths of a kelvin",
     confounders=("thermal.second_source", "thermal.memory", "data.drift"),
     refuted_by="drift that stays when the hall is held constant, or none while the idle machine's hall moves",
-    experiment=(
-        "Leave the machine idle with drives on for 24 h in the changing hall (open the gate for 2 h, close it for "
-        "4 h) and record displacement and hall temperature: what moves then is the hall."
-    ),
+    experiment="Leave the machine idle with drives on for 24 h in the changing hall (open the gate for 2 h, close it "
+    "for 4 h) and record displacement and hall temperature: what moves then is the hall.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     SpindleLaw,
     follows_sensors,
@@ -18,48 +18,39 @@ from selector.diagnosis.shapes.heating import (
     speed_power,
     spindle_law,
 )
-from selector.diagnosis.shapes.signals import excited, lagged, scaled, time_constants
-from selector.quality.survey import duration
+from selector.diagnosis.shapes.signals import excited, scaled, time_constants
 from selector.types import Vector
 
 _GROWTHS = (0.05, 0.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     name = sources(comparison, response).spindle
     law = spindle_law(comparison, response)
     simulated = simulated_rise(comparison, response)
     warmth = np.abs(simulated) / max(float(np.abs(simulated).max()), 1e-300)
-    gates = [("its own warmth", warmth, (response,))]
+    gates = [("its own warmth", warmth, response)]
     if name is not None:
-        gates = [(f"{name}^{p:g}", speed_power(comparison, name, p), (name,)) for p in (0.5, 1.0)] + gates
-    for words, gate, made_of in gates:
-        place = place_of(comparison, made_of[0])
+        gates = [(f"{name}^{p:g}", speed_power(comparison, name, p), name) for p in (0.5, 1.0)] + gates
+    for words, gate, source in gates:
         if law is None:
-            for tau_s in time_constants(comparison, 8):
-                column = lagged(comparison, gate * scaled(simulated), float(tau_s))
-                names = (f"simulated {response} × {words}, delayed by {duration(float(tau_s))}",)
-                shape = {"tau_s": Quantity(float(tau_s), "s")}
-                yield Variant(column[:, None], names, shape, place=place, sources=made_of)
+            drawn = f"simulated {response} × {words}", gate * scaled(simulated)
+            yield from (late(comparison, source, [(*drawn, tau_s)]) for tau_s in time_constants(comparison, 8))
         else:
-            yield from _cooled(comparison, law, words, gate, made_of, place)
+            yield from _cooled(comparison, law, words, gate, source)
 
 
-def _cooled(
-    comparison: Comparison, law: SpindleLaw, words: str, gate: Vector, made_of: tuple[str, ...], place: str | None
-) -> Iterator[Variant]:
+def _cooled(comparison: Comparison, law: SpindleLaw, words: str, gate: Vector, source: str) -> Iterator[Variant]:
     """What the simulation loses when its modes cool faster: all alike (a film), or each in its own proportion."""
-    source = speed_power(comparison, law.channel, law.exponent)
-    plain = law.cooled_course(comparison, source, gate, 0.0, 0.0)
+    heat, place = speed_power(comparison, law.channel, law.exponent), place_of(comparison, source)
+    plain = law.cooled_course(comparison, heat, gate, 0.0, 0.0)
     for growth in _GROWTHS:
         for alike in (True, False):
             extra = growth / law.typical_s if alike else None
-            column = law.cooled_course(comparison, source, gate, extra, growth) - plain
+            column = law.cooled_course(comparison, heat, gate, extra, growth) - plain
             names = (f"simulated course, cooled faster with {words} ({'all modes' if alike else 'in proportion'})",)
             shape = {"growth": Quantity(growth, "1")}
-            yield Variant(column[:, None] / growth, names, shape, place=place, sources=made_of)
+            yield Variant(column[:, None] / growth, names, shape, place=place, sources=(source,))
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -81,22 +72,18 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
     return Reading(
         f"What moves {fitted.response} cools faster {cause} ({size}) than the simulation has it; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 
 EFFECT = Effect(
     id="thermal.convection",
     title="cooling that changes with speed or temperature",
-    physics=(
-        "A turning spindle fans itself, and warm surfaces drive the air past them, so that the film coefficient "
-        "grows with speed and with the excess temperature. The machine then warms less and faster at high speed, "
-        "and cools more slowly at standstill, than with a constant film."
-    ),
-    reference=(
-        "Rotating cylinder: Nu ∝ Re^(2/3); free convection: h ∝ ΔT^(1/4) (laminar): Incropera, DeWitt, "
-        "Fundamentals of Heat and Mass Transfer, chapters on external and free convection"
-    ),
+    physics="A turning spindle fans itself, and warm surfaces drive the air past them, so that the film coefficient "
+    "grows with speed and with the excess temperature. The machine then warms less and faster at high speed, "
+    "and cools more slowly at standstill, than with a constant film.",
+    reference="Rotating cylinder: Nu ∝ Re^(2/3); free convection: h ∝ ΔT^(1/4) (laminar): Incropera, DeWitt, "
+    "Fundamentals of Heat and Mass Transfer, chapters on external and free convection",
     enters="heat flow",
     acts_at="surfaces of spindle and headstock",
     parameters=(
@@ -106,10 +93,8 @@ EFFECT = Effect(
     needs="heating at two speeds or more and cooling at standstill",
     confounders=("thermal.speed_heating", "thermal.interaction", "thermal.memory"),
     refuted_by="the same time constant of heating at every speed and of cooling at standstill",
-    experiment=(
-        "Warm up at full speed for 3 h, then cool once at standstill and once at 10 % of that speed, 3 h each: with "
-        "convection by speed the turning spindle cools faster."
-    ),
+    experiment="Warm up at full speed for 3 h, then cool once at standstill and once at 10 % of that speed, 3 h each: "
+    "with convection by speed the turning spindle cools faster.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,18 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
-from selector.diagnosis.shapes.signals import course, excited, in_run, lagged, scaled, time_constants
+from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
 
 _MOST_SENSORS = 2
 _MOST_LEVELS = 8
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     known = sources(comparison, response)
     taus = time_constants(comparison, 8)
     for name in known.coolant_switches:
@@ -67,14 +65,8 @@ def _colder(comparison: Comparison, response: str, fluid: str) -> Iterator[tuple
 
 
 def _variant(comparison: Comparison, name: str, heats: list[tuple[str, np.ndarray]], tau_s: float) -> Variant:
-    return Variant(
-        np.column_stack([lagged(comparison, heat, float(tau_s)) for _, heat in heats]),
-        tuple(f"{words} delayed by {tau_s / 60:.3g} min" for words, _ in heats),
-        {"tau_s": Quantity(float(tau_s), "s")},
-        place=place_of(comparison, name),
-        sources=(name,),
-        regime=f"{name} on" if comparison.channel(name).role != "temperature" else None,
-    )
+    regime = f"{name} on" if comparison.channel(name).role != "temperature" else None
+    return late(comparison, name, [(*heat, tau_s) for heat in heats], taus_s=(tau_s,), regime=regime)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -90,32 +82,26 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     when = "moves while the coolant runs" if fitted.variant.regime else "follows the coolant's temperature"
     return Reading(
         f"{fitted.response} {when} ({with_place(comparison, name)}) {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 
 EFFECT = Effect(
     id="thermal.coolant",
     title="coolant changes the boundary while it runs",
-    physics=(
-        "Coolant over a part raises its heat transfer from some 10 to some 1000 W/(m²·K) and draws it towards its "
-        "own temperature, but only while it runs. The response bends when it is switched on, the more the warmer "
-        "the part is, and comes back with the machine's own delay when it is switched off."
-    ),
-    reference=(
-        "Newton's law of cooling with a film coefficient that is switched, q = h(t)·A·(T − T_c): Incropera, DeWitt, "
-        "Fundamentals of Heat and Mass Transfer, introduction to convection"
-    ),
+    physics="Coolant over a part raises its heat transfer from some 10 to some 1000 W/(m²·K) and draws it towards its "
+    "own temperature, but only while it runs. The response bends when it is switched on, the more the warmer "
+    "the part is, and comes back with the machine's own delay when it is switched off.",
+    reference="Newton's law of cooling with a film coefficient that is switched, q = h(t)·A·(T − T_c): Incropera, "
+    "DeWitt, Fundamentals of Heat and Mass Transfer, introduction to convection",
     enters="heat flow",
     acts_at="parts that coolant reaches: spindle nose, table, bed, tank",
     parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the coolant"),),
     needs="state, flow or temperature of the coolant, with times on and off in the runs",
     confounders=("thermal.second_source", "thermal.convection"),
     refuted_by="no bend of the response within the machine's delay of switching the coolant at constant speed",
-    experiment=(
-        "At 60 % of the highest speed until steady (4 h), switch the coolant on for 60 min and off for 60 min, "
-        "twice; then the same at standstill: what bends with the switch is the coolant."
-    ),
+    experiment="At 60 % of the highest speed until steady (4 h), switch the coolant on for 60 min and off for 60 min, "
+    "twice; then the same at standstill: what bends with the switch is the coolant.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

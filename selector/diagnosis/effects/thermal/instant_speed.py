@@ -13,17 +13,11 @@ _EXPONENTS = (0.5, 1.0, 1.5, 2.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name = sources(comparison, response).spindle
-    if name is None or _testable(comparison, response) is not None:
-        return
+    name = sources(comparison, response).spindle or ""
+    place = place_of(comparison, name) or "spindle"
     for exponent in _EXPONENTS:
-        yield Variant(
-            speed_power(comparison, name, exponent)[:, None],
-            (f"({name} / its highest value)^{exponent:g}",),
-            {"speed_exponent": Quantity(exponent, "1")},
-            place=place_of(comparison, name) or "spindle",
-            sources=(name,),
-        )
+        column, shape = speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
+        yield Variant(column[:, None], (f"({name} / its highest value)^{exponent:g}",), shape, place, (name,))
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -40,30 +34,18 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} shifts at once with {name}^{exponent:.2g}: "
         f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top:.0f} rpm; {worth(fitted)}.",
-        quantities(fitted, comparison)
-        | {
-            "at_top_speed": Quantity(
-                float(fitted.coefficients[0]),
-                fitted.unit,
-                float(fitted.coefficients[0] - 1.96 * fitted.standard_errors[0]),
-                float(fitted.coefficients[0] + 1.96 * fitted.standard_errors[0]),
-            )
-        },
+        quantities(fitted) | {"at_top_speed": fitted.coefficient()},
     )
 
 
 EFFECT = Effect(
     id="thermal.instant_speed",
     title="shift at once with the spindle speed",
-    physics=(
-        "Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
-        "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
-        "stops, before anything has warmed up."
-    ),
-    reference=(
-        "Rotating ring: radial growth proportional to ρ·ω²·r³/E (Timoshenko, Goodier, Theory of Elasticity, rotating "
-        "disks); speed-induced axial shift of spindles recorded with the thermal drift: ISO 230-3"
-    ),
+    physics="Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
+    "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
+    "stops, before anything has warmed up.",
+    reference="Rotating ring: radial growth proportional to ρ·ω²·r³/E (Timoshenko, Goodier, Theory of Elasticity, "
+    "rotating disks); speed-induced axial shift of spindles recorded with the thermal drift: ISO 230-3",
     enters="displacement",
     acts_at="spindle nose",
     parameters=(
@@ -73,10 +55,8 @@ EFFECT = Effect(
     needs="a recorded spindle speed with changes, samples within a minute or so of them",
     confounders=("thermal.speed_heating", "thermal.memory", "vibration.imbalance"),
     refuted_by="no step within one sample of a change of speed, or a step that takes minutes to come",
-    experiment=(
-        "On the warm machine run 0 – full speed – 0 – half speed – 0, 60 s each, three times, sampling every second: "
-        "heat cannot follow that quickly, the instant shift does."
-    ),
+    experiment="On the warm machine run 0 – full speed – 0 – half speed – 0, 60 s each, three times, sampling every "
+    "second: heat cannot follow that quickly, the instant shift does.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

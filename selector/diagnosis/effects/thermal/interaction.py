@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import calm_rise, lacking, shown_unit, simulated_rise, sources
+from selector.diagnosis.shapes.heating import lacking, rise_parts, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
@@ -15,11 +15,9 @@ _MOST_SENSORS = 8
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     known = sources(comparison, response)
     names = known.machine[:_MOST_SENSORS]
-    rises = {name: calm_rise(comparison, response, name) for name in names}
+    rises = {name: rise_parts(comparison, response, name).calm for name in names}
     for k, first in enumerate(names):
         for second in names[k:]:
             yield _variant(comparison, (first, second), rises[first] * rises[second], "K²")
@@ -31,14 +29,11 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 
 def _variant(comparison: Comparison, pair: tuple[str, str], product: Vector, unit: str) -> Variant:
-    first, second = (name if unit or name in _recorded(comparison) else f"simulated {name}" for name in pair)
+    inputs = {channel.name for channel in comparison.channels} - set(comparison.responses)
+    first, second = (name if unit or name in inputs else f"simulated {name}" for name in pair)
     words = f"square of {first}" if first == second else f"{first} × {second}"
     place = place_of(comparison, pair[1])
     return Variant(product[:, None], (words,), {}, place=place, sources=tuple(dict.fromkeys(pair)))
-
-
-def _recorded(comparison: Comparison) -> set[str]:
-    return {channel.name for channel in comparison.channels if channel.name not in comparison.responses}
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -58,32 +53,26 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} goes with {subject} by an amount that depends on {slope}{other}: "
         f"{fitted.coefficients[0]:+.2g} {shown_unit(fitted.unit)} a unit of their product; {worth(fitted)}.",
-        quantities(fitted, comparison) | {"product": Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2")},
+        quantities(fitted) | {"product": Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2")},
     )
 
 
 EFFECT = Effect(
     id="thermal.interaction",
     title="the response to one temperature depends on another",
-    physics=(
-        "Joints, preloads and clearances change with temperature, and with them how much one part's expansion "
-        "moves the tool. The response then has a product of two temperature rises in it, at once, besides the sum "
-        "that a linear model has."
-    ),
-    reference=(
-        "Second-order term of the expansion δ(T1, T2) in a Taylor series; products of temperatures as regressors: P, "
-        "polynomial regression with cross terms"
-    ),
+    physics="Joints, preloads and clearances change with temperature, and with them how much one part's expansion "
+    "moves the tool. The response then has a product of two temperature rises in it, at once, besides the sum "
+    "that a linear model has.",
+    reference="Second-order term of the expansion δ(T1, T2) in a Taylor series; products of temperatures as "
+    "regressors: P, polynomial regression with cross terms",
     enters="displacement",
     acts_at="joints between parts of different temperature",
     parameters=(ShapeParameter("product", "um/K^2", -50.0, 50.0, "displacement a product of two rises"),),
     needs="two temperatures that do not keep one ratio, or rises of different height",
     confounders=("thermal.convection", "thermal.speed_heating", "thermal.memory"),
     refuted_by="the same slope of displacement over one temperature at different levels of the other",
-    experiment=(
-        "Warm one place alone (spindle at 60 % for 2 h), then the other alone, then both, each from the cold "
-        "machine: with an interaction the third displacement is not the sum of the first two."
-    ),
+    experiment="Warm one place alone (spindle at 60 % for 2 h), then the other alone, then both, each from the cold "
+    "machine: with an interaction the third displacement is not the sum of the first two.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

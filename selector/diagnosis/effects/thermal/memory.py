@@ -7,19 +7,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
-    free_part,
     lacking,
+    rise_parts,
     simulated_rise,
     sources,
     speed_power,
     spindle_law,
-    spindle_part,
     temperature_rise,
 )
-from selector.diagnosis.shapes.signals import excited, lagged, start_decay, time_constants
+from selector.diagnosis.shapes.signals import excited, start_decay, time_constants
 from selector.types import Vector
 
 _MOST_SENSORS = 3
@@ -27,33 +26,19 @@ _WARM_START_K = 1.0
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     taus = time_constants(comparison, 10)
     for name, words, heat in _heats(comparison, response):
-        place = place_of(comparison, name)
         for tau_s in taus:
-            column = lagged(comparison, heat, float(tau_s))
-            shape = {"tau_s": Quantity(float(tau_s), "s")}
-            yield Variant(column[:, None], (_behind(words, tau_s),), shape, place=place, sources=(name,))
+            yield late(comparison, name, [(words, heat, tau_s)])
         for some in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8), (1, 4, 8), (3, 6, 9)):
-            columns = [lagged(comparison, heat, float(taus[k])) for k in some]
-            ends = {"tau_s": Quantity(float(taus[some[0]]), "s"), "slow_tau_s": Quantity(float(taus[some[-1]]), "s")}
-            names = tuple(_behind(words, taus[k]) for k in some)
-            yield Variant(np.column_stack(columns), names, ends, place=place, sources=(name,))
+            yield late(comparison, name, [(words, heat, taus[k]) for k in some])
         if comparison.channel(name).role == "temperature" and name != response:
             for tau_s in taus[3::2]:
-                columns = [heat, lagged(comparison, heat, float(tau_s))]
-                shape = {"tau_s": Quantity(float(tau_s), "s")}
-                yield Variant(
-                    np.column_stack(columns), (words, _behind(words, tau_s)), shape, place=place, sources=(name,)
-                )
+                yield late(comparison, name, [(words, heat, 0.0), (words, heat, tau_s)], taus_s=(tau_s,))
         if _warm_start(comparison, response):
             for tau_s in taus[4::2]:
-                columns = [lagged(comparison, heat, float(tau_s)), start_decay(comparison, float(tau_s))]
-                names = _behind(words, tau_s), f"what was left of earlier heat, with {tau_s / 60:.3g} min"
-                shape = {"tau_s": Quantity(float(tau_s), "s")}
-                yield Variant(np.column_stack(columns), names, shape, place=place, sources=(name,))
+                earlier = "what was left of earlier heat", start_decay(comparison, float(tau_s)), 0.0
+                yield late(comparison, name, [(words, heat, tau_s), earlier], taus_s=(tau_s,))
 
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
@@ -68,7 +53,7 @@ def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector
         found.append((speed, f"{speed}^{law.exponent:.2g}", speed_power(comparison, speed, law.exponent)))
     elif speed is None and found:
         for name in _carried(comparison, response, simulated):
-            found.append((name, name, spindle_part(comparison, response, name)))
+            found.append((name, name, rise_parts(comparison, response, name).of_spindle))
     return found
 
 
@@ -77,7 +62,7 @@ def _carried(comparison: Comparison, response: str, simulated: Vector) -> list[s
     near = []
     for name in sources(comparison, response).machine:
         values = temperature_rise(comparison, name)
-        if excited(values) and free_part(comparison, response, name)[1] < 0.1:
+        if excited(values) and rise_parts(comparison, response, name).unaccounted_share < 0.1:
             near.append((abs(float(np.corrcoef(values, simulated)[0, 1])), name))
     return [name for likeness, name in sorted(near, reverse=True) if likeness > 0.5][:_MOST_SENSORS]
 
@@ -95,10 +80,6 @@ def _warm_start(comparison: Comparison, response: str) -> bool:
     return len(starts) > 1 and max(starts) - min(starts) > _WARM_START_K
 
 
-def _behind(words: str, tau_s: float) -> str:
-    return f"{words} delayed by {tau_s / 60:.3g} min"
-
-
 def _testable(comparison: Comparison, response: str) -> str | None:
     lack = lacking(comparison, response)
     if lack is None and not excited(simulated_rise(comparison, response)):
@@ -111,22 +92,18 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     heat = "its simulated course" if name == fitted.response else f"the heating {with_place(comparison, name)}"
     return Reading(
         f"{fitted.response} follows {heat} {delay_of(fitted)} that the simulation does not carry; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 
 EFFECT = Effect(
     id="thermal.memory",
     title="thermal memory",
-    physics=(
-        "Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
-        "with different displacements according to what was run before. It shows as a lag of the heating, with a "
-        "time constant that the simulation does not have, most of all while the machine cools."
-    ),
-    reference=(
-        "C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the displacements "
-        "that differ by more than 50 % at one temperature"
-    ),
+    physics="Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
+    "with different displacements according to what was run before. It shows as a lag of the heating, with a "
+    "time constant that the simulation does not have, most of all while the machine cools.",
+    reference="C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the "
+    "displacements that differ by more than 50 % at one temperature",
     enters="state",
     acts_at="parts that heat reaches by conduction: column, headstock, bed",
     parameters=(
@@ -136,10 +113,8 @@ EFFECT = Effect(
     needs="runs that heat and cool, or heat at changing speed, for longer than the time constant",
     confounders=("thermal.speed_heating", "thermal.convection", "thermal.ambient"),
     refuted_by="the same displacement at the same temperatures whatever was run before",
-    experiment=(
-        "Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 min "
-        "off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements."
-    ),
+    experiment="Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 "
+    "min off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

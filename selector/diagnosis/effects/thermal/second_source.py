@@ -4,20 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, place_of, quantities, with_place, worth
-from selector.diagnosis.shapes.heating import (
-    calm_rise,
-    free_part,
-    heats,
-    lacking,
-    says_other_source,
-    sources,
-)
-from selector.diagnosis.shapes.signals import excited, lagged, time_constants
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
+from selector.diagnosis.shapes.heating import heats, lacking, rise_parts, says_other_source, sources
+from selector.diagnosis.shapes.signals import excited, time_constants
 from selector.types import Vector
 
 _FREE_SHARE = 0.03
@@ -27,50 +18,36 @@ _MOST_CHANNELS = 12
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     taus = time_constants(comparison, 8)
     for name in sources(comparison, response).other_heat[:_MOST_CHANNELS]:
         for words, heat in heats(comparison, name):
             for tau_s in taus:
-                yield _variant(comparison, name, words, heat, (tau_s,))
-            for quick, slow in ((1, 4), (2, 6), (4, 7)):
-                yield _variant(comparison, name, words, heat, (taus[quick], taus[slow]))
+                yield late(comparison, name, [(words, heat, tau_s)])
+            for pair in ((1, 4), (2, 6), (4, 7)):
+                yield late(comparison, name, [(words, heat, taus[k]) for k in pair])
     for name, words, heat in _warm_places(comparison, response):
         for tau_s in (0.0, *taus[1::2]):
-            yield _variant(comparison, name, words, heat, (tau_s,))
+            yield late(comparison, name, [(words, heat, tau_s)])
         for slow in taus[2::2]:
-            yield _variant(comparison, name, words, heat, (0.0, slow))
+            yield late(comparison, name, [(words, heat, 0.0), (words, heat, slow)])
 
 
 def _warm_places(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
     """Temperatures that the spindle does not account for: whole if hardly, else what it leaves of them."""
     found: list[tuple[float, str, str, Vector]] = []
     for name in sources(comparison, response).machine:
-        free, share = free_part(comparison, response, name)
+        parts = rise_parts(comparison, response, name)
+        free, share = parts.unaccounted, parts.unaccounted_share
         said = says_other_source(comparison.channel(name))
-        if share < (_FREE_SHARE_IF_SAID if said else _FREE_SHARE):
-            continue
-        if not excited(free, comparison.resolution.get(name, 0.0)):
+        is_enough = share >= (_FREE_SHARE_IF_SAID if said else _FREE_SHARE)
+        if not is_enough or not excited(free, comparison.resolution.get(name, 0.0)):
             continue
         if share > _OWN_SHARE or said:
-            found.append((share, name, f"rise of {name}", calm_rise(comparison, response, name)))
+            found.append((share, name, f"rise of {name}", rise_parts(comparison, response, name).calm))
         if share < 0.95:
             found.append((share, name, f"what spindle and hall leave of {name}", free))
     found.sort(key=lambda one: one[0], reverse=True)
     return [(name, words, heat) for _, name, words, heat in found[:_MOST_CHANNELS]]
-
-
-def _variant(comparison: Comparison, name: str, words: str, heat: Vector, taus_s: tuple[float, ...]) -> Variant:
-    late = [f"delayed by {tau_s / 60:.3g} min" if tau_s > 0.0 else "at once" for tau_s in taus_s]
-    keys = ("tau_s", "slow_tau_s")
-    return Variant(
-        np.column_stack([lagged(comparison, heat, float(tau_s)) for tau_s in taus_s]),
-        tuple(f"{words} {text}" for text in late),
-        {key: Quantity(float(tau_s), "s") for key, tau_s in zip(keys, taus_s, strict=False)},
-        place=place_of(comparison, name),
-        sources=(name,),
-    )
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -85,21 +62,17 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(
         f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not "
         f"have, {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 
 EFFECT = Effect(
     id="thermal.second_source",
     title="a source of heat that is not in the simulation",
-    physics=(
-        "Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
-        "programme. The displacement follows their work with the delay of the path between, whatever the spindle does."
-    ),
-    reference=(
-        "Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
-        "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3"
-    ),
+    physics="Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
+    "programme. The displacement follows their work with the delay of the path between, whatever the spindle does.",
+    reference="Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
+    "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3",
     enters="heat flow",
     acts_at="feed drives, hydraulics, tank, motors",
     parameters=(
@@ -109,10 +82,8 @@ EFFECT = Effect(
     needs="a channel that shows the source's work: feed, current, state, or a temperature beside it",
     confounders=("thermal.ambient", "thermal.coolant", "thermal.memory"),
     refuted_by="no drift when the source works alone with the spindle at standstill",
-    experiment=(
-        "With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
-        "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat."
-    ),
+    experiment="With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
+    "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

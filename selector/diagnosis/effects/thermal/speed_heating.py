@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     EXPONENTS,
     SpindleLaw,
@@ -18,17 +18,13 @@ from selector.diagnosis.shapes.heating import (
     spindle_law,
     top_speed_rpm,
 )
-from selector.diagnosis.shapes.signals import course, lagged, time_constants
-from selector.quality.survey import duration
+from selector.diagnosis.shapes.signals import course, time_constants
 
 _APART = 0.2
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    name = sources(comparison, response).spindle
-    if name is None or _testable(comparison, response) is not None:
-        return
-    law = spindle_law(comparison, response)
+    name, law = sources(comparison, response).spindle or "", spindle_law(comparison, response)
     yield from _lacking_heat(comparison, name) if law is None else _other_law(comparison, name, law)
 
 
@@ -36,25 +32,10 @@ def _lacking_heat(comparison: Comparison, name: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 8)
     place = place_of(comparison, name) or "spindle bearings"
     for exponent in (0.5, 1.0, 1.5, 2.0, 3.0):
-        heat = speed_power(comparison, name, exponent)
-        power = Quantity(exponent, "1")
-        for tau_s in taus:
-            shape = {"speed_exponent": power, "tau_s": Quantity(float(tau_s), "s")}
-            words = (f"{name}^{exponent:g} delayed by {duration(float(tau_s))}",)
-            yield Variant(lagged(comparison, heat, float(tau_s))[:, None], words, shape, place=place, sources=(name,))
-        for quick, slow in ((1, 4), (2, 6), (4, 7)):
-            pair = [lagged(comparison, heat, float(taus[k])) for k in (quick, slow)]
-            yield Variant(
-                np.column_stack(pair),
-                tuple(f"{name}^{exponent:g} delayed by {duration(float(taus[k]))}" for k in (quick, slow)),
-                {
-                    "speed_exponent": power,
-                    "tau_s": Quantity(float(taus[quick]), "s"),
-                    "slow_tau_s": Quantity(float(taus[slow]), "s"),
-                },
-                place=place,
-                sources=(name,),
-            )
+        heat, shape = speed_power(comparison, name, exponent), {"speed_exponent": Quantity(exponent, "1")}
+        for some in (*((k,) for k in range(len(taus))), (1, 4), (2, 6), (4, 7)):
+            parts = [(f"{name}^{exponent:g}", heat, taus[k]) for k in some]
+            yield late(comparison, name, parts, shape, place=place)
 
 
 def _other_law(comparison: Comparison, name: str, law: SpindleLaw) -> Iterator[Variant]:
@@ -71,36 +52,25 @@ def _other_law(comparison: Comparison, name: str, law: SpindleLaw) -> Iterator[V
     speed = np.abs(course(comparison, name))
     for level in _thresholds(speed / top):
         column = law.course(comparison, np.maximum(speed / top - level, 0.0))
-        yield Variant(
-            column[:, None],
-            (f"{name} above {level * top:.0f} rpm, with the simulation's own delays",),
-            {"from_speed": Quantity(level * top, "rpm")},
-            place=place,
-            sources=(name,),
-            regime=f"{name} > {level * top:.0f} rpm",
-        )
+        words = (f"{name} above {level * top:.0f} rpm, with the simulation's own delays",)
+        shape, regime = {"from_speed": Quantity(level * top, "rpm")}, f"{name} > {level * top:.0f} rpm"
+        yield Variant(column[:, None], words, shape, place=place, sources=(name,), regime=regime)
 
 
 def _thresholds(part: np.ndarray) -> list[float]:
     """Parts of the highest speed below which, and above which, the spindle turned for a tenth of the time."""
     turning = part[part > 0.05]
-    if not len(turning):
-        return []
-    return [
-        level for level in (0.25, 0.4, 0.55, 0.7) if np.mean(turning < level) > 0.1 and np.mean(turning > level) > 0.1
-    ]
+    levels = (0.25, 0.4, 0.55, 0.7) if len(turning) else ()
+    return [level for level in levels if np.mean(turning < level) > 0.1 and np.mean(turning > level) > 0.1]
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    lack = lacking(comparison, response)
-    if lack is not None:
-        return lack
-    name = sources(comparison, response).spindle
-    if name is None:
+    lack, name = lacking(comparison, response), sources(comparison, response).spindle
+    if lack is None and name is None:
         return "no spindle speed that changes was recorded"
-    if spindle_law(comparison, response) is not None and _speeds(comparison, name) < 2:
+    if lack is None and name and spindle_law(comparison, response) is not None and _speeds(comparison, name) < 2:
         return "the spindle turned at one speed only, which shows no law of speed"
-    return None
+    return lack
 
 
 def _speeds(comparison: Comparison, name: str) -> int:
@@ -121,22 +91,18 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     has = "has none" if known is None else f"has {name}^{known.exponent:.2g}"
     return Reading(
         f"{fitted.response} shows heating by the spindle that {law}, where the simulation {has}; {worth(fitted)}.",
-        quantities(fitted, comparison),
+        quantities(fitted),
     )
 
 
 EFFECT = Effect(
     id="thermal.speed_heating",
     title="heating by the spindle, or its law of speed",
-    physics=(
-        "Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
-        "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
-        "mismatch comes with the delays of the machine and depends on the level of the speed."
-    ),
-    reference=(
-        "Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
-        "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis"
-    ),
+    physics="Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
+    "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
+    "mismatch comes with the delays of the machine and depends on the level of the speed.",
+    reference="Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
+    "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis",
     enters="heat flow",
     acts_at="spindle bearings, spindle motor",
     parameters=(
@@ -148,10 +114,8 @@ EFFECT = Effect(
     needs="a recorded spindle speed at two levels or more",
     confounders=("thermal.convection", "thermal.memory", "thermal.instant_speed"),
     refuted_by="the same ratio of recorded to simulated rise at every speed, after the same time",
-    experiment=(
-        "Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the steady "
-        "rise over speed shows the power."
-    ),
+    experiment="Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the "
+    "steady rise over speed shows the power.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -26,12 +26,9 @@ _FREE = ((0.0, np.inf),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     swept = swept_hz(comparison, response)
     if swept is not None:
-        columns = slope(comparison, response, swept)[:, None]
-        yield Variant(columns, ("all resonances of the simulated curve shifted",), {})
+        yield Variant(slope(comparison, response, swept)[:, None], ("all resonances of the simulated curve shifted",))
         return
     others = members(comparison, response)
     for predecessor in (response, *others):
@@ -68,20 +65,11 @@ def _of_pair(
             best = Remainder(comparison, response).best(moved, masses)
             # what was chosen from what is left pays for it
             tried = {float(masses[0]): 1.0, float(masses[3] if best is None else best): float(len(masses))}
+            name = f"{words}, stiffness fitted with it" if is_fitted else words
             for mass, looked_at in tried.items():
-                shape = {"loop_gain": Quantity(mass * unit, "1")}
-                column = moved(mass)
-                if np.any(column):
-                    name = f"{words}, stiffness fitted with it" if is_fitted else words
-                    yield Variant(
-                        column[:, None],
-                        (name,),
-                        shape,
-                        place=place,
-                        sources=(successor,),
-                        bounds=_FREE,
-                        looked_at=looked_at,
-                    )
+                shape, columns = {"loop_gain": Quantity(mass * unit, "1")}, moved(mass)[:, None]
+                if np.any(columns):
+                    yield Variant(columns, (name,), shape, place, (successor,), bounds=_FREE, looked_at=looked_at)
         return
     force = inertia_force(comparison, successor, "simulated" if successor in comparison.simulated else "recorded")
     if force is None:
@@ -93,7 +81,8 @@ def _of_pair(
         parts = [onward.passed(comparison, part) for part in parts]
     if np.any(parts[0]):
         names = (words, "the same, a quarter on")[: len(parts)]
-        shape = {"resonance_hz": Quantity(_frequency_hz(path, comparison), "Hz")}
+        s = np.log(np.roots(path.denominator).astype(complex)) / comparison.period_s
+        shape = {"resonance_hz": Quantity(float(np.abs(s).max() / (2.0 * np.pi)), "Hz")}
         yield Variant(np.column_stack(parts), names, shape, place=place, sources=(successor,))
 
 
@@ -123,11 +112,6 @@ def _known_to_a_fit(comparison: Comparison, path: LinearResponse, predecessor: s
     return known
 
 
-def _frequency_hz(path: LinearResponse, comparison: Comparison) -> float:
-    s = np.log(np.roots(path.denominator).astype(complex)) / comparison.period_s
-    return float(np.abs(s).max() / (2.0 * np.pi))
-
-
 def _testable(comparison: Comparison, response: str) -> str | None:
     if swept_hz(comparison, response) is not None:
         return None
@@ -139,35 +123,24 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
     if not fitted.variant.sources:
-        return Reading(
-            f"the resonances of {fitted.response} lie elsewhere than simulated, by up to "
-            f"{fitted.largest:.3g} {fitted.unit}, as "
-            "when the next member acts back",
-            largest | {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")},
-        )
-    successor = fitted.variant.sources[0]
+        elsewhere = f"lie elsewhere than simulated, by up to {fitted.up_to}, as when the next member acts back"
+        shift = {"relative_shift": Quantity(float(-fitted.coefficients[0]), "1")}
+        return Reading(f"the resonances of {fitted.response} {elsewhere}", fitted.size | shift)
     seen = fitted.variant.names[0].partition(",")[0].rpartition(" on ")[2]
     text = (
-        f"{successor} acts back on {seen}: its inertia moves {fitted.response} by up to "
-        f"{fitted.largest:.3g} {fitted.unit}, "
-        "which the simulated chain passes on in one direction only"
+        f"{fitted.variant.sources[0]} acts back on {seen}: its inertia moves {fitted.response} by up to {fitted.up_to}"
     )
-    return Reading(text, largest)
+    return Reading(f"{text}, which the simulated chain passes on in one direction only", fitted.size)
 
 
 EFFECT = Effect(
     id="vibration.back_reaction",
     title="A member acts back on its predecessor",
-    physics=(
-        "A chain that hands the force from member to member forgets that each member pulls on the "
-        "one before it with its "
-        "own inertia. The predecessor's resonances shift and split, most where the successor itself resonates."
-    ),
-    reference=(
-        "Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it out"
-    ),
+    physics="A chain that hands the force from member to member forgets that each member pulls on the one before it "
+    "with its own inertia. The predecessor's resonances shift and split, most where the successor itself resonates.",
+    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it "
+    "out",
     enters="force",
     acts_at="every member of a chain that has a successor",
     parameters=(

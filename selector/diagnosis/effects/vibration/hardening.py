@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,14 +15,13 @@ from selector.diagnosis.shapes.linear_response import (
     fed_back,
     joints,
     linear_part,
-    linear_responses,
+    no_joint,
     restoring,
 )
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
+from selector.diagnosis.shapes.signals import filled, rate, slope, swept_hz
 from selector.types import Vector
 
-_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
 """Stiffness that the cube adds at the swing of the simulation, over the linear one."""
 _FREE = (0.0, np.inf)
@@ -29,8 +29,6 @@ _ANY = (-np.inf, np.inf)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     swept = swept_hz(comparison, response)
     if swept is not None:
         simulated = filled(comparison, comparison.simulated[response])
@@ -98,30 +96,25 @@ def _variant(
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    if swept_hz(comparison, response) is not None:
-        return None
-    reason = no_vibration(comparison, response, roles=_ROLES) or of_a_drive(comparison, response)
-    if reason is None and not linear_responses(comparison, response):
-        return f"the simulated {response} shows no resonance that a force could pass through"
-    return reason
+    return no_joint(comparison, response) if swept_hz(comparison, response) is None else None
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    largest = {"largest": Quantity(fitted.largest, fitted.unit)}
     gain, sources = fitted.variant.shape.get("static_gain"), fitted.variant.sources
-    moves = f"moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    moves = f"moves {fitted.response} by up to {fitted.up_to}"
     if gain is None or not sources or sources[0] not in comparison.recorded:
-        return Reading(f"stiffness grows with amplitude, which {moves}", largest)
+        return Reading(f"stiffness grows with amplitude, which {moves}", fitted.size)
     member = sources[0]
     recorded = filled(comparison, comparison.recorded[member])
     top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
     rise = 300.0 * top**2 * gain.value
-    value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-    stiffening = Quantity(rise * value, "percent", rise * (value - error), rise * (value + error))
-    parameters = largest | {"stiffening": stiffening}
+    cubic = fitted.coefficient()
+    low, high = (rise * end for end in (cubic.low or 0.0, cubic.high or 0.0))
+    stiffening = Quantity(rise * cubic.value, "percent", low, high)
+    parameters = fitted.size | {"stiffening": stiffening}
     if len(sources) > 1 and sources[1] in comparison.recorded:
         unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
-        parameters["cubic_stiffness"] = Quantity(value, unit, value - error, value + error)
+        parameters["cubic_stiffness"] = replace(cubic, unit=unit)
     text = (
         f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above "
         "that at rest; this "
@@ -132,11 +125,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     id="vibration.hardening",
     title="Stiffness that grows with amplitude",
-    physics=(
-        "Contact, preload or large deflection add a restoring force that grows with the cube of the "
-        "displacement. Resonances "
-        "move up with amplitude, tops are flattened, and odd harmonics of the excitation appear."
-    ),
+    physics="Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
+    "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear.",
     reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",
     enters="force",
     acts_at="the joint of the member whose motion is recorded, or between two members",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,16 +17,15 @@ from selector.diagnosis.shapes.linear_response import (
     fed_back,
     joints,
     linear_part,
-    linear_responses,
+    no_joint,
     restoring,
 )
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, swept_hz
+from selector.diagnosis.shapes.signals import filled, rate, swept_hz
 from selector.types import Vector
 
-Column = Callable[[Law, float, tuple[float, float], float], Vector | None]
+Linear = tuple[float, float]
 
-_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
 _WIDTHS = (0.03, 0.1, 0.25, 0.5, 1.0)
 """Displacement until the element slips, over the root mean square of the motion."""
 _LAWS: tuple[Law, ...] = ("stop", "dahl")
@@ -37,8 +37,6 @@ _FREE = ((0.0, np.inf),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     remainder = Remainder(comparison, response)
     for member, path, onward in joints(comparison, response):
         yield from _at_joint(comparison, remainder, member, path, onward)
@@ -56,7 +54,7 @@ def _at_joint(
         return
     feeds_back = y is simulated and path.static_gain > 0.0 and path.source is not None
 
-    def column(law: Law, width: float, linear: tuple[float, float], strength: float) -> Vector | None:
+    def column(law: Law, width: float, linear: Linear, strength: float) -> Vector | None:
         if feeds_back:
             k = strength * swing / path.static_gain
             moved = fed_back(comparison, path, y, law, k, width=width, linear=linear)
@@ -66,7 +64,7 @@ def _at_joint(
             moved = -path.passed(comparison, force - linear[0] * y - linear[1] * rate(comparison, y))
         return moved if moved is None or onward is None else onward.passed(comparison, moved)
 
-    tried: list[tuple[float, Law, float, tuple[float, float]]] = []
+    tried: list[tuple[float, Law, float, Linear]] = []
     for law in _LAWS:
         for share in _WIDTHS if path.source is not None else _WIDTHS[1:4]:
             force = restoring(comparison, y, law, share * swing)
@@ -79,7 +77,10 @@ def _at_joint(
         best = remainder.best(partial(column, law, width, linear), _STRENGTHS, rounds=2)
         if best is None:
             continue
-        slipping = partial(_slipping, column, law, linear, best)
+
+        def slipping(width: float, law: Law = law, linear: Linear = linear, best: float = best) -> Vector | None:
+            return column(law, width, linear, best)
+
         width = remainder.best(slipping, width * np.array([0.7, 1.0, 1.4]), rounds=1) or width
         found = slipping(width)
         if found is not None:
@@ -87,18 +88,8 @@ def _at_joint(
             yield _variant(member, path, found, law, width, linear, looked_at)
 
 
-def _slipping(column: Column, law: Law, linear: tuple[float, float], strength: float, width: float) -> Vector | None:
-    return column(law, width, linear, strength)
-
-
 def _variant(
-    member: str,
-    path: LinearResponse,
-    column: Vector,
-    law: Law,
-    width: float,
-    linear: tuple[float, float],
-    looked_at: float = 1.0,
+    member: str, path: LinearResponse, column: Vector, law: Law, width: float, linear: Linear, looked_at: float = 1.0
 ) -> Variant:
     """The coefficient is the largest force of the element."""
     name = "elastic element that slips" if law == "stop" else "Bouc–Wen element"
@@ -116,44 +107,32 @@ def _variant(
 def _testable(comparison: Comparison, response: str) -> str | None:
     if swept_hz(comparison, response) is not None:
         return "a response curve taken step by step does not show what happens within a cycle"
-    reason = no_vibration(comparison, response, roles=_ROLES) or of_a_drive(comparison, response)
-    if reason is None and not linear_responses(comparison, response):
-        return f"the simulated {response} shows no resonance that a force could pass through"
-    return reason
+    return no_joint(comparison, response)
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    low, high = fitted.shape_intervals.get("slip", (None, None))
     member, *force = fitted.variant.sources
-    slip, role = fitted.variant.shape["slip"], comparison.channel(member).role
-    unit = {"acceleration": "m", "velocity": "m"}.get(role, comparison.channel(member).unit)
-    parameters = {"slip": Quantity(slip.value, unit, low, high), "largest": Quantity(fitted.largest, fitted.unit)}
-    text = (
-        f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {unit} after each "
-        "reversal and moves "
-        f"{fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+    channel = comparison.channel(member)
+    slip = replace(
+        fitted.parameter("slip"), unit={"acceleration": "m", "velocity": "m"}.get(channel.role, channel.unit)
     )
+    parameters = {"slip": slip} | fitted.size
+    text = f"a restoring force with memory acts on {member}: it slips {slip.value:.3g} {slip.unit} after each reversal"
+    text += f" and moves {fitted.response} by up to {fitted.up_to}"
     if force and force[0] in comparison.recorded:
-        value, error = float(fitted.coefficients[0]), 1.96 * float(fitted.standard_errors[0])
-        of_force = comparison.channel(force[0]).unit
-        parameters["force"] = Quantity(value, of_force, value - error, value + error)
-        text += f"; its force is at most {value:.3g} {of_force}"
+        largest = parameters["force"] = fitted.coefficient(comparison.channel(force[0]).unit)
+        text += f"; its force is at most {largest.value:.3g} {largest.unit}"
     return Reading(text, parameters)
 
 
 EFFECT = Effect(
     id="vibration.hysteresis",
     title="Restoring force with memory",
-    physics=(
-        "Joints that stick and slip hold a force that depends on the motion since the last reversal, "
-        "not on the position "
-        "alone. Loops of force over displacement open, damping depends on amplitude, and the "
-        "stiffness falls as joints slip."
-    ),
-    reference=(
-        "Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
-        "Structural Dynamics, 2001"
-    ),
+    physics="Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
+    "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
+    "as joints slip.",
+    reference="Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
+    "Structural Dynamics, 2001",
     enters="force",
     acts_at="the joint of the member whose motion is recorded",
     parameters=(

@@ -37,8 +37,6 @@ _POWERS = {"displacement": (2.0, 0.0), "position": (2.0, 0.0), "velocity": (3.0,
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     swept = swept_hz(comparison, response)
     speeds = [n for n in comparison.with_role("spindle_speed") if is_turning(comparison, n)]
     if swept is not None:
@@ -64,7 +62,8 @@ def _of_lines(comparison: Comparison, response: str, name: str, left: Vector, tu
             known.append(line)
             yield _variant(comparison, name, line, course_of(line, comparison, turns, weight)[:, None], power)
     if not known:
-        known = _at_a_resonance(comparison, left, relative)
+        # order 1 without a proof of its own: a run-up through a resonance turns the phase, and no order stays coherent
+        known = [_in_every_run(comparison)] if np.ptp(relative) >= 0.1 and np.any(left) else []
     yield from _through_resonances(comparison, name, known[:3], left, turns, relative)
 
 
@@ -141,21 +140,12 @@ def _passed(
     return aligned(comparison, left, cosine, sine, line)
 
 
-def _at_a_resonance(comparison: Comparison, left: Vector, relative: Vector) -> list[Line]:
-    """Order 1 without a proof of its own: a run-up through a resonance turns the phase, and no order stays coherent."""
-    if float(np.ptp(relative)) < 0.1 or not np.any(left):
-        return []
-    return [_in_every_run(comparison)]
-
-
 def _in_every_run(comparison: Comparison) -> Line:
     return Line(1.0, tuple(0.0 for _ in comparison.runs), 0.0)
 
 
 def _resonance(frequency_hz: float, damping: float, period_s: float) -> LinearResponse:
-    if frequency_hz > 0.45 / period_s:
-        frequency_hz = 0.45 / period_s
-    b, a = resonator(frequency_hz, damping, period_s)
+    b, a = resonator(min(frequency_hz, 0.45 / period_s), damping, period_s)
     return LinearResponse(None, b[0], a, 1.0)
 
 
@@ -179,7 +169,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     shape = fitted.variant.shape
     order, power = shape["order"], shape.get("speed_power")
-    text = f"{fitted.response} vibrates at {order.value:g} × spindle speed, up to {fitted.largest:.3g} {fitted.unit}"
+    text = f"{fitted.response} vibrates at {order.value:g} × spindle speed, up to {fitted.up_to}"
     if power is not None and power.value > 0.0:
         text += f", growing with speed^{power.value:g}"
     name = fitted.variant.sources[0] if fitted.variant.sources else None
@@ -187,19 +177,15 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         speed = course(comparison, name)
         if float(np.ptp(speed)) <= 0.01 * float(np.abs(speed).max(initial=0.0)):
             text += "; the speed was the same throughout, so a source at a fixed frequency would look the same"
-    parameters = {"order": order, "largest": Quantity(fitted.largest, fitted.unit)}
-    return Reading(text, parameters | ({"speed_power": power} if power is not None else {}))
+    return Reading(text, {"order": order} | fitted.size | ({"speed_power": power} if power is not None else {}))
 
 
 EFFECT = Effect(
     id="vibration.imbalance",
     title="Imbalance: a line that follows the spindle",
-    physics=(
-        "An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a "
-        "motion at 1, 2, … times the "
-        "speed. The line moves with the recorded speed, its force grows with the square, and at a "
-        "resonance it swings up."
-    ),
+    physics="An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … "
+    "times the speed. The line moves with the recorded speed, its force grows with the square, and at a resonance "
+    "it swings up.",
     reference="ISO 21940-11:2016 (balance quality, U = m·e); Den Hartog, Mechanical Vibrations, 1956, ch. 2 and 6",
     enters="force",
     acts_at="the spindle; seen in every response that is recorded quickly or step by step over speed",

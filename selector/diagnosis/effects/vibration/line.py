@@ -22,10 +22,7 @@ _CHANCE = 0.5
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
-    swept = swept_hz(comparison, response)
-    if swept is not None:
+    if swept_hz(comparison, response) is not None:
         yield from _of_a_curve(comparison, response)
         return
     time, even = comparison.time_s, np.ones(len(comparison.time_s))
@@ -72,41 +69,26 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    amplitude = (
-        float(np.hypot.reduce(fitted.coefficients)) if fitted.variant.shape.get("frequency_hz") else fitted.largest
-    )
-    error = float(np.max(fitted.standard_errors))
-    size = Quantity(amplitude, fitted.unit, amplitude - 1.96 * error, amplitude + 1.96 * error)
     line = fitted.variant.shape.get("frequency_hz")
     if line is None:
-        return Reading(
-            f"a constant vibration of about {fitted.largest:.3g} {fitted.unit} lies under "
-            f"{fitted.response} at every step",
-            {"amplitude": Quantity(fitted.largest, fitted.unit)},
-        )
+        text = f"a constant vibration of about {fitted.up_to} lies under {fitted.response} at every step"
+        return Reading(text, {"amplitude": fitted.size["largest"]})
+    amplitude, error = float(np.hypot.reduce(fitted.coefficients)), 1.96 * float(np.max(fitted.standard_errors))
+    size = Quantity(amplitude, fitted.unit, amplitude - error, amplitude + error)
     where = f" in run {fitted.variant.run}" if fitted.variant.run else ""
     text = f"{fitted.response} vibrates by ±{amplitude:.3g} {fitted.unit} at a fixed {line.value:.5g} Hz{where}"
-    if not _speed_varies(comparison):
+    speeds = [filled(comparison, comparison.recorded[name]) for name in comparison.with_role("spindle_speed")]
+    if not any(float(np.ptp(speed)) > 0.01 * float(np.abs(speed).max(initial=0.0)) for speed in speeds):
         text += "; the spindle speed does not change, so a source on the spindle would look the same"
     return Reading(text, {"frequency_hz": line, "amplitude": size})
-
-
-def _speed_varies(comparison: Comparison) -> bool:
-    for name in comparison.with_role("spindle_speed"):
-        speed = filled(comparison, comparison.recorded[name])
-        if float(np.ptp(speed)) > 0.01 * float(np.abs(speed).max(initial=0.0)):
-            return True
-    return False
 
 
 EFFECT = Effect(
     id="vibration.line",
     title="Vibration at a fixed frequency",
-    physics=(
-        "A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
-        "shakes it at a frequency "
-        "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does."
-    ),
+    physics="A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
+    "shakes it at a frequency "
+    "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does.",
     reference="Den Hartog, Mechanical Vibrations, 1956, ch. 2; V (Agafonov), external sources IK3 to IK5",
     enters="force",
     acts_at="any response that is recorded quickly, or step by step over frequency",

@@ -24,8 +24,6 @@ _NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    if _testable(comparison, response) is not None:
-        return
     swept = swept_hz(comparison, response)
     if swept is not None:
         yield from _of_a_curve(comparison, response, swept)
@@ -82,30 +80,20 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    f0, damping = fitted.variant.shape["frequency_hz"], fitted.variant.shape["damping"]
-    low, high = fitted.shape_intervals.get("frequency_hz", (None, None))
+    f0, damping = fitted.parameter("frequency_hz"), fitted.variant.shape["damping"]
     name = fitted.variant.sources[0] if fitted.variant.sources else "what drives the simulation"
     text = (
-        f"a resonance at {f0.value:.4g} Hz (damping ratio {damping.value:.2g}) that the simulation "
-        f"lacks answers to {name}; "
-        f"it moves {fitted.response} by up to {fitted.largest:.3g} {fitted.unit}"
+        f"a resonance at {f0.value:.4g} Hz (damping ratio {damping.value:.2g}) that the simulation lacks answers to "
+        f"{name}; it moves {fitted.response} by up to {fitted.up_to}"
     )
-    parameters = {
-        "frequency_hz": Quantity(f0.value, "Hz", low, high),
-        "damping": damping,
-        "largest": Quantity(fitted.largest, fitted.unit),
-    }
-    return Reading(text, parameters)
+    return Reading(text, {"frequency_hz": f0, "damping": damping} | fitted.size)
 
 
 EFFECT = Effect(
     id="vibration.mode",
     title="A resonance that the simulation lacks",
-    physics=(
-        "A member or a shape of motion that is not in the model swings at its own natural frequency, "
-        "driven by the same "
-        "forces. The residual follows the input through a lightly damped second-order filter, in all runs the same."
-    ),
+    physics="A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the "
+    "same forces. The residual follows the input through a lightly damped second-order filter, in all runs the same.",
     reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",
     enters="state",
     acts_at="any response that is recorded quickly, or step by step over frequency",
@@ -116,9 +104,8 @@ EFFECT = Effect(
     ),
     needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
     confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),
-    refuted_by=(
-        "the frequency response from the input to the residual has no peak there, or the peak moves with amplitude"
-    ),
+    refuted_by="the frequency response from the input to the residual has no peak there, or the peak moves with "
+    "amplitude",
     experiment="Excite with a slow sine sweep or hammer blows, at two amplitudes, over the whole range of frequencies.",
     variants=_variants,
     testable=_testable,
