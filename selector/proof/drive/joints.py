@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from selector.proof.drive.recorded import Change, Drive, plan, plus
+from collections.abc import Mapping
+from typing import Any
 
-_ON_MOTOR = {"on_scale": False}
+from selector.proof.drive.recorded import Change, Drive, lacking, plus
 
 
 def softer(axis_compliance: float) -> Change:
@@ -14,111 +15,92 @@ def softer(axis_compliance: float) -> Change:
     )
 
 
+def _screw(
+    name: str,
+    change: Change,
+    bench: Mapping[str, Any],
+    axis: Mapping[str, float],
+    first: float,
+    *hidden: str,
+    channels: tuple[str, ...] = ("E",),
+    **rest: Any,
+) -> Drive:
+    """Of a loop that is closed on the motor."""
+    on_motor = {"on_scale": False, **bench}
+    return lacking(name, change, on_motor, axis, first=first, hidden=hidden, channels=channels, place="screw", **rest)
+
+
+_PLAY, _SOFTER, _LEAD = plus("play_m", 1e-6), softer(1e-10), plus("lead_m", 1e-6)
+_VARYING: Mapping[str, Any] = {"channels": ("E", "I"), "tolerated": ("drive.elasticity",)}
+
 DRIVES = (
-    Drive(
-        plan("drive.backlash/small"),
-        "drive.backlash",
-        plus("play_m", 1e-6),
-        _ON_MOTOR,
-        world={"first": 0.1},
-        channels=("E",),
-        place="screw",
+    _screw("drive.backlash/small", _PLAY, {}, {}, 0.1, "small"),
+    _screw(
+        "drive.backlash/one-way",
+        _PLAY,
+        {"styles": ("one way", "one way", "strokes"), "colour": "ar"},
+        {},
+        0.2,
+        "absorbed",
+        note="One-way strokes that turn once; offset takes most of it.",
     ),
-    Drive(
-        plan("drive.backlash/one-way", ("absorbed",), note="One-way strokes that turn once; offset takes most of it."),
-        "drive.backlash",
-        plus("play_m", 1e-6),
-        _ON_MOTOR | {"styles": ("one way", "one way", "strokes"), "colour": "ar"},
-        world={"first": 0.2},
-        channels=("E",),
-        place="screw",
+    _screw(
+        "drive.backlash/quantised",
+        _PLAY,
+        {"styles": ("gentle", "sines", "other"), "colour": "quantised"},
+        {},
+        0.2,
+        "small",
     ),
-    Drive(
-        plan("drive.backlash/quantised"),
-        "drive.backlash",
-        plus("play_m", 1e-6),
-        _ON_MOTOR | {"styles": ("gentle", "sines", "other"), "colour": "quantised"},
-        world={"first": 0.2},
-        channels=("E",),
-        place="screw",
-    ),
-    Drive(
-        plan("drive.elasticity/ramps", ("absorbed",)),
-        "drive.elasticity",
-        softer(1e-10),
-        _ON_MOTOR,
-        world={"first": 1.0},
-        channels=("E", "I"),
-        place="screw",
-    ),
-    Drive(
-        plan(
-            "drive.elasticity/friction",
-            ("absorbed",),
-            note="Wind-up by friction looks like play where accelerations are small; the ramps tell.",
-            tolerated=("drive.backlash",),
-        ),
-        "drive.elasticity",
-        softer(1e-10),
-        _ON_MOTOR | {"styles": ("strokes", "sines", "other"), "colour": "heavy-tailed"},
+    _screw("drive.elasticity/ramps", _SOFTER, {}, {}, 1.0, "absorbed", channels=("E", "I")),
+    _screw(
+        "drive.elasticity/friction",
+        _SOFTER,
+        {"styles": ("strokes", "sines", "other"), "colour": "heavy-tailed"},
         {"coulomb_n": 150.0},
-        world={"first": 1.0},
-        place="screw",
+        1.0,
+        "absorbed",
+        channels=("E", "I"),
+        note="Wind-up by friction looks like play where accelerations are small; the ramps tell.",
+        tolerated=("drive.backlash",),
     ),
-    Drive(
-        plan("drive.varying_stiffness/small", tolerated=("drive.elasticity",)),
-        "drive.varying_stiffness",
+    _screw(
+        "drive.varying_stiffness/small",
         plus("compliance_per_m"),
-        _ON_MOTOR | {"styles": ("strokes", "strokes", "other"), "fastest": 0.2},
+        {"styles": ("strokes", "strokes", "other"), "fastest": 0.2},
         {"stiffness_n_per_m": 0.9e8},
-        world={"first": 0.1},
-        place="screw",
+        0.1,
+        "small",
+        **_VARYING,
     ),
-    Drive(
-        plan(
-            "drive.varying_stiffness/sines",
-            ("absorbed",),
-            tolerated=("drive.elasticity",),
-        ),
-        "drive.varying_stiffness",
+    _screw(
+        "drive.varying_stiffness/sines",
         plus("compliance_per_m"),
-        _ON_MOTOR | {"styles": ("sines", "other", "strokes"), "fastest": 0.25, "colour": "ar"},
+        {"styles": ("sines", "other", "strokes"), "fastest": 0.25, "colour": "ar"},
         {"stiffness_n_per_m": 0.8e8, "coulomb_n": 160.0},
-        world={"first": 0.1},
-        place="screw",
+        0.1,
+        "absorbed",
+        **_VARYING,
     ),
-    Drive(
-        plan("drive.pitch_error/lead", ("small", "ruled out in I")),
-        "drive.pitch_error",
-        plus("lead_m", 1e-6),
-        _ON_MOTOR,
-        {"lead_pitch_m": 0.01},
-        world={"first": 0.1},
-        channels=("E",),
-        place="screw",
-    ),
-    Drive(
-        plan(
-            "drive.pitch_error/half-lead",
-            ("ruled out in I",),
-            note="The machine repeats a cycle, and so does half of the noise.",
-        ),
-        "drive.pitch_error",
-        plus("lead_m", 1e-6),
-        _ON_MOTOR | {"styles": ("cycles", "cycles", "cycles"), "colour": "cycle-locked"},
+    _screw("drive.pitch_error/lead", _LEAD, {}, {"lead_pitch_m": 0.01}, 0.1, "small", "ruled out in I"),
+    _screw(
+        "drive.pitch_error/half-lead",
+        _LEAD,
+        {"styles": ("cycles", "cycles", "cycles"), "colour": "cycle-locked"},
         {"lead_pitch_m": 0.008},
-        world={"first": 0.1},
-        channels=("E",),
-        place="screw",
+        0.1,
+        "ruled out in I",
+        note="The machine repeats a cycle, and so does half of the noise.",
     ),
-    Drive(
-        plan("drive.pitch_error/cumulative", ("small", "absorbed"), note="A bow over the travel; no wave."),
-        "drive.pitch_error",
+    _screw(
+        "drive.pitch_error/cumulative",
         plus("lead_bow_per_m", 1e-6),
-        _ON_MOTOR | {"fastest": 0.2},
-        world={"first": 10.0},
-        channels=("E",),
-        place="screw",
+        {"fastest": 0.2},
+        {},
+        10.0,
+        "small",
+        "absorbed",
+        note="A bow over the travel; no wave.",
     ),
 )
 SCENARIOS = tuple(drive.scenario for drive in DRIVES)

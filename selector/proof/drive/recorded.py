@@ -228,6 +228,26 @@ def plan(name: str, hidden: Sequence[str] = ("small",), **rest: Any) -> Plan:
     return Plan(name, **{"family": "drive", "kind": "single", "hidden": tuple(hidden)} | rest)
 
 
+def lacking(
+    name: str,
+    change: Change | None = None,
+    bench: Mapping[str, Any] | None = None,
+    axis: Mapping[str, float] | None = None,
+    *,
+    hidden: Sequence[str] = ("small",),
+    first: float = 1.0,
+    world: Mapping[str, Any] | None = None,
+    **rest: Any,
+) -> Drive:
+    """A drive whose simulation lacks the effect before the slash of its name, such as ``drive.coulomb/small``.
+
+    `first` and `world` are arguments of `axis_world`; `rest` are further fields of `Plan` and `Drive`.
+    """
+    planned = plan(name, hidden, **{key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__})
+    worlds = {"first": first, **(world or {})}
+    return Drive(planned, name.partition("/")[0], change, bench or {}, axis or {}, worlds, **rest)
+
+
 def plus(name: str, factor: float = 1.0) -> Change:
     """The change that adds `factor` × size to a parameter of the axis."""
     return lambda axis, size: axis._replace(**{name: getattr(axis, name) + factor * size})

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
+from selector.proof.drive.friction import OWN_VALUE
 from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
-from selector.proof.drive.recorded import Drive, plan, plus
-from selector.proof.drive.true_axis import STEP_S, TrueAxis, true_motion
+from selector.proof.drive.recorded import lacking, plus
+from selector.proof.drive.true_axis import STEP_S, true_motion
 from selector.types import Vector
 
 Runs = Mapping[str, Sequence[Vector]]
-
-_OWN_VALUE = ("missing-physics", "miscalibrated")
-"""A value of the simulation that is wrong may be called either."""
 
 
 def _late(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
@@ -75,140 +73,77 @@ def _braked(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _heavier(axis: TrueAxis, size: float) -> TrueAxis:
-    return axis._replace(table_kg=axis.table_kg + size)
-
+_ripple = partial(lacking, change=plus("ripple_n"), place="motor", first=3.0)
+_mass = partial(lacking, change=plus("table_kg"), place="table", verdicts=OWN_VALUE)
+_delay = partial(lacking, axis={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, prepared=_late)
+_limit = partial(lacking, hidden=("rare",), place="drive", first=5.0, prepared=_limited)
 
 DRIVES = (
-    Drive(
-        plan("drive.ripple/cogging"),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "strokes", "other")},
-        {"ripple_m": 0.0025},
-        world={"first": 3.0},
-        place="motor",
+    _ripple("drive.ripple/cogging", bench={"styles": ("gentle", "strokes", "other")}, axis={"ripple_m": 0.0025}),
+    _ripple(
+        "drive.ripple/slow",
+        bench={"styles": ("gentle", "gentle", "other"), "fastest": 0.1, "coarse_scale": True, "colour": "ar"},
+        axis={"ripple_m": 0.010, "ripple_phase": 1.0},
+        hidden=("small", "ruled out in E"),
+        note="A turn of the motor takes half a second.",
     ),
-    Drive(
-        plan("drive.ripple/slow", ("small", "ruled out in E"), note="A turn of the motor takes half a second."),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "gentle", "other"), "fastest": 0.1, "coarse_scale": True, "colour": "ar"},
-        {"ripple_m": 0.010, "ripple_phase": 1.0},
-        world={"first": 3.0},
-        place="motor",
-    ),
-    Drive(
-        plan("drive.ripple/force", note="Force and position of a linear motor; nothing else is recorded."),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "sines", "other"), "friction": False, "jitter_s": 0.0},
-        {"ripple_m": 0.032},
-        world={"first": 3.0, "names": ("x", "F"), "responses": ("x", "F")},
+    _ripple(
+        "drive.ripple/force",
+        bench={"styles": ("gentle", "sines", "other"), "friction": False, "jitter_s": 0.0},
+        axis={"ripple_m": 0.032},
+        note="Force and position of a linear motor; nothing else is recorded.",
+        world={"names": ("x", "F"), "responses": ("x", "F")},
         channels=("x", "F"),
-        place="motor",
     ),
-    Drive(
-        plan("drive.mass/workpiece", verdicts=_OWN_VALUE),
-        "drive.mass",
-        _heavier,
-        {"colour": "ar"},
-        world={"first": 1.0},
-        place="table",
+    _mass("drive.mass/workpiece", bench={"colour": "ar"}),
+    _mass(
+        "drive.mass/absorbed",
+        bench={"friction": False, "styles": ("strokes", "sines", "gentle")},
+        axis={"viscous_ns_per_m": 350.0},
+        hidden=("absorbed", "like I"),
+        tolerated=("drive.viscous", "data.gain"),
+        note="Current goes with acceleration nearly alone, so that its gain takes in most.",
+        first=2.0,
     ),
-    Drive(
-        plan(
-            "drive.mass/absorbed",
-            ("absorbed", "like I"),
-            verdicts=_OWN_VALUE,
-            tolerated=("drive.viscous", "data.gain"),
-            note="Current goes with acceleration nearly alone, so that its gain takes in most.",
-        ),
-        "drive.mass",
-        _heavier,
-        {"friction": False, "styles": ("strokes", "sines", "gentle")},
-        {"viscous_ns_per_m": 350.0},
-        world={"first": 2.0},
-        place="table",
+    _mass(
+        "drive.mass/ruled-out",
+        bench={"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
+        hidden=("small", "ruled out in E"),
     ),
-    Drive(
-        plan("drive.mass/ruled-out", ("small", "ruled out in E"), verdicts=_OWN_VALUE),
-        "drive.mass",
-        _heavier,
-        {"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
-        world={"first": 1.0},
-        place="table",
+    _delay(
+        "drive.delay/bus",
+        bench={"friction": False},
+        note="Speed is fed forward in full: only the delay lags with it.",
     ),
-    Drive(
-        plan("drive.delay/bus", verdicts=_OWN_VALUE, note="Speed is fed forward in full: only the delay lags with it."),
-        "drive.delay",
-        None,
-        {"friction": False},
-        {"feed_forward": 1.0},
-        world={"first": 2.0},
-        place="command",
-        prepared=_late,
-    ),
-    Drive(
-        plan("drive.delay/rubbing", verdicts=_OWN_VALUE),
-        "drive.delay",
-        None,
-        {"styles": ("gentle", "sines", "other"), "colour": "quantised"},
-        {"feed_forward": 1.0},
-        world={"first": 2.0},
-        place="command",
-        prepared=_late,
-    ),
-    Drive(
-        plan("drive.saturation/current", ("rare",)),
-        "drive.saturation",
-        None,
-        {"styles": ("strokes", "strokes", "strokes"), "friction": False},
-        world={"first": 5.0},
-        place="drive",
-        prepared=_limited,
-    ),
-    Drive(
-        plan("drive.saturation/rubbing", ("rare",)),
-        "drive.saturation",
-        None,
-        {"styles": ("strokes", "one speed", "strokes"), "colour": "heavy-tailed"},
-        world={"first": 5.0},
-        place="drive",
-        prepared=_limited,
-    ),
-    Drive(
-        plan("drive.offset_force/sets-in", verdicts=("missing-physics", "data-fault")),
-        "drive.offset_force",
-        None,
-        {"friction": False},
-        world={"first": 3.0},
+    _delay("drive.delay/rubbing", bench={"styles": ("gentle", "sines", "other"), "colour": "quantised"}),
+    _limit("drive.saturation/current", bench={"styles": ("strokes", "strokes", "strokes"), "friction": False}),
+    _limit("drive.saturation/rubbing", bench={"styles": ("strokes", "one speed", "strokes"), "colour": "heavy-tailed"}),
+    lacking(
+        "drive.offset_force/sets-in",
+        bench={"friction": False},
+        verdicts=("missing-physics", "data-fault"),
+        first=3.0,
         prepared=_loaded,
     ),
-    Drive(
-        plan(
-            "drive.offset_force/brake",
-            ("absorbed",),
-            note="Weight of a slide that is half balanced; the current is 0 while the brake is shut.",
-        ),
-        "drive.offset_force",
+    lacking(
+        "drive.offset_force/brake",
         plus("offset_n"),
         {"friction": False},
-        world={"first": 3.0},
+        hidden=("absorbed",),
+        note="Weight of a slide that is half balanced; the current is 0 while the brake is shut.",
+        first=3.0,
         channels=("I",),
         place="table",
         prepared=_braked,
     ),
-    Drive(
-        replace(
-            plan("drive.offset_force/constant", ("absorbed",), kind="undecidable"),
-            verdicts=("missing-physics", "data-fault", "miscalibrated"),
-            size=15.0,
-            note="A weight in every run: the same as a zero of the current that is off.",
-        ),
-        "drive.offset_force",
+    lacking(
+        "drive.offset_force/constant",
         plus("offset_n"),
-        {},
+        hidden=("absorbed",),
+        kind="undecidable",
+        verdicts=("missing-physics", "data-fault", "miscalibrated"),
+        size=15.0,
+        note="A weight in every run: the same as a zero of the current that is off.",
         accept=("drive.offset_force", "data.zero"),
         channels=("I",),
         place="table",

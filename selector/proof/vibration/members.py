@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -65,8 +66,7 @@ class Swing:
 
 def plan(name: str, hidden: tuple[str, ...] = ("small",), **rest: Any) -> Plan:
     """A plan of the vibration family."""
-    settings: dict[str, Any] = {"family": "vibration", "kind": "single", "hidden": hidden}
-    return Plan(name, **(settings | rest))
+    return Plan(name, **{"family": "vibration", "kind": "single", "hidden": hidden} | rest)
 
 
 def line(low_hz: float, high_hz: float) -> Drawing:
@@ -174,115 +174,89 @@ def _clean(name: str, note: str = "", world: Mapping[str, Any] | None = None, **
     return Swing(made, "", bench=bench, world=world or {})
 
 
+def _lacking(name: str, change: Change | None = None, *, hidden: tuple[str, ...] = ("small",), **rest: Any) -> Swing:
+    """The effect before the slash of the name is missing; `rest` are further fields of `Plan` and `Swing`."""
+    planned = plan(name, hidden, **{key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__})
+    return Swing(planned, name.partition("/")[0], change, **rest)
+
+
 _TWO: Mapping[str, Any] = {"names": ("F", "n", "y", "z"), "responses": ("y", "z")}
+_ACCELERATION: Mapping[str, Any] = {"names": ("F", "n", "a"), "responses": ("a",)}
+_BALANCED = {"imbalance": False}
+_back_reaction = partial(
+    _lacking,
+    change=tuned("back", 0.01),
+    hidden=("absorbed",),
+    tolerated=("vibration.mode",),
+    channels=("y", "z"),
+    place="between spindle nose and workpiece",
+)
 SWINGS: Sequence[Swing] = (
-    Swing(plan("vibration.line/pump"), "vibration.line", None, line(85.0, 110.0), world={"first": 1.0}),
-    Swing(
-        plan("vibration.line/off-resonance"),
-        "vibration.line",
-        None,
-        line(20.0, 40.0),
-        {"colour": "ar", "speeds": ("run-up", "steps", "run-up")},
-        {"first": 2.0},
+    _lacking("vibration.line/pump", drawing=line(85.0, 110.0)),
+    _lacking(
+        "vibration.line/off-resonance",
+        drawing=line(20.0, 40.0),
+        bench={"colour": "ar", "speeds": ("run-up", "steps", "run-up")},
+        world={"first": 2.0},
     ),
-    Swing(
-        plan("vibration.line/acceleration"),
-        "vibration.line",
-        None,
-        line(120.0, 190.0),
-        {"colour": "heavy-tailed"},
-        {"first": 1.0, "names": ("F", "n", "a"), "responses": ("a",)},
+    _lacking(
+        "vibration.line/acceleration",
+        drawing=line(120.0, 190.0),
+        bench={"colour": "heavy-tailed"},
+        world=_ACCELERATION,
         channels=("a",),
     ),
-    Swing(plan("vibration.imbalance/steps"), "vibration.imbalance", None, imbalance, {"imbalance": False}),
-    Swing(
-        plan("vibration.imbalance/run-up", ("absorbed",), note="Only while the speed passes the resonance it is seen."),
-        "vibration.imbalance",
-        None,
-        imbalance,
-        {"imbalance": False, "speeds": ("run-up", "run-up", "steps")},
+    _lacking("vibration.imbalance/steps", drawing=imbalance, bench=_BALANCED),
+    _lacking(
+        "vibration.imbalance/run-up",
+        drawing=imbalance,
+        bench={**_BALANCED, "speeds": ("run-up", "run-up", "steps")},
+        hidden=("absorbed",),
+        note="Only while the speed passes the resonance it is seen.",
     ),
-    Swing(
-        plan("vibration.imbalance/quiet", note="The shaker hardly shakes."),
-        "vibration.imbalance",
-        None,
-        imbalance,
-        {"imbalance": False, "level": 0.2, "colour": "ar"},
+    _lacking(
+        "vibration.imbalance/quiet",
+        drawing=imbalance,
+        bench={**_BALANCED, "level": 0.2, "colour": "ar"},
+        note="The shaker hardly shakes.",
     ),
-    Swing(
-        plan("vibration.mode/above"),
-        "vibration.mode",
+    _lacking("vibration.mode/above", with_mode, bench=_BALANCED, start={"mode_hz": 142.0}),
+    _lacking("vibration.mode/between", with_mode, bench={"colour": "ar", **_BALANCED}, start={"mode_hz": 100.0}),
+    _lacking(
+        "vibration.mode/acceleration",
         with_mode,
-        None,
-        {"imbalance": False},
-        start={"mode_hz": 142.0},
-    ),
-    Swing(
-        plan("vibration.mode/between"),
-        "vibration.mode",
-        with_mode,
-        None,
-        {"colour": "ar", "imbalance": False},
-        start={"mode_hz": 100.0},
-    ),
-    Swing(
-        plan("vibration.mode/acceleration"),
-        "vibration.mode",
-        with_mode,
-        None,
-        {"colour": "quantised", "imbalance": False},
-        {"names": ("F", "n", "a"), "responses": ("a",)},
+        bench={"colour": "quantised", **_BALANCED},
+        world=_ACCELERATION,
         channels=("a",),
         start={"mode_hz": 130.0},
     ),
-    Swing(
-        plan("vibration.back_reaction/two", ("absorbed",), tolerated=("vibration.mode",)),
-        "vibration.back_reaction",
-        tuned("back", 0.01),
-        world=_TWO,
-        channels=("y", "z"),
-        place="between spindle nose and workpiece",
+    _back_reaction("vibration.back_reaction/two", world=_TWO),
+    _back_reaction(
+        "vibration.back_reaction/refitted", bench={"colour": "heavy-tailed"}, world={**_TWO, "refitted": True}
     ),
-    Swing(
-        plan("vibration.back_reaction/refitted", ("absorbed",), tolerated=("vibration.mode",)),
-        "vibration.back_reaction",
-        tuned("back", 0.01),
-        None,
-        {"colour": "heavy-tailed"},
-        {**_TWO, "refitted": True},
-        channels=("y", "z"),
-        place="between spindle nose and workpiece",
-    ),
-    Swing(
-        plan("vibration.hardening/small"),
-        "vibration.hardening",
+    _lacking("vibration.hardening/small", tuned("hardening_per_m2", 1e8), world={"first": 3.0}),
+    _lacking(
+        "vibration.hardening/absorbed",
         tuned("hardening_per_m2", 1e8),
-        world={"first": 3.0},
+        bench={"level": 1.5, "colour": "ar"},
+        world={"first": 3.0, "refitted": True},
+        hidden=("small", "absorbed"),
+        note="Stiffness and damping were fitted to it.",
     ),
-    Swing(
-        plan("vibration.hardening/absorbed", ("small", "absorbed"), note="Stiffness and damping were fitted to it."),
-        "vibration.hardening",
-        tuned("hardening_per_m2", 1e8),
-        None,
-        {"level": 1.5, "colour": "ar"},
-        {"first": 3.0, "refitted": True},
-    ),
-    Swing(
-        plan("vibration.hysteresis/absorbed", ("small", "absorbed"), note="Stiffness and damping were fitted to it."),
-        "vibration.hysteresis",
+    _lacking(
+        "vibration.hysteresis/absorbed",
         rubbing,
-        None,
-        {"level": 1.5},
-        {"refitted": True},
+        bench={"level": 1.5},
+        world={"refitted": True},
+        hidden=("small", "absorbed"),
+        note="Stiffness and damping were fitted to it.",
         start={"slip_m": 2e-6},
     ),
-    Swing(
-        plan("vibration.hysteresis/refitted", ("small",)),
-        "vibration.hysteresis",
+    _lacking(
+        "vibration.hysteresis/refitted",
         rubbing,
-        None,
-        {"colour": "heavy-tailed", "shaken": True, "imbalance": False},
-        {"refitted": True},
+        bench={"colour": "heavy-tailed", **_BALANCED},
+        world={"refitted": True},
         start={"slip_m": 1e-6},
     ),
     Swing(
@@ -292,7 +266,7 @@ SWINGS: Sequence[Swing] = (
         "vibration.imbalance",
         None,
         imbalance,
-        {"speeds": ("one", "one", "one"), "imbalance": False},
+        {"speeds": ("one", "one", "one"), **_BALANCED},
         accept=("vibration.imbalance", "vibration.line"),
         rival=(at_the_speed, 1.0),
     ),
