@@ -14,11 +14,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.vibration.chain.chain_error import Agreement, ChainAccuracy, chain_accuracy
+from selector.physics.vibration.chain.chain import Agreement, ChainAccuracy, chain_accuracy
 from selector.physics.vibration.file.model_file import read_model_file
-from selector.physics.vibration.structure.modes import receptance_by_modes, structure_modes
 from selector.physics.vibration.structure.source import excitation
-from selector.physics.vibration.structure.structure import Structure, receptance, response
+from selector.physics.vibration.structure.structure import (
+    Structure,
+    receptance,
+    receptance_by_modes,
+    response,
+    structure_modes,
+)
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz
 

@@ -38,8 +38,8 @@ PARTS = {
     "vibration": (
         "How it vibrates",
         "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chain.chain"
-        " physics.vibration.chain.chain_error physics.vibration.structure.modes physics.vibration.motion.run_up"
-        " physics.vibration.motion.realisations physics.vibration.motion.periodic_error"
+        " physics.vibration.motion.run_up"
+        " physics.vibration.motion.periodic_error"
         " physics.vibration.recorded.force physics.vibration.file.model_file physics.vibration.vibration_model",
     ),
     "gauging": (

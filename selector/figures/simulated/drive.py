@@ -13,7 +13,7 @@ from selector.figures import style
 from selector.figures.panels import POINTS, Line, Panel, stacked
 from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
-from selector.physics.drive.motion import Motion
+from selector.physics.drive.trajectory import Motion
 from selector.types import Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN

@@ -19,23 +19,22 @@ from selector.physics.drive.ball_bar.circle import (
     PairGeometry,
     ball_bar_run,
 )
-from selector.physics.drive.file.model_axes import FileAxis, file_axis
-from selector.physics.drive.file.model_file import columns_needed
-from selector.physics.drive.file.model_motion import (
+from selector.physics.drive.file.model_file import (
     Columns,
     circle_plan,
+    columns_needed,
     file_reference,
     longest_s,
     moved_axes,
+    parameters,
     slow_feed_words,
+    with_parameters,
 )
-from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile
-from selector.physics.drive.file.parameters import parameters, with_parameters
-from selector.physics.drive.motion import Motion, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
+from selector.physics.drive.trajectory import Motion, Reference
 from selector.physics.model_fields import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
@@ -109,7 +108,7 @@ def require_few_steps(
 
     `duration_s` and `step_s` are the length of its motion and the largest step [s]; `period_s` is the distance of the
     samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
-    see `model_motion.slow_feed_words`.
+    see `model_file.slow_feed_words`.
 
     InputError: there are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
     """

@@ -19,14 +19,11 @@ from selector.physics.drive.drive_model import (
     DriveSimulation,
     axis_channels,
 )
-from selector.physics.drive.file.model_axes import FileAxis
-from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M
+from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.motion import Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
 from selector.physics.drive.simulation import AxisRun
-from selector.physics.drive.trajectory import clock_findings, recorded
+from selector.physics.drive.trajectory import Reference, clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
 from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording

@@ -11,8 +11,7 @@ from scipy import signal
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays
-from selector.physics.drive.parts.axis import Servo
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
+from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.types import Vector
 
 CUT_OFF = 5.0

@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
-from selector.physics.drive.drive_summary import limited_samples
-from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
-from selector.physics.drive.file.model_axes import FileAxis
-from selector.physics.drive.file.parameters import OUTPUT_UNITS
+from selector.physics.drive.drive_summary import limited_samples, stick_slip
+from selector.physics.drive.file.model_file import OUTPUT_UNITS
+from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.loop_response import growing_poles, loop_poles
+from selector.physics.drive.loop.closed_loop import growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
-from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.axis import (
+    Axis,
+    ThreeMassMechanics,
+    passive_bristle_damping_ns_per_m,
+    passive_fading_speed_m_per_s,
+)
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics
 from selector.physics.drive.simulation import AxisRun, fastest_rate_per_s
-from selector.physics.drive.tracking import stick_slip
 from selector.physics.model_fields import unlikely_values
 from selector.physics.model_text import Key
 

@@ -16,9 +16,8 @@ from selector.physics.drive.finding_table import UNSTABLE_LOOP
 from selector.physics.drive.kernel import _packed as at
 from selector.physics.drive.kernel.axis_system import largest_stable_step_s, mechanical_poles
 from selector.physics.drive.loop.stability import stability_findings
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
+from selector.physics.drive.trajectory import Motion, ParameterCourse, Reference
 from selector.types import Vector
 
 

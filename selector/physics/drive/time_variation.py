@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.loop.stability import LoopFigures, frequency_response, frozen, loop_figures
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.axis import Axis, Friction, Servo, ThreeMassMechanics
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.damping import Reading, dry_friction, parameter_course
-from selector.physics.drive.parts.mechanics import Friction, ThreeMassMechanics
-from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.parts.stiffness import Reading, dry_friction, parameter_course, three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.trajectory import sine
+from selector.physics.drive.trajectory import Motion, ParameterCourse, Reference, sine
 from selector.types import Vector
 
 Constants = Literal["unloaded", "mean", "friction"]

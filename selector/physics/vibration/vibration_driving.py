@@ -16,8 +16,16 @@ from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.motion_signal import MotionSignal
-from selector.physics.vibration.recorded.clock import GAP, Stretch, gaps, stretches
-from selector.physics.vibration.recorded.force import FADED, StampedAnswer, ring_time_s, stamped_answer
+from selector.physics.vibration.recorded.force import (
+    FADED,
+    GAP,
+    StampedAnswer,
+    Stretch,
+    gaps,
+    ring_time_s,
+    stamped_answer,
+    stretches,
+)
 from selector.physics.vibration.structure.source import ShaftCourse
 from selector.physics.vibration.vibration_model import (
     FINALS,

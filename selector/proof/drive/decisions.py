@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from selector.proof.drive import friction, joints, servo
-from selector.proof.drive.joints import softer
-from selector.proof.drive.machine import Bench
+from selector.proof.drive import friction_and_joints, servo
+from selector.proof.drive.friction_and_joints import softer
 from selector.proof.drive.recorded import Change, Drive, plan, plus
-from selector.proof.drive.true_axis import GivenAxis, given_from
+from selector.proof.drive.true_axis import Bench, GivenAxis, given_from
 from selector.types import Vector
 
 Runs = Mapping[str, Sequence[Vector]]
@@ -208,7 +207,7 @@ UNDECIDABLE = (
 )
 TWINS = tuple(
     drive.twin
-    for drive in (*friction.DRIVES, *joints.DRIVES, *servo.DRIVES)
+    for drive in (*friction_and_joints.DRIVES, *servo.DRIVES)
     if drive.plan.name
     in (
         "drive.coulomb/absorbed",

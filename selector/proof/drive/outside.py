@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
 from selector.proof.drive.recorded import Drive, plan
+from selector.proof.drive.true_axis import LENGTH_S, RUNS, Bench
 from selector.proof.world import HIDDEN_FACTOR
 from selector.types import Vector
 

@@ -9,8 +9,18 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import Scenario, TrueEffect
-from selector.proof.drive.machine import RUNS, Bench, bench, command_times
-from selector.proof.drive.true_axis import STEP_S, GivenAxis, TrueAxis, given_from, given_motion, true_motion
+from selector.proof.drive.true_axis import (
+    RUNS,
+    STEP_S,
+    Bench,
+    GivenAxis,
+    TrueAxis,
+    bench,
+    command_times,
+    given_from,
+    given_motion,
+    true_motion,
+)
 from selector.proof.world import Plan, World, scenario, twin
 from selector.recording import Channel
 from selector.types import Vector
@@ -173,7 +183,7 @@ class Drive:
     plan: Plan
     id: str  #: Of the effect; empty = none
     change: Change | None = None  #: (axis, size) -> axis: The true axis with the effect; called with size > 0 only
-    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.machine.bench`
+    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.true_axis.bench`
     axis: Mapping[str, float] = field(default_factory=dict)  #: Parameters of the axis that are set whatever was drawn
     world: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.recorded.axis_world`
     #: accept, channels and place: Of the true effect; the id alone is right unless told

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.friction import OWN_VALUE
-from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
+from selector.proof.drive.friction_and_joints import OWN_VALUE
 from selector.proof.drive.recorded import lacking, plus
-from selector.proof.drive.true_axis import STEP_S, true_motion
+from selector.proof.drive.true_axis import LENGTH_S, RUNS, STEP_S, Bench, true_motion
 from selector.types import Vector
 
 Runs = Mapping[str, Sequence[Vector]]

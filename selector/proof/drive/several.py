@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import TrueEffect
-from selector.proof.drive.joints import softer
-from selector.proof.drive.machine import Bench
+from selector.proof.drive.friction_and_joints import softer
 from selector.proof.drive.recorded import Change, Drive, axis_world, plan, plus
-from selector.proof.drive.true_axis import TrueAxis
+from selector.proof.drive.true_axis import Bench, TrueAxis
 from selector.proof.world import size_with
 
 _UNIT_D_PRIME = 8.0

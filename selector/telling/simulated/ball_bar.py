@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.drive.ball_bar.causes import Cause, CircleCauses, FeedCauses
-from selector.physics.drive.ball_bar.laws import Amount
+from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness
 from selector.physics.drive.drive_summary import DriveSummary
 from selector.telling.account import Captioned, Table, table

@@ -11,12 +11,19 @@ import numpy as np
 
 from selector.number_text import number_text
 from selector.physics.drive.drive_model import DriveModel
-from selector.physics.drive.drive_summary import LINEAR, ROTARY, AxisSummary, DriveSummary, LoopSummary, Measures
+from selector.physics.drive.drive_summary import (
+    LINEAR,
+    ROTARY,
+    AxisSummary,
+    DriveSummary,
+    ErrorParts,
+    LoopSummary,
+    Measures,
+    StickSlip,
+)
 from selector.physics.drive.loop.stability import LoopFigures
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import Friction
-from selector.physics.drive.tracking import ErrorParts, StickSlip
+from selector.physics.drive.parts.axis import Axis, Friction, Servo
+from selector.physics.drive.trajectory import Motion
 from selector.physics.model_text import plain_values
 from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
 from selector.telling.numbers import NONE, ms_text, span_text

@@ -21,13 +21,12 @@ from selector.figures.simulated.drive import (
 from selector.number_text import number_text
 from selector.physics.drive.ball_bar.quantities import paired
 from selector.physics.drive.drive_summary import LoopSummary, course_of, limited_samples
-from selector.physics.drive.file.parameters import OUTPUT_UNITS
+from selector.physics.drive.file.model_file import OUTPUT_UNITS
 from selector.physics.drive.loop.stability import frequency_response as response_of_loop
 from selector.physics.drive.loop.stability import frozen
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, ThreeMassMechanics
 from selector.physics.drive.simulation import AxisRun, simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse
 from selector.telling.account import Block, Drawing
 from selector.telling.simulated.drive import MOST_RUNS, AxisInRun, axes_in_runs
 from selector.telling.simulated.result import SimulationResult

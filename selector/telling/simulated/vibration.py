@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.number_text import number_text
-from selector.physics.vibration.chain.chain_error import Agreement, ChainAccuracy
+from selector.physics.vibration.chain.chain import Agreement, ChainAccuracy
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
-from selector.physics.vibration.structure.modes import CarryingMode, StructureModes, carrying_mode
+from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
 from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import AmplitudeSummary, LineSummary, VibrationSummary

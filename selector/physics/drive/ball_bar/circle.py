@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.drive.loop.closed_loop import inertia_at_motor
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import RigidMechanics, Transmission
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Transmission
 from selector.types import Vector
 
 Switches = NDArray[np.int64]

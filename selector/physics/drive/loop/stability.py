@@ -13,17 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.closed_loop import plant, servo_of, small_signal_mechanics
-from selector.physics.drive.loop.loop_response import (
+from selector.physics.drive.loop.closed_loop import (
     Response,
     growing_poles,
     loop_poles,
     loop_response,
     nyquist_rad_per_s,
+    plant,
+    servo_of,
+    small_signal_mechanics,
 )
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import Mechanics, RigidMechanics
+from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics
+from selector.physics.drive.trajectory import ParameterCourse
 from selector.types import Vector
 
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")

@@ -11,12 +11,12 @@ from typing import Annotated
 
 from selector.errors import InputError
 from selector.physics.checks import require_not_negative, require_positive
-from selector.physics.drive.parts.axis import Servo
-from selector.physics.drive.parts.mechanics import (
+from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
     Force,
     Inertia,
+    Servo,
     Torque,
     TorsionalDamping,
     TorsionalStiffness,

@@ -13,9 +13,8 @@ from selector.findings import Finding, Where
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.final_motion import ChainMethod, source_curve
 from selector.physics.vibration.rounding import above, below
-from selector.physics.vibration.structure.modes import StructureModes, structure_modes
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, line_force_n
-from selector.physics.vibration.structure.structure import Structure, unit_force
+from selector.physics.vibration.structure.structure import Structure, StructureModes, structure_modes, unit_force
 from selector.types import Complex, Vector
 
 _MOST_STEPS = 10_000_000
