@@ -327,14 +327,8 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
     "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
-
-parsed_model_file = FAMILY.parsed
-"""The model file with this content, see `ModelFamily.parsed`."""
-
-checked_model_file = FAMILY.checked
-"""The model file with these sections as plain values, see `ModelFamily.checked`."""
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
 
 
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}

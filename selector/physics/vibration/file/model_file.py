@@ -30,7 +30,6 @@ from selector.physics.model_text import (
 )
 from selector.physics.model_values import refusals
 from selector.physics.vibration.chain.chain import Chain, chain_links, force_sign
-from selector.physics.vibration.motion.periodic_error import Cutting, Surface
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
@@ -227,21 +226,6 @@ def source_of(name: str, section: SourceSection) -> Source:
     return Source(name, section.member, lines, section.against, section.shaft)
 
 
-def file_sources(file: VibrationFile) -> tuple[Source, ...]:
-    """The sources of a file."""
-    return tuple(source_of(name, section) for name, section in file.sources.items())
-
-
-def chain_of(section: ChainSection) -> Chain:
-    """The chain that a section describes."""
-    return Chain(**dict(section))
-
-
-def file_chains(file: VibrationFile) -> tuple[Chain, ...]:
-    """The chains of a file."""
-    return tuple(chain_of(section) for section in file.chains)
-
-
 def file_shafts(file: VibrationFile, replaced: Mapping[str, ShaftCourse] | None = None) -> dict[str, ShaftCourse]:
     """Shaft → its course, or what replaces it; one that follows another has that one's course times the ratio."""
 
@@ -250,23 +234,18 @@ def file_shafts(file: VibrationFile, replaced: Mapping[str, ShaftCourse] | None 
         if replaced is not None and name in replaced:
             return replaced[name]
         if shaft.of is None:
-            return own_course(shaft)
-        return scaled_course(course(shaft.of), 1.0 if shaft.ratio is None else shaft.ratio)
+            return _own_course(shaft)
+        led, ratio = course(shaft.of), 1.0 if shaft.ratio is None else shaft.ratio
+        return led if ratio == 1.0 else ShaftCourse(led.time_s, ratio * led.rpm)
 
     return {name: course(name) for name in file.shafts}
 
 
-def own_course(shaft: ShaftSection) -> ShaftCourse:
-    """The course of a shaft with a speed of its own."""
+def _own_course(shaft: ShaftSection) -> ShaftCourse:
     if isinstance(shaft.rpm, tuple):
         time_s, rpm = np.array(shaft.rpm).T
         return ShaftCourse(time_s, rpm)
     return ShaftCourse(np.zeros(1), np.array([shaft.rpm or 0.0]))
-
-
-def scaled_course(course: ShaftCourse, ratio: float) -> ShaftCourse:
-    """The course of what turns `ratio` times as fast."""
-    return course if ratio == 1.0 else ShaftCourse(course.time_s, ratio * course.rpm)
 
 
 def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
@@ -275,18 +254,6 @@ def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
         return float(course.rpm[0])
     first, last = course.turns_at(np.array([from_s, to_s]))
     return float(60.0 * (last - first) / (to_s - from_s))
-
-
-def file_cutting(file: VibrationFile, workpiece_rpm: float) -> Cutting | None:
-    """The cut at this speed of its shaft [r/min]; None without ``[cutting]``."""
-    if file.cutting is None:
-        return None
-    return Cutting(workpiece_rpm=workpiece_rpm, **file.cutting.model_dump(exclude={"shaft"}))
-
-
-def file_surface(file: VibrationFile) -> Surface:
-    """Where one kind of periodic error ends and the next begins."""
-    return Surface(**dict(file.surface))
 
 
 FEWEST_SAMPLES = 4
@@ -336,7 +303,7 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
             if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
                 found, expected = f"corners at {times[:6]} s", "times that begin with 0 and increase"
                 yield (*key, "rpm"), found, expected, "begin with [0, …] and sort the corners; one speed a time"
-            elif own_course(shaft).range_rpm(0.0, file.run.duration_s)[1] == 0:
+            elif _own_course(shaft).range_rpm(0.0, file.run.duration_s)[1] == 0:
                 yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
         elif shaft.rpm == 0:
             yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
@@ -405,8 +372,8 @@ def _of_chains(file: VibrationFile) -> Iterator[Contradiction]:
         if section.name in names[:number]:
             yield (*key, "name"), f"a second chain {section.name!r}", "every name once", "give it another name"
         yield from _unknown_in_chain(file, section, key)
-        yield from refusals(partial(chain_of, section), key, section)
-        chain = chain_of(section)
+        yield from refusals(partial(Chain, **dict(section)), key, section)
+        chain = Chain(**dict(section))
         yield from _in_chain(partial(chain_links, structure, chain), key)
         for name in section.sources:
             yield from _in_chain(partial(force_sign, chain, source_of(name, file.sources[name])), key)
@@ -476,15 +443,5 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[VibrationFile] = ModelFamily(
     "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
-
-
-def parsed_model_file(text: str, *, where: str = "model file") -> VibrationFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> VibrationFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
