@@ -96,6 +96,10 @@ class Reference:
         return np.asarray(np.arange(len(self.position_m)) * self.period_s, dtype=np.float64)
 
 
+COURSES = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
+"""Parameters of the mechanics that may change along a motion."""
+
+
 @dataclass(frozen=True)
 class ParameterCourse:
     """Parameters on the grid of the reference, straight between; they replace the constants of the mechanics.
@@ -109,8 +113,8 @@ class ParameterCourse:
     guide_damping_ns_per_m: Vector | None = None  #: (n_samples,): Ct [N·s/m]; None: the constant of the mechanics
 
     def __post_init__(self) -> None:
-        keep_arrays(self, "axial_stiffness_n_per_m", "guide_damping_ns_per_m")
-        for name, least in (("axial_stiffness_n_per_m", "above 0"), ("guide_damping_ns_per_m", "0 or more")):
+        keep_arrays(self, *COURSES)
+        for name, least in zip(COURSES, ("above 0", "0 or more"), strict=True):
             values = getattr(self, name)
             if values is None:
                 continue
@@ -271,12 +275,9 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
         grid = time[0] + np.arange(math.floor((time[-1] - time[0]) / step_s * (1.0 + 1e-12)) + 1) * step_s
         position = np.asarray(interpolate.CubicSpline(time, position)(np.minimum(grid, time[-1])))
     if len(position) < WINDOW:
-        raise InputError(
-            f"{len(position)} samples every {step_s:g} s in {time[-1] - time[0]:g} s",
-            expected=f"at least {WINDOW} samples",
-            where="recorded course",
-            advice="give a longer course, or a shorter period (run.period_s of a model file)",
-        )
+        found = f"{len(position)} samples every {step_s:g} s in {time[-1] - time[0]:g} s"
+        advice = "give a longer course, or a shorter period (run.period_s of a model file)"
+        raise _no_course(found, f"at least {WINDOW} samples", advice)
     speed, acceleration = (
         np.asarray(signal.savgol_filter(position, WINDOW, 3, deriv=order, delta=step_s)) for order in (1, 2)
     )
@@ -348,36 +349,29 @@ def _stray(time: Vector) -> float:
 
 def _checked(time_s: ArrayLike, position_m: ArrayLike) -> tuple[Vector, Vector]:
     time, position = np.array(time_s, dtype=np.float64), np.array(position_m, dtype=np.float64)
-    where, advice = "recorded course", "leave the rows without a value out, or interpolate them before"
     if time.ndim != 1 or time.shape != position.shape or len(time) < WINDOW:
-        raise InputError(
-            f"{time.shape} times and {position.shape} positions",
-            expected=f"at least {WINDOW} of both, as many of one as of the other",
-            where=where,
-            advice="give a longer course",
-        )
+        found = f"{time.shape} times and {position.shape} positions"
+        expected = f"at least {WINDOW} of both, as many of one as of the other"
+        raise _no_course(found, expected, "give a longer course")
     known = np.isfinite(time) & np.isfinite(position)
     if not known.all():
         lost = f"{np.count_nonzero(~known)} missing values, the first in row {int(np.argmin(known)) + 1}"
-        raise InputError(lost, expected="finite numbers", where=where, advice=advice)
+        raise _no_course(lost, "finite numbers", "leave the rows without a value out, or interpolate them before")
     steps = np.diff(time)
     if (steps <= 0).any():
         at = int(np.argmin(steps > 0))
-        raise InputError(
-            f"the time {time[at + 1]:g} s after {time[at]:g} s",
-            expected="times that increase",
-            where=where,
-            advice="sort the rows and keep one a time",
-        )
+        found = f"the time {time[at + 1]:g} s after {time[at]:g} s"
+        raise _no_course(found, "times that increase", "sort the rows and keep one a time")
     gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
     if len(gaps):
-        raise InputError(
-            f"{len(gaps)} gaps, the first of {steps[gaps[0]]:g} s at {time[gaps[0]]:g} s",
-            expected=f"steps near {np.median(steps):g} s",
-            where=where,
-            advice="use a stretch without gaps, or fill them before",
-        )
+        found = f"{len(gaps)} gaps, the first of {steps[gaps[0]]:g} s at {time[gaps[0]]:g} s"
+        advice = "use a stretch without gaps, or fill them before"
+        raise _no_course(found, f"steps near {np.median(steps):g} s", advice)
     return time, position
+
+
+def _no_course(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="recorded course", advice=advice)
 
 
 def _one_each(name: str, given: float | Sequence[float], count: int) -> list[float]:

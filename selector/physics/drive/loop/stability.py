@@ -24,7 +24,7 @@ from selector.physics.drive.loop.closed_loop import (
     small_signal_mechanics,
 )
 from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics
-from selector.physics.drive.trajectory import ParameterCourse
+from selector.physics.drive.trajectory import COURSES, ParameterCourse
 from selector.types import Vector
 
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
@@ -218,7 +218,7 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     """
     mechanics: Mechanics = axis.mechanics
     values: dict[str, float] = {}
-    for name in ("axial_stiffness_n_per_m", "guide_damping_ns_per_m"):
+    for name in COURSES:
         samples = getattr(course, name)
         if samples is None:
             continue
