@@ -308,18 +308,23 @@ class DriveSummary:
 def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:
     """The summary of a simulation of this model: of what is recorded, so of circles without run-in and run-out."""
     axes = {
-        run: {name: _of_recorded(model, name, one.recorded) for name, one in done.items()}
+        run: {
+            name: axis_summary(seen.axis, seen.reference, seen.motion, course_of(model, name, seen))
+            for name, seen in ((name, one.recorded) for name, one in done.items())
+        }
         for run, done in simulation.axes.items()
     }
     known = {name: one.axis for done in simulation.axes.values() for name, one in done.items()}
     loops = {name: loop_summary(axis) for name, axis in known.items()}
     traces = tuple(simulation.traces.values())
+    mechanics = {name: one.axis.mechanics for name, one in model.axes.items()}
+    leads = {name: one.lead_m for name, one in mechanics.items() if isinstance(one, ThreeMassMechanics)}
     wound = {name: wind_up_m(axis) for name, axis in known.items()} if traces else {}
     return DriveSummary(
         axes,
         {name: loop for name, loop in loops.items() if loop is not None},
         circle_quantities(traces) if traces else (),
-        circle_causes(traces, lead_m=_leads(model)) if traces else None,
+        circle_causes(traces, lead_m=leads) if traces else None,
         {name: size for name, size in wound.items() if size is not None},
     )
 
@@ -327,15 +332,3 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
 def course_of(model: DriveModel, name: str, run: AxisRun) -> ParameterCourse | None:
     """Stiffness and damping that an axis had in a run, given or from its own position and load; None if constant."""
     return run.course or parameters_along(model.parts.get(name), run.axis, run.motion)
-
-
-def _of_recorded(model: DriveModel, name: str, run: AxisRun) -> AxisSummary:
-    return axis_summary(run.axis, run.reference, run.motion, course_of(model, name, run))
-
-
-def _leads(model: DriveModel) -> dict[str, float]:
-    return {
-        name: axis.axis.mechanics.lead_m
-        for name, axis in model.axes.items()
-        if isinstance(axis.axis.mechanics, ThreeMassMechanics)
-    }

@@ -188,11 +188,11 @@ def identified_axis_of_servo(
     command: ArrayLike,
     servo: Servo,
     *,
-    asymmetric: bool = False,
-    stribeck_speed_m_per_s: float | None = None,
     delay_s: float = 0.0,
 ) -> IdentifiedAxis:
-    """As `identified_rigid_axis`, from the control's output; the bandwidth is that of the servo with the mass found.
+    """As `identified_rigid_axis`, of symmetric friction, from the control's output.
+
+    The bandwidth is that of the servo with the mass found.
 
     `command`, shape (n_samples,), is the output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
 
@@ -201,15 +201,7 @@ def identified_axis_of_servo(
     force_n = servo.actuator_gain * np.array(command, dtype=np.float64)
     bandwidth_hz = servo.position_gain_per_s / 2.0 / math.pi
     for _ in range(10):
-        found = identified_rigid_axis(
-            period_s,
-            position_m,
-            force_n,
-            bandwidth_hz=bandwidth_hz,
-            asymmetric=asymmetric,
-            stribeck_speed_m_per_s=stribeck_speed_m_per_s,
-            delay_s=delay_s,
-        )
+        found = identified_rigid_axis(period_s, position_m, force_n, bandwidth_hz=bandwidth_hz, delay_s=delay_s)
         before, bandwidth_hz = bandwidth_hz, servo_bandwidth_hz(servo, found.mechanics.mass_kg)
         if abs(bandwidth_hz / before - 1.0) < 1e-3:
             break

@@ -15,7 +15,7 @@ from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.motion.motion_signal import MotionSignal
+from selector.physics.vibration.motion.run_up import MotionSignal
 from selector.physics.vibration.recorded.force import (
     FADED,
     GAP,
@@ -296,7 +296,13 @@ def driven_runs(
         **{f"{shaft}_speed": name for shaft, name in channels.speeds.items()},
     }
     if channels.forces:
-        findings.append(_spectra_of_the_file(tuple(channels.forces)))
+        told = FINDINGS.finding(
+            "lines-of-the-file",
+            f"The recorded force of {', '.join(channels.forces)} acts in the recording that was simulated; lines, "
+            "amplitudes and errors of the surface are told of the spectra of the model file.",
+            evidence={"sources": list(channels.forces)},
+        )
+        findings.append(told)
     simulation = VibrationSimulation(
         _as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
@@ -462,15 +468,6 @@ def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str,
         channels.append(replace(channel, name=called))
     renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
     return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
-
-
-def _spectra_of_the_file(sources: tuple[str, ...]) -> Finding:
-    return FINDINGS.finding(
-        "lines-of-the-file",
-        f"The recorded force of {', '.join(sources)} acts in the recording that was simulated; lines, amplitudes and "
-        "errors of the surface are told of the spectra of the model file.",
-        evidence={"sources": list(sources)},
-    )
 
 
 def _nothing_drives(model: VibrationModel, recording: Recording) -> OptionError:

@@ -13,11 +13,18 @@ from selector.findings import Finding
 from selector.physics.model_fields import Parameter
 from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.file.model_file import VibrationFile, file_shafts, file_structure, mean_rpm, source_of
-from selector.physics.vibration.file.parameters import parameters, with_parameters
+from selector.physics.vibration.file.model_file import (
+    VibrationFile,
+    file_shafts,
+    file_structure,
+    mean_rpm,
+    parameters,
+    source_of,
+    with_parameters,
+)
 from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
-from selector.physics.vibration.motion.motion_signal import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
+from selector.physics.vibration.motion.run_up import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
 from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -240,60 +241,44 @@ def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions,
         )
 
 
-@dataclass(frozen=True)
-class _Difference:
-    """One final: its motion by the lines that chains carry there, by both methods."""
-
-    final: str
-    chains_um: float
-    coupled_um: float
-    relative: float
-    lines: int
-    worst_source: str
-    worst_hz: float
-    worst_chains_um: float
-    worst_coupled_um: float
-
-
 def _difference(
     final: str, coupled: FinalMotions, exact: Complex, published: Complex, carried: NDArray[np.bool_]
-) -> _Difference | None:
+) -> dict[str, Any] | None:
+    """One final: its motion by the lines that chains carry there, by both methods."""
     rows = np.flatnonzero(carried)
     size, beside, off = (_rms_um(motion[rows]) for motion in (exact, published, published - exact))
     if size == 0 or off <= CHAINS_OFF * size:
         return None
     worst = int(rows[np.argmax(np.abs(published - exact)[rows])])
-    return _Difference(
-        final,
-        beside,
-        size,
-        off / size,
-        len(rows),
-        coupled.sources[int(coupled.source[worst])],
-        float(coupled.frequency_hz[worst]),
-        1e6 * float(abs(published[worst])),
-        1e6 * float(abs(exact[worst])),
-    )
+    return {
+        "final": final,
+        "chains_um": beside,
+        "coupled_um": size,
+        "relative": off / size,
+        "lines": len(rows),
+        "worst_source": coupled.sources[int(coupled.source[worst])],
+        "worst_hz": float(coupled.frequency_hz[worst]),
+        "worst_chains_um": 1e6 * float(abs(published[worst])),
+        "worst_coupled_um": 1e6 * float(abs(exact[worst])),
+    }
 
 
-def _off(differences: Sequence[_Difference], level: Level) -> Finding:
+def _off(differences: Sequence[dict[str, Any]], level: Level) -> Finding:
     """One finding of the final whose chains are off most; the others stand beside it in the evidence."""
-    worst = max(differences, key=lambda one: one.relative)
+    worst = max(differences, key=lambda one: one["relative"])
     others = [one for one in differences if one is not worst]
-    more = worst.chains_um / worst.coupled_um - 1.0
-    beside = [f"{_WORDS.get(one.final, f'the {one.final}')} by {100 * one.relative:.3g} %" for one in others]
+    more = worst["chains_um"] / worst["coupled_um"] - 1.0
+    names = [_WORDS.get(one["final"], f"the {one['final']}") for one in (worst, *others)]
+    beside = [f"{name} by {100 * one['relative']:.3g} %" for name, one in zip(names[1:], others, strict=True)]
     said = (
-        f"By the chains {_WORDS.get(worst.final, f'the {worst.final}')} moves {worst.chains_um:.3g} µm (rms of "
-        f"{'the lines' if worst.lines > 1 else 'the one line'} that they carry), by the coupled structure "
-        f"{worst.coupled_um:.3g} µm: "
-        f"{100 * abs(more):.3g} % {'more' if more > 0 else 'less'}; with their phases they differ by "
-        f"{100 * worst.relative:.3g} %. Most of it is the line of {worst.worst_source} at {worst.worst_hz:.5g} Hz, "
-        f"{worst.worst_chains_um:.3g} instead of {worst.worst_coupled_um:.3g} µm."
+        f"By the chains {names[0]} moves {worst['chains_um']:.3g} µm (rms of "
+        f"{'the lines' if worst['lines'] > 1 else 'the one line'} that they carry), by the coupled structure "
+        f"{worst['coupled_um']:.3g} µm: {100 * abs(more):.3g} % {'more' if more > 0 else 'less'}; with their phases "
+        f"they differ by {100 * worst['relative']:.3g} %. Most of it is the line of {worst['worst_source']} at "
+        f"{worst['worst_hz']:.5g} Hz, {worst['worst_chains_um']:.3g} instead of {worst['worst_coupled_um']:.3g} µm."
         + (f" Off too: {', '.join(beside)}." if beside else "")
     )
-    return FINDINGS.finding(
-        "chains-off-coupled", said, evidence={**vars(worst), "others": [dict(vars(one)) for one in others]}, level=level
-    )
+    return FINDINGS.finding("chains-off-coupled", said, evidence={**worst, "others": others}, level=level)
 
 
 def _listed(frequency_hz: NDArray[np.float64]) -> str:

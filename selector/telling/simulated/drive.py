@@ -287,7 +287,7 @@ def _per_acceleration(measures: Measures) -> str:
 def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
     """Bandwidth and margins, how far the gains may go, and the poles."""
     figures, found = loop.figures, loop.stability
-    rows = [
+    rows: list[tuple[str | float, ...]] = [
         ("bandwidth (−3 dB)", figures.bandwidth_hz, "Hz"),
         ("highest amplitude", _peak(figures), "table / command"),
         ("gain margin", _margin(figures.gain_margin_db), "dB"),

@@ -25,6 +25,7 @@ from selector.physics.vibration.structure.structure import (
     Member,
     Structure,
     checked_frequencies,
+    known_place,
     receptance,
     receptances,
 )
@@ -161,14 +162,8 @@ def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], t
         ("branch", sum(chain.branch, ())),
         ("held", () if chain.held == GROUND else (chain.held,)),
     ):
-        unknown = [name for name in names if name not in structure.names]
-        if unknown:
-            raise InputError(
-                f"a member {unknown[0]!r}",
-                expected=f"one of {', '.join(structure.names)}",
-                where=f"chains.{chain.name}.{key}",
-                advice="correct the name, or add the member",
-            )
+        for name in names:
+            known_place(structure, name, f"chains.{chain.name}.{key}")
     onto = (*chain.path[1:], (chain.held,))
     path = tuple(
         _link(structure, group, on, f"chains.{chain.name}.path") for group, on in zip(chain.path, onto, strict=True)

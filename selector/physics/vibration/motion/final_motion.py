@@ -14,7 +14,7 @@ from selector.errors import InputError
 from selector.physics.vibration.chain.chain import Chain, chain_receptance, force_sign, in_range
 from selector.physics.vibration.rounding import SAME, above
 from selector.physics.vibration.structure.source import Excitation, Source
-from selector.physics.vibration.structure.structure import GROUND, Structure, receptances, unit_force
+from selector.physics.vibration.structure.structure import GROUND, Structure, known_place, receptances, unit_force
 from selector.types import ComplexMatrix, Vector
 
 TOLERANCE = 1e-6
@@ -251,13 +251,8 @@ def final_receptance(
         ("finals", tuple(finals.values())),
     ):
         for name in names:
-            if name not in structure.names and not (name == GROUND and where.endswith("against")):
-                raise InputError(
-                    f"{name!r}",
-                    expected=f"one of {', '.join(structure.names)}",
-                    where=where,
-                    advice="correct the name, or add the member",
-                )
+            if name != GROUND or not where.endswith("against"):
+                known_place(structure, name, where)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
     if chains is None:
         return _coupled(structure, source, frequency, finals)

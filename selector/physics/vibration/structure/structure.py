@@ -174,31 +174,12 @@ def scaled_stiffness_matrix(structure: Structure) -> Complex:
     return scaled
 
 
-def response(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
-    """Motion of every member [m], complex, shape (n_freq, n_members), by solving at every frequency.
-
-    `frequency_hz` has the shape (n_freq,) [Hz], 0 is the static limit; `force_n`, complex amplitudes of the forces on
-    the members [N], (n_freq, n_members), or (n_members,) for all frequencies.
-
-    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
-    """
-    frequency = checked_frequencies(frequency_hz)
-    force = np.asarray(force_n, dtype=np.complex128)
-    shape = (len(frequency), len(structure.members))
-    if force.shape not in (shape, shape[1:]) or not np.isfinite(force).all():
-        raise InputError(
-            f"forces of shape {force.shape}" + ("" if np.isfinite(force).all() else " with missing values"),
-            expected=f"a number for every frequency and member, shape {shape}",
-            where="force_n",
-            advice="give the force on every member, 0 where none acts",
-        )
-    return _solved(structure, frequency, np.broadcast_to(force, shape)[:, :, None])[:, :, 0]
-
-
 def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
     """Motions [m] in several cases of force at once, complex, shape (n_cases, n_freq, n_members).
 
-    `force_n` has the shape (n_cases, n_members) and is the same at every frequency. Errors: as `response`.
+    `force_n` has the shape (n_cases, n_members) and is the same at every frequency; at 0 Hz it is the static limit.
+
+    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
     """
     frequency = checked_frequencies(frequency_hz)
     force = np.asarray(force_n, dtype=np.complex128)
@@ -211,7 +192,7 @@ def receptance(
 ) -> Complex:
     """Motion of the member `of` per unit force on the member `at` [m/N], complex, shape (n_freq,).
 
-    The opposite force acts on `against`, by default on the ground. Errors: as `response`, and for unknown members.
+    The opposite force acts on `against`, by default on the ground. Errors: as `receptances`, and for unknown members.
     """
     force = unit_force(structure, at, against)
     return receptances(structure, frequency_hz, force[None])[0][:, known_place(structure, of, "of")]
