@@ -143,6 +143,7 @@ def frequency_response(
         y1=-20.0 * math.log10(math.sqrt(2.0)), line={"color": style.MUTED, "width": 1, "dash": "dot"},
     )  # fmt: skip
     least = min(float(np.min(p)) for p in phases_deg.values())
+    ticks = _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
     drawn.update_layout(
         xaxis={
             "type": "log", "anchor": "y2", "title": {"text": "frequency [Hz]"}, "dtick": 1,
@@ -153,7 +154,7 @@ def frequency_response(
             "range": [max(low, _FLOOR_DB) - 3.0, high + 3.0],
         },
         yaxis2={
-            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": _phase_ticks(least),
+            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": ticks,
         },
     )  # fmt: skip
     return drawn
@@ -252,10 +253,6 @@ def through_standstill(speed: Vector, friction: Vector) -> tuple[Vector, Vector]
     at = np.repeat(before + 1, 2)
     ends = np.column_stack([friction[before], friction[before + 1]]).ravel()
     return np.insert(speed, at, 0.0), np.insert(friction, at, ends)
-
-
-def _phase_ticks(least: float) -> float:
-    return _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
 
 
 def _around(motion: Motion, near_m_per_s: float) -> tuple[Vector, Vector]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,17 +63,12 @@ class IdentifiedAxis:
         """Dry friction and offset; InputError if the record makes a friction negative."""
         negative = self["coulomb_negative_n"] if "coulomb_negative_n" in self.names else None
         offset = self["offset_n"] if "offset_n" in self.names else 0.0
+        sliding = Friction(self["coulomb_n"], negative, offset_n=offset)
         if self.stribeck_speed_m_per_s is None:
-            return Friction(self["coulomb_n"], negative, offset_n=offset)
-        more = self["stribeck_n"]
-        return Friction(
-            self["coulomb_n"],
-            negative,
-            static_n=self["coulomb_n"] + more,
-            static_negative_n=None if negative is None else negative + more,
-            stribeck_speed_m_per_s=self.stribeck_speed_m_per_s,
-            offset_n=offset,
-        )
+            return sliding
+        more, speed = self["stribeck_n"], self.stribeck_speed_m_per_s
+        held = None if negative is None else negative + more
+        return replace(sliding, static_n=sliding.coulomb_n + more, static_negative_n=held, stribeck_speed_m_per_s=speed)
 
 
 def servo_bandwidth_hz(servo: Servo, mass_kg: float) -> float:

@@ -103,8 +103,11 @@ def simulate_axis(
     given = _given(axis, reference, commands, seed, o)
     _lay_grid(axis, reference.period_s, step_s, p, o)
     w, begin = _kernel.work_space(), start or unloaded_state(axis, float(reference.position_m[0]))
-    start_row = _packed_state(axis, begin)
-    w[at.Y, : len(start_row)] = start_row
+    turning = (begin.motor, begin.motor_speed, begin.screw, begin.screw_speed)
+    place = (*turning, begin.table_m, begin.table_speed_m_per_s)
+    if isinstance(axis.mechanics, RigidMechanics):
+        place = (0.0, 0.0, 0.0, 0.0, begin.motor, begin.motor_speed)
+    w[at.Y, :8] = (*place, begin.bristle_m, begin.integral)
     count = len(reference.position_m)
     out = np.empty((count, _kernel.COURSES))
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
@@ -208,15 +211,6 @@ def _lay_grid(axis: Axis, period_s: float, step_s: float, p: Vector, o: at.Switc
     whole = math.floor(delay / p[at.STEP] + 1e-9)
     part = delay / p[at.STEP] - whole
     o[at.DELAY_STEPS], p[at.DELAY_PART] = whole, part if part > 1e-9 else 0.0
-
-
-def _packed_state(axis: Axis, start: AxisState) -> Vector:
-    if isinstance(axis.mechanics, RigidMechanics):
-        place = (0.0, 0.0, 0.0, 0.0, start.motor, start.motor_speed)
-    else:
-        turning = (start.motor, start.motor_speed, start.screw, start.screw_speed)
-        place = (*turning, start.table_m, start.table_speed_m_per_s)
-    return np.array([*place, start.bristle_m, start.integral])
 
 
 def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:

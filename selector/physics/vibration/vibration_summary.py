@@ -63,7 +63,8 @@ def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) 
             suggestion="divide every mass_kg by 1000 if g was meant",
         )
         return
-    standing = {name: mass for name, mass in masses.items() if _stands(structure, name)}
+    held = {name for joint in structure.joints if GROUND in joint.between for name in joint.between}
+    standing = {name: mass for name, mass in masses.items() if name in held}
     carrier = max(standing, key=lambda name: standing[name])
     for name, mass_kg in masses.items():
         stiffness = sum(one.stiffness_n_per_m for one in structure.joints if name in one.between)
@@ -83,10 +84,6 @@ def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) 
             evidence={"member": name, "mass_kg": mass_kg, "carrier": carrier, "alone_hz": alone_hz},
             suggestion=f"write {key_text(('members', name, 'mass_kg'))} = {_GRAMS * mass_kg:.6g} if g was meant",
         )
-
-
-def _stands(structure: Structure, name: str) -> bool:
-    return any(GROUND in joint.between and name in joint.between for joint in structure.joints)
 
 
 SHARP = 30.0

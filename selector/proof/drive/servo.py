@@ -19,11 +19,6 @@ from selector.types import Vector
 Runs = Mapping[str, Sequence[Vector]]
 
 
-def _late(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-    """The command arrives late, by size microseconds."""
-    return {"delay_s": lambda size: 1e-6 * size}
-
-
 def _limited(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A limit of the current that is size × 1 % below the highest that the programme asks for."""
     still = np.zeros(round(LENGTH_S / STEP_S))
@@ -76,7 +71,8 @@ def _braked(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
 
 _ripple = partial(lacking, change=plus("ripple_n"), place="motor", first=3.0)
 _mass = partial(lacking, change=plus("table_kg"), place="table", verdicts=OWN_VALUE)
-_delay = partial(lacking, axis={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, prepared=_late)
+_late = {"delay_s": lambda size: 1e-6 * size}
+_delay = partial(lacking, axis={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, world=_late)
 _limit = partial(lacking, hidden=("rare",), place="drive", first=5.0, prepared=_limited)
 
 DRIVES = (

@@ -300,11 +300,10 @@ def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
         ends = (None if low is None else low * gain, high * gain if high else None)
         values = [number_text(value, 4) for value in (gain, *ends)]
         gains.append((name.removesuffix("_per_s").replace("_", " "), *values, _times(high)))
-    poles = [
-        (number_text(pole.real, 4), number_text(abs(pole.imag) / (2.0 * math.pi), 4), _damping(pole))
-        for pole in found.poles[:MOST_POLES]
-        if pole.imag >= 0
-    ]
+    poles = []
+    for pole in (one for one in found.poles[:MOST_POLES] if one.imag >= 0):
+        place = [number_text(value, 4) for value in (pole.real, abs(pole.imag) / (2.0 * math.pi))]
+        poles.append((*place, -pole.real / abs(pole) if pole else 0.0))
     heads = ["gain", ">is", ">unstable below", ">unstable above", ">room"]
     note = "The slowest first; a pole with a positive real part grows. Pairs are named once."
     return [
@@ -328,10 +327,6 @@ def _times(factor: float | None) -> str:
     if factor is None:
         return "no limit"
     return f"× {number_text(factor)}" if factor > 0 else "never stable"
-
-
-def _damping(pole: complex) -> float:
-    return -pole.real / abs(pole) if pole else 0.0
 
 
 def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:

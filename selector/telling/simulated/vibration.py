@@ -392,7 +392,7 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
             one.chain,
             one.source or None,
             one.final,
-            _share(one.published.share_within),
+            "< 1 %" if 0 < one.published.share_within < 0.005 else share_text(one.published.share_within),
             _bands(one.published.bands_hz),
             _decibel_text(one.published.rms_db),
             _decibel_text(one.one_way.rms_db),
@@ -414,10 +414,6 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
 
 def _decibel_text(value: float) -> str:
     return number_text(value) if value >= _LEAST_DB else "0"
-
-
-def _share(share: float) -> str:
-    return "< 1 %" if 0 < share < 0.005 else share_text(share)
 
 
 def _bands(bands_hz: Sequence[tuple[float, float]]) -> str:

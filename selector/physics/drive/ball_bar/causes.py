@@ -119,7 +119,9 @@ def shared_amounts(fits: Fits, names: tuple[str, ...]) -> dict[str, SharedAmount
     found: dict[str, SharedAmount] = {}
 
     def told(value: float, variance: float, range_um: float, factor: float, unit: str) -> SharedAmount:
-        return _shared(value * factor, math.sqrt(variance) * abs(factor), least / range_um * abs(factor), unit)
+        value, error, small = value * factor, math.sqrt(variance) * abs(factor), least / range_um * abs(factor)
+        is_told = abs(value) >= small and amounts_probability(np.array([value]), np.array([[error**2]])) < ALARM
+        return SharedAmount(value, error, unit, is_told, max(abs(value) + 2.0 * error, small))
 
     radius, radius_c = _law(fits, "radius", squares)
     if several:
@@ -157,11 +159,6 @@ RADIUS_GAIN = "gain by the radius, of a first-order loop"
 
 GAIN_MISMATCH = "gain mismatch, of first-order loops"
 """Difference of the lag times over the mean lag time that this gain means."""
-
-
-def _shared(value: float, error: float, least: float, unit: str) -> SharedAmount:
-    found = abs(value) >= least and amounts_probability(np.array([value]), np.array([[error**2]])) < ALARM
-    return SharedAmount(value, error, unit, found, max(abs(value) + 2.0 * error, least))
 
 
 def _feeds(fits: Fits) -> Vector:
@@ -324,7 +321,11 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
 
     causes = [cause("radius", None, ["radius"], _radius(pair, fit), 1)]
     if "gain-mismatch" in fit.names:
-        causes.append(cause("gain-mismatch", None, ["gain-mismatch"], _mismatch(pair, fit), 1))
+        lags = {
+            "difference of the lags": _scaled(fit, "gain-mismatch", 2.0, "µm"),
+            "difference of the lag times": _scaled(fit, "gain-mismatch", 2e3 / pair.speed_um_per_s, "ms"),
+        }
+        causes.append(cause("gain-mismatch", None, ["gain-mismatch"], lags, 1))
     if "rotary-lag" in fit.names:
         late = _scaled(fit, "rotary-lag", -1e3 / pair.speed_um_per_s, "ms")
         causes.append(cause("rotary-lag", 2, ["rotary-lag"], {"lag time over that of the others": late}, 1))
@@ -372,13 +373,6 @@ def _radius(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
         gain = pair.speed_um_per_s * math.sqrt(max(pair.reach, 0.1) / (-2.0 * pair.radius_um * change.value))
         amounts["gain if all of it is lag"] = Amount(gain, gain * change.standard_error / -change.value / 2.0, "1/s")
     return amounts
-
-
-def _mismatch(pair: CirclePair, fit: CircleFit) -> dict[str, Amount]:
-    return {
-        "difference of the lags": _scaled(fit, "gain-mismatch", 2.0, "µm"),
-        "difference of the lag times": _scaled(fit, "gain-mismatch", 2e3 / pair.speed_um_per_s, "ms"),
-    }
 
 
 def _of_ends(fit: CircleFit, ends: Sequence[str]) -> dict[str, Amount]:

@@ -151,7 +151,10 @@ def longest_s(file: DriveFile) -> float:
         return max(circle.duration_s for circle in circle_plan(file).circles)
     if isinstance(motion, SineMotion):
         return motion.duration_s
-    return _moves_s(motion) if isinstance(motion, MovesMotion) else 0.0
+    if not isinstance(motion, MovesMotion):
+        return 0.0
+    once, again = (_cycle_s(motion, start) for start in (motion.start_mm, motion.targets_mm[-1]))
+    return once + (motion.repeat - 1) * again
 
 
 def motion_counts(file: DriveFile) -> Iterator[tuple[Key, str, float, int]]:
@@ -180,13 +183,8 @@ def slow_feed_words(file: DriveFile) -> str:
     return f", which it takes at {key} = {feed:g} ({feed:g} m/min would be {1e3 * feed:g})"
 
 
-def _moves_s(motion: MovesMotion) -> float:
-    """Duration of all moves [s], without making them."""
-    once, again = (_cycle_s(motion, start) for start in (motion.start_mm, motion.targets_mm[-1]))
-    return once + (motion.repeat - 1) * again
-
-
 def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
+    """Duration of the moves to all targets [s], without making them."""
     phases = (
         move_phases(
             (target - origin) * _MM,

@@ -427,9 +427,11 @@ def file_axis(section: AxisSection) -> FileAxis:
     InputError: a value cannot be, or two do not fit together.
     """
     parts = None if section.parts is None else parts_of(section.parts)
+    # along the command dry friction is part of the damping
+    own = Friction() if parts is None or section.varying == "command" else dry_friction(parts)
     axis = Axis(
         mechanics=_mechanics(section, parts),
-        friction=replace(_friction_of_parts(section, parts), **given(Friction, section.friction)),
+        friction=replace(own, **given(Friction, section.friction)),
         servo=Servo(**(_servo_of_parts(parts) | given(Servo, section.servo))),
         transmission=value_of(Transmission, section.transmission),
         sensing=value_of(Sensing, section.sensing),
@@ -455,11 +457,6 @@ def _mechanics(section: AxisSection, parts: Parts | None) -> Mechanics:
     if getattr(section.mechanics, "kind", None) == "three-mass":
         return value_of(ThreeMassMechanics, section.mechanics)
     return value_of(RigidMechanics, section.mechanics)
-
-
-def _friction_of_parts(section: AxisSection, parts: Parts | None) -> Friction:
-    # along the command dry friction is part of the damping
-    return Friction() if parts is None or section.varying == "command" else dry_friction(parts)
 
 
 def _servo_of_parts(parts: Parts | None) -> dict[str, Any]:

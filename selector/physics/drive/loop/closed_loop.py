@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.drive.parts.axis import AxialCompliance, Axis, Mechanics, RigidMechanics, Servo
+from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics, Servo
 from selector.physics.system import StateSpace
 from selector.types import Matrix, Vector
 
@@ -24,7 +24,12 @@ def small_signal_mechanics(axis: Axis) -> Mechanics:
     """Mechanics of the axis with the stiffness of its axial compliance, if it has one, unloaded at position 0."""
     if axis.compliance is None or isinstance(axis.mechanics, RigidMechanics):
         return axis.mechanics
-    return replace(axis.mechanics, axial_stiffness_n_per_m=_unloaded_stiffness(axis.compliance))
+    compliance, near = axis.compliance, axis.compliance.origin_m
+    shaft = near * ((compliance.length_m - near) / compliance.length_m if compliance.both_ends else 1.0)
+    middle = int(np.argmin(np.abs(compliance.force_n)))
+    cell = slice(max(middle - 1, 0), middle + 2)
+    joint = np.ptp(compliance.joint_deflection_m[cell]) / np.ptp(compliance.force_n[cell])
+    return replace(axis.mechanics, axial_stiffness_n_per_m=float(1.0 / (joint + shaft / compliance.shaft_n)))
 
 
 def inertia_at_motor(mechanics: Mechanics) -> float:
@@ -129,15 +134,6 @@ def measurement(axis: Axis) -> tuple[Vector, Vector]:
     if servo.feedback == "table":
         return system.C[2], system.C[1]
     return axis.mechanics.travel_per_motion * system.C[0], system.C[1]
-
-
-def _unloaded_stiffness(compliance: AxialCompliance) -> float:
-    near = compliance.origin_m
-    shaft = near * ((compliance.length_m - near) / compliance.length_m if compliance.both_ends else 1.0)
-    middle = int(np.argmin(np.abs(compliance.force_n)))
-    cell = slice(max(middle - 1, 0), middle + 2)
-    joint = np.ptp(compliance.joint_deflection_m[cell]) / np.ptp(compliance.force_n[cell])
-    return float(1.0 / (joint + shaft / compliance.shaft_n))
 
 
 @dataclass(frozen=True)

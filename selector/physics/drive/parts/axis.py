@@ -439,7 +439,10 @@ def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) ->
 
 def _motor_for(axis: Axis, position_m: float) -> float:
     travel = axis.mechanics.travel_per_motion
-    largest = _largest_error_m(axis, position_m)
+    pitch = axis.transmission
+    constant = pitch.pitch_amplitude_m + max((abs(error) for error in pitch.pitch_error_m), default=0.0)
+    # a bound of the pitch error near this position
+    largest = 2.0 * (constant + abs(pitch.pitch_slope) * (abs(position_m) + constant))
     if largest == 0.0:
         return position_m / travel
     ends = ((position_m - largest) / travel, (position_m + largest) / travel)
@@ -448,14 +451,6 @@ def _motor_for(axis: Axis, position_m: float) -> float:
             lambda q: travel * q + float(pitch_error_m(axis, q)[0]) - position_m, *ends, xtol=1e-14, rtol=1e-15
         )
     )
-
-
-def _largest_error_m(axis: Axis, position_m: float) -> float:
-    """A bound of the pitch error near this position."""
-    pitch = axis.transmission
-    table = max((abs(error) for error in pitch.pitch_error_m), default=0.0)
-    constant = pitch.pitch_amplitude_m + table
-    return 2.0 * (constant + abs(pitch.pitch_slope) * (abs(position_m) + constant))
 
 
 # |v|·exp(−(v/v_d)²) is v_d/√(2e) at most, and σ1 times that has to be below 4·C

@@ -254,9 +254,13 @@ def final_receptance(
             if name != GROUND or not where.endswith("against"):
                 known_place(structure, name, where)
     frequency = np.asarray(frequency_hz, dtype=np.float64)
-    if chains is None:
-        return _coupled(structure, source, frequency, finals)
-    return _by_chains(structure, source, frequency, finals, chains)
+    if chains is not None:
+        return _by_chains(structure, source, frequency, finals, chains)
+    force = unit_force(structure, source.member, source.against)
+    places = [structure.position(member) for member in finals.values()]
+    motion = receptances(structure, frequency, force[None])[0][:, places].T
+    mass = np.array([structure.members[place].mass_kg for place in places])
+    return FinalReceptance(motion, motion * mass[:, None], np.ones(motion.shape, dtype=np.bool_))
 
 
 def source_curve(
@@ -275,14 +279,6 @@ def source_curve(
     least = min((joint.loss_factor for joint in structure.joints), default=0.0)
     jump_hz = None if chains is None else chains.split_hz
     return response_curve(solved, lowest_hz, highest_hz, loss_factor=least, jump_hz=jump_hz)
-
-
-def _coupled(structure: Structure, source: Source, frequency: Vector, finals: Mapping[str, str]) -> FinalReceptance:
-    force = unit_force(structure, source.member, source.against)
-    places = [structure.position(member) for member in finals.values()]
-    motion = receptances(structure, frequency, force[None])[0][:, places].T
-    mass = np.array([structure.members[place].mass_kg for place in places])
-    return FinalReceptance(motion, motion * mass[:, None], np.ones(motion.shape, dtype=np.bool_))
 
 
 def _by_chains(

@@ -1,6 +1,6 @@
 """How do tool and workpiece move in time, at constant speeds or while shafts run up, for given phases of the sources.
 
-At constant speeds every line is a sinusoid, exactly. While the speed of a shaft changes, its lines are quasi-steady; how
+At constant speeds every line is a sinusoid, exactly. While the speed of a shaft changes its lines are quasi-steady; how
 far the truth is from that is told by modes that are solved in time.
 """
 
