@@ -77,13 +77,9 @@ def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
     rows = [
         (
             _feed(one.feed_mm_per_min),
-            number_text(one.counter_clockwise.circular_deviation_um),
-            number_text(one.clockwise.circular_deviation_um),
-            number_text(one.both.circular_deviation_um),
-            _at(one.hysteresis),
-            _at(one.both.radial_max),
-            _at(one.both.radial_min),
-            number_text(one.both.mean_radial_um),
+            *(path.circular_deviation_um for path in (one.counter_clockwise, one.clockwise, one.both)),
+            *map(_at, (one.hysteresis, one.both.radial_max, one.both.radial_min)),
+            one.both.mean_radial_um,
         )
         for one in quantities
     ]
@@ -163,11 +159,10 @@ def ball_bar_data(summary: DriveSummary) -> dict[str, Any] | None:
 
 
 def _quantities_data(one: CircleQuantities) -> dict[str, Any]:
+    ways = ("counter_clockwise", "clockwise", "both")
     return {
         "feed_mm_per_min": one.feed_mm_per_min,
-        "counter_clockwise": _roundness_data(one.counter_clockwise),
-        "clockwise": _roundness_data(one.clockwise),
-        "both": _roundness_data(one.both),
+        **{way: _roundness_data(getattr(one, way)) for way in ways},
         "hysteresis": _extreme_data(one.hysteresis),
     }
 

@@ -270,6 +270,9 @@ def _joints_between(structure: Structure, group: Group, on: Group) -> list[Joint
 
 Kind = Literal["first", "second"]
 
+WITHIN = 0.1
+"""Limit of the error within which the chains count as good."""
+
 NOTHING = 1e-20
 """Share of its largest amplitude below which a reference is an antiresonance that no ratio is taken to."""
 
@@ -381,30 +384,21 @@ def chain_error_map(
     dissipation: tuple[float, float],
     forcing_ratio: ArrayLike,
     kind: Kind = "first",
-    dampers_carry: bool = False,
-    within: float = 0.1,
 ) -> ChainErrorMap:
     """Errors of the chain of two members over all mass ratios and frequency ratios, each over a band of ω/p1.
 
     `forcing_ratio` holds the frequencies of the band, in the spacing in which they shall count; one of them alone
-    gives the error there. `within` is the limit of the error. Else as `two_member_ratio`.
+    gives the error there. Else as `two_member_ratio`.
     """
     mass, frequency, forcing = (
         np.atleast_1d(np.asarray(values, np.float64)) for values in (mass_ratio, frequency_ratio, forcing_ratio)
     )
-    ratio = two_member_ratio(
-        mass[:, None, None],
-        frequency[:, None],
-        forcing,
-        dissipation=dissipation,
-        kind=kind,
-        dampers_carry=dampers_carry,
-    )
+    ratio = two_member_ratio(mass[:, None, None], frequency[:, None], forcing, dissipation=dissipation, kind=kind)
     error = np.abs(ratio - 1.0)
     return ChainErrorMap(
         mass_ratio=mass,
         frequency_ratio=frequency,
-        share_within=(error <= within).mean(axis=2),
+        share_within=(error <= WITHIN).mean(axis=2),
         rms_db=np.sqrt((_decibel(ratio) ** 2).mean(axis=2)),
         largest_error=error.max(axis=2),
     )
@@ -417,7 +411,6 @@ def chain_accuracy(
     *,
     sources: Sequence[Source] = (),
     split_hz: float | None = None,
-    within: float = 0.1,
     dampers_carry: bool = False,
 ) -> tuple[ChainAccuracy, ...]:
     """How good every chain is, for every source of it that is given; a chain without any: force spread by mass.
@@ -427,7 +420,7 @@ def chain_accuracy(
 
     Judged at `frequency_hz`, increasing [Hz], in the spacing in which they shall count: high chains above `split_hz`,
     low ones up to it, all everywhere without it; a chain without a frequency in its range is left out of the result.
-    `within` is the limit of the error, as a share; `dampers_carry` is of `chain_receptance`.
+    `dampers_carry` is of `chain_receptance`.
 
     InputError at an undamped resonance; for chains that are no way through the structure, or on which a source does not
     act.
@@ -454,21 +447,21 @@ def chain_accuracy(
                 final=chain.final,
                 source=None if source is None else source.name,
                 frequency_hz=at_hz,
-                published=_agreement(at_hz, published, exact, within),
-                one_way=_agreement(at_hz, published, alone, within),
-                cut_out=_agreement(at_hz, alone, exact, within),
+                published=_agreement(at_hz, published, exact),
+                one_way=_agreement(at_hz, published, alone),
+                cut_out=_agreement(at_hz, alone, exact),
             )
         )
     return tuple(judged)
 
 
-def _agreement(frequency_hz: Vector, amplitude: Complex, reference: Complex, within: float) -> Agreement:
-    """One complex amplitude beside another, both of shape (n_freq,); `within` is the limit of the error."""
+def _agreement(frequency_hz: Vector, amplitude: Complex, reference: Complex) -> Agreement:
+    """One complex amplitude beside another, both of shape (n_freq,)."""
     # 1e-280: where even the largest amplitude is no number any more
     floor = max(NOTHING * float(np.abs(reference).max()), 1e-280)
     ratio = amplitude / np.where(np.abs(reference) < floor, floor, reference)
     error = np.abs(ratio - 1.0)
-    inside = error <= within
+    inside = error <= WITHIN
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     largest = int(np.argmax(error))
     ratio.setflags(write=False)
