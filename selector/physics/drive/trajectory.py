@@ -235,12 +235,8 @@ def moves(
     for target, speed, dwell in list(zip(targets_m, speeds, dwells, strict=True)) * repeat:
         if not (math.isfinite(dwell) and dwell >= 0):
             raise _unfit("dwell_s", dwell, "0 or more")
-        phases = move_phases(
-            target - here,
-            speed_m_per_s=speed,
-            acceleration_m_per_s2=acceleration_m_per_s2,
-            jerk_m_per_s3=jerk_m_per_s3,
-        )
+        limits = {"acceleration_m_per_s2": acceleration_m_per_s2, "jerk_m_per_s3": jerk_m_per_s3}
+        phases = move_phases(target - here, speed_m_per_s=speed, **limits)
         begins_s.append(begin)
         stretches.append((here, target, phases))
         begin, here = begin + phases.duration_s + dwell, target

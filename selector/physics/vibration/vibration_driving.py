@@ -356,21 +356,15 @@ class _DrivenRun:
             return {}
         ring_s = ring_time_s(self.model.structure)
         parts = stretches(self.time_s, ring_s, list(forces.values()))
+        finals, method = self.model.finals, self.model.method(self.mean_rpm)
         self.findings += (*gap_findings(self.time_s, ring_s), *clock_findings(self.time_s, parts))
         answers = {
-            source.name: stamped_answer(
-                self.model.structure,
-                source,
-                forces[source.name],
-                parts,
-                self.model.finals,
-                self.model.method(self.mean_rpm),
-            )
+            source.name: stamped_answer(self.model.structure, source, forces[source.name], parts, finals, method)
             for source in self.model.sources
             if source.name in forces
         }
         motion = np.sum([one.motion_m for one in answers.values()], axis=0)
-        self.findings += end_findings(list(answers.values()), tuple(self.model.finals), motion, ring_s, self.duration_s)
+        self.findings += end_findings(list(answers.values()), tuple(finals), motion, ring_s, self.duration_s)
         return answers
 
     def _recorded_courses(self) -> dict[str, ShaftCourse]:

@@ -172,13 +172,8 @@ class VibrationModel:
         noise = self.file.run.seed if seed is None else seed
         phases = self.phases_rad(noise)
         signal = self.signal(self.times_s, self.courses, phases)
-        return VibrationSimulation(
-            self.recorded({run: signal}, noise),
-            self.motions(self.shaft_rpm),
-            self.shaft_rpm,
-            {run: phases},
-            signal.findings,
-        )
+        recording, motions = self.recorded({run: signal}, noise), self.motions(self.shaft_rpm)
+        return VibrationSimulation(recording, motions, self.shaft_rpm, {run: phases}, signal.findings)
 
     @property
     def times_s(self) -> Vector:
@@ -230,15 +225,8 @@ class VibrationModel:
             columns |= {force_name(name): force for name, force in zip(signal.sources, signal.force_n, strict=True)}
             columns |= {speed_name(name): rpm for name, rpm in signal.shaft_rpm.items()}
             tables[run] = pd.DataFrame(columns, index=pd.Index(signal.time_s, name="time_s"))
-        provenance = {
-            "simulated": {
-                "model": self.name,
-                "kind": self.file.model.kind,
-                "seed": seed,
-                "instruments": seed is not None,
-            },
-            "runs": {run: {"method": self.file.run.method} for run in signals},
-        }
+        made = {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": seed is not None}
+        provenance = {"simulated": made, "runs": {run: {"method": self.file.run.method} for run in signals}}
         return Recording.from_runs(tables, (*self.outputs, *self._input_channels()), provenance)
 
     def _input_channels(self) -> tuple[Channel, ...]:

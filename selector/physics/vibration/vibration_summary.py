@@ -437,14 +437,8 @@ def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> Ampli
         rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
         return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
     amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
-    return AmplitudeSummary(
-        expected_um=_UM * amounts.expected_m,
-        mean_abs_um=_UM * amounts.mean_abs_m,
-        rms_um=_UM * amounts.rms_m,
-        largest_um=_UM * amounts.largest_m,
-        realisations=amounts.count,
-        sections=wanted.sections,
-    )
+    found_m = amounts.expected_m, amounts.mean_abs_m, amounts.rms_m, amounts.largest_m
+    return AmplitudeSummary(*(_UM * size_m for size_m in found_m), amounts.count, wanted.sections)
 
 
 def _too_many(

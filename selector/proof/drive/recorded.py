@@ -161,11 +161,7 @@ def _refitted(
     for k in range(len(bench.commands) - 1):
         own = command_times(bench.commands[k])
         speed = np.gradient(bench.commands[k], own)
-        parts = {
-            "viscous_ns_per_m": speed,
-            "coulomb_n": np.tanh(speed / 1e-3),
-            "table_kg": np.gradient(speed, own),
-        }
+        parts = {"viscous_ns_per_m": speed, "coulomb_n": np.tanh(speed / 1e-3), "table_kg": np.gradient(speed, own)}
         columns.append(np.column_stack([np.interp(bench.stamps[k], own, parts[name]) for name in names]))
         simulated = np.interp(bench.stamps[k], np.arange(len(given[force][k])) * period_s, given[force][k])
         rest.append((true[force][k] - simulated) * (axis.force_per_a if force == "I" else 1.0))

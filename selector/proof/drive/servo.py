@@ -108,9 +108,7 @@ DRIVES = (
         hidden=("small", "ruled out in E"),
     ),
     _delay(
-        "drive.delay/bus",
-        bench={"friction": False},
-        note="Speed is fed forward in full: only the delay lags with it.",
+        "drive.delay/bus", bench={"friction": False}, note="Speed is fed forward in full: only the delay lags with it."
     ),
     _delay("drive.delay/rubbing", bench={"styles": ("gentle", "sines", "other"), "colour": "quantised"}),
     _limit("drive.saturation/current", bench={"styles": ("strokes", "strokes", "strokes"), "friction": False}),

@@ -236,9 +236,7 @@ class Swing:
         plain = drawn.structure._replace(**self.start)
         change = self.change
         windows: tuple[Window, ...] = ()
-        arguments: dict[str, Any] = {
-            "true": lambda size: change(plain, size) if change is not None and size else plain,
-        }
+        arguments: dict[str, Any] = {"true": lambda size: change(plain, size) if change is not None and size else plain}
         if self.drawing is not None:
             arguments["force"], windows = self.drawing(drawn, generator)
         effect = TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place, windows)

@@ -74,7 +74,7 @@ def ball_bar_tables(shown: DriveSummary) -> list[Captioned]:
 
 def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
     """The quantities of ISO 230-4 at every feed [µm]."""
-    rows = [
+    rows: list[tuple[str | float, ...]] = [
         (
             _feed(one.feed_mm_per_min),
             *(path.circular_deviation_um for path in (one.counter_clockwise, one.clockwise, one.both)),

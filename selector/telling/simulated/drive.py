@@ -125,16 +125,10 @@ def axes_in_runs(result: SimulationResult) -> list[AxisInRun]:
     """Every axis in every run, as it was recorded."""
     model, summary = result.simulated.model, result.summary
     return [
-        AxisInRun(
-            run,
-            name,
-            one.recorded.axis,
-            one.recorded.motion,
-            summary.axes[run][name],
-            ROTARY if model.file_axes[name].rotary else LINEAR,
-        )
+        AxisInRun(run, name, one.axis, one.motion, summary.axes[run][name], ROTARY if turns else LINEAR)
         for run, moved in result.simulated.details.axes.items()
-        for name, one in moved.items()
+        for name, one in ((name, one.recorded) for name, one in moved.items())
+        for turns in [model.file_axes[name].rotary]
     ]
 
 

@@ -403,14 +403,7 @@ class FileAxis:
         """
         if self.parts is None or self.section.varying != "command":
             return None
-        asked = self.section.course
-        return parameter_course(
-            self.parts,
-            reference,
-            stiffness=asked.stiffness,
-            damping=asked.damping,
-            reversal_speed_m_per_s=asked.reversal_speed_m_per_s,
-        )
+        return parameter_course(self.parts, reference, **dict(self.section.course))
 
 
 def is_rotary(section: AxisSection) -> bool:

@@ -200,15 +200,8 @@ def loop_figures(axis: Axis) -> LoopFigures:
     rad = 2.0 * math.pi * frequency_hz
     opened = control.frd(loop_response(axis, rad).opened_position_loop(axis), rad, smooth=True)
     _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
-    return LoopFigures(
-        bandwidth_hz=bandwidth_hz,
-        peak=peak,
-        peak_hz=peak_hz,
-        gain_margin_db=gain_db,
-        phase_margin_deg=float(phase),
-        gain_margin_hz=gain_hz,
-        phase_margin_hz=float(phase_rad) / (2.0 * math.pi),
-    )
+    phase_hz = float(phase_rad) / (2.0 * math.pi)
+    return LoopFigures(bandwidth_hz, peak, peak_hz, gain_db, float(phase), gain_hz, phase_hz)
 
 
 def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:

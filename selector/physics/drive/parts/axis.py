@@ -76,22 +76,10 @@ class ThreeMassMechanics:
     axial_damping_ns_per_m: Damping = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(
-            self,
-            "motor_inertia_kg_m2",
-            "screw_inertia_kg_m2",
-            "table_mass_kg",
-            "lead_m",
-            "torsional_stiffness_nm_per_rad",
-            "axial_stiffness_n_per_m",
-        )
-        require_not_negative(
-            self,
-            "screw_damping_nms_per_rad",
-            "guide_damping_ns_per_m",
-            "torsional_damping_nms_per_rad",
-            "axial_damping_ns_per_m",
-        )
+        require_positive(self, "motor_inertia_kg_m2", "screw_inertia_kg_m2", "table_mass_kg", "lead_m")
+        require_positive(self, "torsional_stiffness_nm_per_rad", "axial_stiffness_n_per_m")
+        require_not_negative(self, "screw_damping_nms_per_rad", "guide_damping_ns_per_m")
+        require_not_negative(self, "torsional_damping_nms_per_rad", "axial_damping_ns_per_m")
 
     @property
     def travel_per_motion(self) -> float:

@@ -90,14 +90,8 @@ def realisation_amounts(
         section[1, block] = _mean_ordinate(total, step)
         section[2, block] = size.max(axis=1)
         square += float(np.sum(mean_square(z, phases=phases)))
-    expected, mean_abs = float(section[0].mean()), float(section[1].mean())
-    return Realisations(
-        expected_m=expected,
-        mean_abs_m=mean_abs,
-        rms_m=math.sqrt(max(square / len(time), 0.0)),
-        largest_m=float(section[2].max()),
-        count=phases**n_sources,
-    )
+    expected, mean_abs, largest = float(section[0].mean()), float(section[1].mean()), float(section[2].max())
+    return Realisations(expected, mean_abs, math.sqrt(max(square / len(time), 0.0)), largest, phases**n_sources)
 
 
 def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
@@ -239,15 +233,8 @@ class Cutting:
     force_correction: float = 1.0
 
     def __post_init__(self) -> None:
-        require_positive(
-            self,
-            "diameter_mm",
-            "workpiece_rpm",
-            "feed_mm_per_rev",
-            "force_coefficient",
-            "depth_exponent",
-            "force_correction",
-        )
+        require_positive(self, "diameter_mm", "workpiece_rpm", "feed_mm_per_rev")
+        require_positive(self, "force_coefficient", "depth_exponent", "force_correction")
         require_finite(self, "feed_exponent", "speed_exponent")
 
     @property

@@ -479,16 +479,8 @@ def motion_signal(
             motion += signal[:-1]
             force[position] = signal[-1]
         if source.shaft in courses:
-            moved = run_up(
-                structure,
-                source,
-                courses[source.shaft],
-                finals,
-                time,
-                half_rate_hz=half_hz,
-                chains=chains,
-                beyond=beyond,
-            )
+            course = courses[source.shaft]
+            moved = run_up(structure, source, course, finals, time, half_rate_hz=half_hz, chains=chains, beyond=beyond)
             motion += (moved.motion_m * shift[position]).imag
             force[position] += (moved.force_n * shift[position]).imag
             findings += moved.findings
