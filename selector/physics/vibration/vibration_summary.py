@@ -30,7 +30,13 @@ from selector.physics.vibration.motion.periodic_error import (
     source_motion,
 )
 from selector.physics.vibration.structure.source import Excitation, excitation
-from selector.physics.vibration.structure.structure import GROUND, Structure, StructureModes, structure_modes
+from selector.physics.vibration.structure.structure import (
+    GROUND,
+    Structure,
+    StructureModes,
+    strained_joint,
+    structure_modes,
+)
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Complex
 
@@ -149,11 +155,7 @@ def _sharp(model: VibrationModel, modes: StructureModes) -> Iterator[Finding]:
 
 def _strained(structure: Structure, modes: StructureModes, number: int) -> str:
     """The joint that holds most of the energy of a mode, in words."""
-    shape = {**dict(zip(modes.members, modes.shapes[:, number], strict=True)), GROUND: 0.0}
-    one, other = max(
-        structure.joints,
-        key=lambda joint: joint.stiffness_n_per_m * abs(shape[joint.between[0]] - shape[joint.between[1]]) ** 2,
-    ).between
+    one, other = strained_joint(structure, modes.shapes[:, number]).between
     return f"the joint {one} – {other}"
 
 

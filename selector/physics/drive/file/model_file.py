@@ -111,9 +111,7 @@ def planned_reference(file: DriveFile) -> Reference:
         return moves(
             [target * _MM for target in motion.targets_mm],
             period_s,
-            speed_m_per_s=motion.feed_mm_per_min * _MM_PER_MIN,
-            acceleration_m_per_s2=motion.acceleration_m_per_s2,
-            jerk_m_per_s3=math.inf if motion.jerk_m_per_s3 is None else motion.jerk_m_per_s3,
+            **_limits(motion),
             start_m=motion.start_mm * _MM,
             dwell_s=motion.dwell_s,
             repeat=motion.repeat,
@@ -183,15 +181,18 @@ def slow_feed_words(file: DriveFile) -> str:
     return f", which it takes at {key} = {feed:g} ({feed:g} m/min would be {1e3 * feed:g})"
 
 
+def _limits(motion: MovesMotion) -> dict[str, float]:
+    return {
+        "speed_m_per_s": motion.feed_mm_per_min * _MM_PER_MIN,
+        "acceleration_m_per_s2": motion.acceleration_m_per_s2,
+        "jerk_m_per_s3": math.inf if motion.jerk_m_per_s3 is None else motion.jerk_m_per_s3,
+    }
+
+
 def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
     """Duration of the moves to all targets [s], without making them."""
     phases = (
-        move_phases(
-            (target - origin) * _MM,
-            speed_m_per_s=motion.feed_mm_per_min * _MM_PER_MIN,
-            acceleration_m_per_s2=motion.acceleration_m_per_s2,
-            jerk_m_per_s3=math.inf if motion.jerk_m_per_s3 is None else motion.jerk_m_per_s3,
-        )
+        move_phases((target - origin) * _MM, **_limits(motion))
         for origin, target in pairwise([start_mm, *motion.targets_mm])
     )
     return sum(one.duration_s + motion.dwell_s for one in phases)

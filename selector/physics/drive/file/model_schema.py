@@ -425,7 +425,7 @@ def file_axis(section: AxisSection) -> FileAxis:
     axis = Axis(
         mechanics=_mechanics(section, parts),
         friction=replace(own, **given(Friction, section.friction)),
-        servo=Servo(**(_servo_of_parts(parts) | given(Servo, section.servo))),
+        servo=Servo(**(({} if parts is None else parts.motor.limits) | given(Servo, section.servo))),
         transmission=value_of(Transmission, section.transmission),
         sensing=value_of(Sensing, section.sensing),
         ripple=tuple(value_of(Ripple, one) for one in section.ripple),
@@ -450,17 +450,6 @@ def _mechanics(section: AxisSection, parts: Parts | None) -> Mechanics:
     if getattr(section.mechanics, "kind", None) == "three-mass":
         return value_of(ThreeMassMechanics, section.mechanics)
     return value_of(RigidMechanics, section.mechanics)
-
-
-def _servo_of_parts(parts: Parts | None) -> dict[str, Any]:
-    if parts is None:
-        return {}
-    motor = parts.motor
-    return {
-        "actuator_gain": motor.torque_constant_nm_per_a,
-        "command_limit": motor.peak_torque_nm / motor.torque_constant_nm_per_a,
-        "speed_limit": motor.top_speed_rpm * math.pi / 30.0,
-    }
 
 
 def _of_structure(at: Key, section: AxisSection) -> Iterator[Contradiction]:

@@ -291,16 +291,20 @@ def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Com
     return motion
 
 
+def strained_joint(structure: Structure, shape: Complex) -> Joint:
+    """The joint that holds most of the energy of a motion of the members, shape (n_members,)."""
+    motion = {**dict(zip(structure.names, shape, strict=True)), GROUND: 0.0}
+    return max(
+        structure.joints,
+        key=lambda joint: joint.stiffness_n_per_m * abs(motion[joint.between[0]] - motion[joint.between[1]]) ** 2,
+    )
+
+
 def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
     """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
     eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
     shape = vectors[:, np.argmin(np.abs(eigenvalues - square))] / np.sqrt(_masses_kg(structure))
-    motion = {**dict(zip(structure.names, shape, strict=True)), GROUND: 0.0}
-    strained = max(
-        structure.joints,
-        key=lambda joint: joint.stiffness_n_per_m * abs(motion[joint.between[0]] - motion[joint.between[1]]) ** 2,
-    )
-    return structure.names[int(np.argmax(np.abs(shape)))], strained.between
+    return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
 
 
 ORTHOGONAL = 1e-10
