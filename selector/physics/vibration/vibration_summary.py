@@ -440,7 +440,8 @@ def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> Ampli
         return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
     amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
     found_m = amounts.expected_m, amounts.mean_abs_m, amounts.rms_m, amounts.largest_m
-    return AmplitudeSummary(*(_UM * size_m for size_m in found_m), amounts.count, wanted.sections)
+    expected, mean_abs, rms, largest = (_UM * size_m for size_m in found_m)
+    return AmplitudeSummary(expected, mean_abs, rms, largest, amounts.count, wanted.sections)
 
 
 def _too_many(

@@ -158,8 +158,9 @@ def pair_of(traces: Sequence[BallBarTrace]) -> CirclePair:
     rows = [one.angle_rad for one in traces], directions, [one.deviation_um for one in traces]
     speed = float(np.mean([one.feed_mm_per_min for one in traces])) * 1e3 / 60.0
     parts = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-    courses = map(np.concatenate, rows)
-    return CirclePair(*courses, traces[0].radius_m * 1e6, speed, parts, np.concatenate(turned), table_ball, start)
+    angle, direction, deviation = map(np.concatenate, rows)
+    radius, went = traces[0].radius_m * 1e6, np.concatenate(turned)
+    return CirclePair(angle, direction, deviation, radius, speed, parts, went, table_ball, start)
 
 
 def smooth_columns(pair: CirclePair) -> dict[str, Vector]:

@@ -303,7 +303,8 @@ def strained_joint(structure: Structure, shape: Complex) -> Joint:
 def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
     """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
     eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
-    shape = vectors[:, np.argmin(np.abs(eigenvalues - square))] / np.sqrt(_masses_kg(structure))
+    near: Complex = vectors[:, np.argmin(np.abs(eigenvalues - square))].astype(np.complex128)
+    shape = near / np.sqrt(_masses_kg(structure))
     return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
 
 
