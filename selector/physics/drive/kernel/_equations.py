@@ -1,6 +1,6 @@
 """The equations of an axis for one instant (compiled): what control asks, what drives, deflects, slides, accelerates.
 
-They are those of parts/axis.py and parts/mechanics.py. Modes (slip direction, contact of the backlash, segment of the
+They are those of parts/axis.py. Modes (slip direction, contact of the backlash, segment of the
 pitch table, limits) are given, so that everything here is smooth in the states; _stepping.py decides about them.
 """
 
