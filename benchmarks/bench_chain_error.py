@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.vibration.chain.chain import Agreement, ChainAccuracy, chain_accuracy
-from selector.physics.vibration.file.model_file import read_model_file
+from selector.physics.vibration.chains import Agreement, ChainAccuracy, chain_accuracy
+from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.structure.source import excitation
 from selector.physics.vibration.structure.structure import (
     Structure,

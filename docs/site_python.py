@@ -37,10 +37,10 @@ PARTS = {
     ),
     "vibration": (
         "How it vibrates",
-        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chain.chain"
+        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chains"
         " physics.vibration.motion.run_up"
         " physics.vibration.motion.periodic_error"
-        " physics.vibration.recorded.force physics.vibration.file.model_file physics.vibration.vibration_model",
+        " physics.vibration.recorded_force physics.vibration.model_file physics.vibration.vibration_model",
     ),
     "gauging": (
         "How it grinds to size",

@@ -36,7 +36,7 @@ from selector.figures.simulated.vibration import (
     response_over_frequency,
     source_colours,
 )
-from selector.physics.vibration.chain.chain import Chain, chain_accuracy
+from selector.physics.vibration.chains import Chain, chain_accuracy
 from selector.physics.vibration.motion.final_motion import final_motions
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
 from selector.physics.vibration.structure.source import Line, Source, excitation

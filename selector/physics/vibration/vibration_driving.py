@@ -13,10 +13,10 @@ from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
-from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.finding_table import FINDINGS
+from selector.physics.vibration.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.motion.run_up import MotionSignal
-from selector.physics.vibration.recorded.force import (
+from selector.physics.vibration.recorded_force import (
     FADED,
     GAP,
     StampedAnswer,

@@ -12,8 +12,8 @@ import pandas as pd
 from selector.findings import Finding
 from selector.physics.model_fields import Parameter
 from selector.physics.simulation_kind import Progress
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.file.model_file import (
+from selector.physics.vibration.chains import Chain
+from selector.physics.vibration.model_file import (
     VibrationFile,
     file_shafts,
     file_structure,

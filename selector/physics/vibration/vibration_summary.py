@@ -14,9 +14,9 @@ from selector.errors import InputError
 from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
 from selector.physics.model_text import key_text
-from selector.physics.vibration.chain.chain import ChainAccuracy, chain_accuracy
-from selector.physics.vibration.file.model_file import HEAVIEST_KG
+from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
+from selector.physics.vibration.model_file import HEAVIEST_KG
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import (
     KindHeight,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.number_text import number_text
-from selector.physics.vibration.chain.chain import ChainAccuracy
+from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
 from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.chain.chain import (
+from selector.physics.vibration.chains import (
     Chain,
     chain_accuracy,
     chain_error_map,
@@ -137,7 +137,7 @@ def test_a_structure_that_is_the_chain_is_cut_out_without_error():
 
 
 def test_bands_are_where_the_error_is_within_the_limit(monkeypatch):
-    monkeypatch.setattr("selector.physics.vibration.chain.chain.WITHIN", 0.2)
+    monkeypatch.setattr("selector.physics.vibration.chains.WITHIN", 0.2)
     (found,) = chain_accuracy(LATHE, [HIGH], HZ, sources=[CUT])
     inside = found.published.error <= 0.2
     assert 0 < inside.sum() < len(HZ)

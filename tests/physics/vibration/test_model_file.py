@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
 from selector.physics.model_text import plain_values
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.file.model_file import (
+from selector.physics.vibration.chains import Chain
+from selector.physics.vibration.model_file import (
     checked_model_file,
     file_shafts,
     file_structure,

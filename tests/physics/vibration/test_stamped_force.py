@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from selector.physics.vibration.motion.final_motion import final_receptance
-from selector.physics.vibration.recorded.force import (
+from selector.physics.vibration.recorded_force import (
     autoregression,
     bridged,
     continued,

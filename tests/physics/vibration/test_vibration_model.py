@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.model_file import checked_model_file, read_model_file
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from tests.physics.vibration.model_values import changed
 from tests.work import calls_of

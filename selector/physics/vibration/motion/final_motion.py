@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from selector.errors import InputError
-from selector.physics.vibration.chain.chain import Chain, chain_receptance, force_sign, in_range
+from selector.physics.vibration.chains import Chain, chain_receptance, force_sign, in_range
 from selector.physics.vibration.rounding import SAME, above
 from selector.physics.vibration.structure.source import Excitation, Source
 from selector.physics.vibration.structure.structure import GROUND, Structure, known_place, receptances, unit_force

@@ -30,7 +30,7 @@ from selector.physics.model_text import (
     unknown_name,
 )
 from selector.physics.model_values import refusals
-from selector.physics.vibration.chain.chain import Chain, chain_links, force_sign
+from selector.physics.vibration.chains import Chain, chain_links, force_sign
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
