@@ -14,11 +14,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.physics.vibration.chain.chain_error import Agreement, ChainAccuracy, chain_accuracy
-from selector.physics.vibration.file.model_file import read_model_file
-from selector.physics.vibration.structure.modes import receptance_by_modes, structure_modes
+from selector.physics.vibration.chains import Agreement, ChainAccuracy, chain_accuracy
+from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.structure.source import excitation
-from selector.physics.vibration.structure.structure import Structure, receptance, response
+from selector.physics.vibration.structure.structure import (
+    Structure,
+    receptance,
+    receptance_by_modes,
+    receptances,
+    structure_modes,
+)
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz
 
@@ -51,7 +56,7 @@ def main() -> None:
     print(f"modes against direct, of the largest amplitude: {worst:.1e}")
 
     many, force = np.geomspace(5.0, 2000.0, 10_000), np.eye(1, len(names))[0]
-    direct_s = seconds(lambda: response(structure, many, force))
+    direct_s = seconds(lambda: receptances(structure, many, force[None]))
     modes_s = seconds(lambda: receptance_by_modes(structure, many, of="tool", at="tool"))
     print(f"{len(names)} members at 10 000 frequencies: direct {direct_s:.3f} s, by modes {modes_s:.3f} s")
 

@@ -21,10 +21,9 @@ import numpy as np
 from scipy import integrate
 
 from selector.physics.drive.loop.closed_loop import closed_loop
-from selector.physics.drive.motion import Reference
-from selector.physics.drive.parts.axis import Axis, Servo, unloaded_state
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, Friction, RigidMechanics, Servo, ThreeMassMechanics, unloaded_state
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import Reference
 
 MASS, VISCOUS, COULOMB, GAIN = 95.1, 203.5, 20.4, 35.15
 RIGID_SERVO = Servo(160.18, 243.45, 1000.0, GAIN)

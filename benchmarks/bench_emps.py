@@ -18,11 +18,9 @@ from scipy import optimize
 from scipy.io import loadmat
 
 from selector.physics.drive.identification import identified_axis_of_servo, identified_rigid_axis
-from selector.physics.drive.motion import Motion, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, Friction, RigidMechanics, Sensing, Servo
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.trajectory import recorded
+from selector.physics.drive.trajectory import Motion, Reference, recorded
 
 Vector = NDArray[np.float64]
 

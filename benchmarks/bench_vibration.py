@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from selector.physics.vibration.motion.realisations import realisation_amounts, section_times, source_motion
+from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times, source_motion
 
 Amounts = tuple[float, float, float]
 

@@ -29,18 +29,18 @@ PARTS = {
     ),
     "drives": (
         "How its axes follow",
-        "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.mechanics"
-        " physics.drive.parts.axis physics.drive.motion physics.drive.trajectory physics.drive.simulation"
+        "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.axis"
+        " physics.drive.trajectory physics.drive.simulation"
         " physics.drive.loop.stability physics.drive.identification physics.drive.ball_bar.circle"
         " physics.drive.ball_bar.quantities physics.drive.ball_bar.causes physics.drive.file.model_file"
         " physics.drive.drive_model physics.drive.driving",
     ),
     "vibration": (
         "How it vibrates",
-        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chain.chain"
-        " physics.vibration.chain.chain_error physics.vibration.structure.modes physics.vibration.motion.run_up"
-        " physics.vibration.motion.realisations physics.vibration.motion.periodic_error"
-        " physics.vibration.recorded.force physics.vibration.file.model_file physics.vibration.vibration_model",
+        "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chains"
+        " physics.vibration.motion.run_up"
+        " physics.vibration.motion.periodic_error"
+        " physics.vibration.recorded_force physics.vibration.model_file physics.vibration.vibration_model",
     ),
     "gauging": (
         "How it grinds to size",

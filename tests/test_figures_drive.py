@@ -25,7 +25,7 @@ from selector.figures.simulated.drive import (
     varying_against_constant,
 )
 from selector.physics.drive.drive_summary import ROTARY
-from selector.physics.drive.motion import Motion
+from selector.physics.drive.trajectory import Motion
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 

@@ -36,13 +36,11 @@ from selector.figures.simulated.vibration import (
     response_over_frequency,
     source_colours,
 )
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.chain.chain_error import chain_accuracy
+from selector.physics.vibration.chains import Chain, chain_accuracy
 from selector.physics.vibration.motion.final_motion import final_motions
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
-from selector.physics.vibration.structure.modes import structure_modes
 from selector.physics.vibration.structure.source import Line, Source, excitation
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, structure_modes
 from selector.physics.vibration.vibration_model import RELATIVE
 from selector.physics.vibration.vibration_summary import LineSummary
 from tests.report.studies import HOSTILE

@@ -19,9 +19,8 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from selector.figures import style
-from selector.physics.vibration.chain.chain import Link, chain_links
-from selector.physics.vibration.chain.chain_error import Kind, chain_error_map, two_member_ratio
-from selector.physics.vibration.file.model_file import read_model_file
+from selector.physics.vibration.chains import Kind, Link, chain_error_map, chain_links, two_member_ratio
+from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.vibration_model import vibration_model
 
 PSI = 0.3

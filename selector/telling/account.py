@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from selector.findings import Finding
+from selector.number_text import number_text
 from selector.telling.numbers import place_text
 
 if TYPE_CHECKING:
@@ -169,10 +170,13 @@ class Account:
     footer: str = ""
 
 
-def table(headings: Sequence[str], rows: Sequence[Sequence[str]], note: str = "", marked: Sequence[int] = ()) -> Table:
-    """A table whose headings say with a leading ``>`` that a column holds numbers."""
+def table(
+    headings: Sequence[str], rows: Sequence[Sequence[str | float | None]], note: str = "", marked: Sequence[int] = ()
+) -> Table:
+    """A table whose headings say with a leading ``>`` that a column holds numbers, which may be as they are."""
     columns = tuple(Column(heading.removeprefix(">"), heading.startswith(">")) for heading in headings)
-    return Table(columns, tuple(tuple(row) for row in rows), frozenset(marked), note)
+    cells = tuple(tuple(cell if isinstance(cell, str) else number_text(cell) for cell in row) for row in rows)
+    return Table(columns, cells, frozenset(marked), note)
 
 
 def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:

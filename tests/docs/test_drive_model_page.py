@@ -9,7 +9,7 @@ from typing import get_args
 import pytest
 
 from selector.physics.drive.file import model_schema as schema
-from selector.physics.drive.file.model_axes import INSTEAD, OFF
+from selector.physics.drive.file.model_schema import INSTEAD, OFF
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
 from selector.physics.model_fields import said_of, unit_in
 from selector.physics.model_text import Column, Entry

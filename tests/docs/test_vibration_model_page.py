@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from selector.physics.model_text import Entry
-from selector.physics.vibration.file import model_file as schema
-from selector.physics.vibration.file.model_file import read_model_file
+from selector.physics.vibration import model_file as schema
+from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.vibration_model import vibration_model
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,8 +8,8 @@ from selector.errors import ModelFileError
 from selector.physics.drive.file.model_file import checked_model_file
 from selector.physics.model_text import bracket_slip, unknown_name
 from selector.physics.thermal.model_file import parsed_model_file
-from selector.physics.vibration.file.model_file import checked_model_file as checked_vibration
-from selector.physics.vibration.file.model_file import parsed_model_file as parsed_vibration
+from selector.physics.vibration.model_file import checked_model_file as checked_vibration
+from selector.physics.vibration.model_file import parsed_model_file as parsed_vibration
 from tests.physics.drive.test_model_file import RIGID, changed
 from tests.physics.vibration.model_values import changed as changed_vibration
 

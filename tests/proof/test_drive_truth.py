@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.proof.drive.machine import LENGTH_S, programme
-from selector.proof.drive.true_axis import COMMAND_S, STEP_S, TrueAxis, given_from, given_motion, true_motion
+from selector.proof.drive.true_axis import (
+    COMMAND_S,
+    LENGTH_S,
+    STEP_S,
+    TrueAxis,
+    given_from,
+    given_motion,
+    programme,
+    true_motion,
+)
 
 STILL = np.zeros(round(LENGTH_S / STEP_S))
 PER_MS = round(COMMAND_S / STEP_S)

@@ -7,8 +7,7 @@ import pytest
 import sympy as sp
 
 from selector.physics.drive.loop.closed_loop import closed_loop
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, Servo, ThreeMassMechanics
 
 NAMES = "Jm Jl Mt R Ktheta Ke Cl Ct Kf Kpp Kvp Kvi Dtheta De s"
 Jm, Jl, Mt, R, Kth, Ke, Cl, Ct, Kf, Kpp, Kvp, Kvi, Dth, De, s = sp.symbols(NAMES, positive=True)

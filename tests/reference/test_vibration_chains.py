@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from selector.physics.vibration.chain.chain import Chain, chain_receptance
+from selector.physics.vibration.chains import Chain, chain_receptance
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
 DIGITS = {"rel": 5e-6}

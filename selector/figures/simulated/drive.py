@@ -13,7 +13,7 @@ from selector.figures import style
 from selector.figures.panels import POINTS, Line, Panel, stacked
 from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
-from selector.physics.drive.motion import Motion
+from selector.physics.drive.trajectory import Motion
 from selector.types import Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
@@ -50,28 +50,19 @@ def axis_course(
     """
     time_s, error = motion.time_s, motion.tracking_error_m * measures.error[1]
     dry = float(np.ptp(motion.friction_n)) > 0
-    panels = [
-        Panel(
-            f"position [{measures.position[0]}]",
-            [
-                Line("commanded", time_s, motion.reference_m * measures.position[1], COMMANDED, width=4.0),
-                Line("table", time_s, motion.table_m * measures.position[1], TABLE),
-            ],
-            140,
-        ),
-        Panel(
-            f"speed [{measures.speed[0]}]",
-            [Line("", time_s, motion.table_speed_m_per_s * measures.speed[1], TABLE)],
-            90,
-            least=0.0,
-        ),
-        Panel(f"error [{measures.error[0]}]", [Line("", time_s, error, ERROR)], 230, least=0.0),
-        Panel(f"output [{output_unit}]", [Line("", time_s, motion.command, OUTPUT)], 110, least=0.0),
+    (place, per_m), (pace, per_m_per_s) = measures.position, measures.speed
+    lines = [
+        Line("commanded", time_s, motion.reference_m * per_m, COMMANDED, width=4.0),
+        Line("table", time_s, motion.table_m * per_m, TABLE),
     ]
-    if dry:
-        panels.append(
-            Panel(f"dry friction [{measures.force}]", [Line("", time_s, motion.friction_n, style.INK)], 100, least=0.0)
-        )
+    panels = [Panel(f"position [{place}]", lines, 140)]
+    for what, course, colour, height in (
+        (f"speed [{pace}]", motion.table_speed_m_per_s * per_m_per_s, TABLE, 90),
+        (f"error [{measures.error[0]}]", error, ERROR, 230),
+        (f"output [{output_unit}]", motion.command, OUTPUT, 110),
+        *([(f"dry friction [{measures.force}]", motion.friction_n, style.INK, 100)] if dry else []),
+    ):
+        panels.append(Panel(what, [Line("", time_s, course, colour)], height, least=0.0))
     worst = int(np.argmax(np.abs(error)))
     rms = float(np.sqrt(np.mean(error**2)))
     who = style.label(name, 12) if name else "the table"
@@ -113,16 +104,9 @@ def varying_against_constant(
         f"Simulated: rms {number_text(rms[0], 4)} {unit} with varying stiffness and damping, "
         f"{number_text(rms[1], 4)} {unit} with constant ones; the varying one is larger {larger:.0f} % of the time"
     )
+    lines = [Line("constant", time_s, constant, CONSTANT, width=4.0), Line("varying", time_s, varying, VARYING)]
     panels = [
-        Panel(
-            f"error [{unit}]",
-            [
-                Line("constant", time_s, constant, CONSTANT, width=4.0),
-                Line("varying", time_s, varying, VARYING),
-            ],
-            220,
-            least=0.0,
-        ),
+        Panel(f"error [{unit}]", lines, 220, least=0.0),
         Panel(f"difference [{unit}]", [Line("", time_s, varying - constant, style.RESIDUAL)], 130, least=0.0),
     ]
     return stacked(title, panels, float(time_s[-1]))
@@ -152,13 +136,14 @@ def frequency_response(
                 line={"color": colour, "width": 1.8, "dash": ("solid", "dash", "dot")[number % 3]},
                 hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}} {unit}<extra>{style.label(name)}</extra>",
             )
-    low = min(float(np.min(20.0 * np.log10(np.maximum(np.abs(a), 1e-12)))) for a in amplitudes.values())
-    high = max(float(np.max(20.0 * np.log10(np.maximum(np.abs(a), 1e-12)))) for a in amplitudes.values())
+    every = 20.0 * np.log10(np.maximum(np.abs(np.concatenate(list(amplitudes.values()))), 1e-12))
+    low, high = float(every.min()), float(every.max())
     drawn.add_shape(
         type="line", xref="x domain", x0=0, x1=1, yref="y", y0=-20.0 * math.log10(math.sqrt(2.0)),
         y1=-20.0 * math.log10(math.sqrt(2.0)), line={"color": style.MUTED, "width": 1, "dash": "dot"},
     )  # fmt: skip
     least = min(float(np.min(p)) for p in phases_deg.values())
+    ticks = _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
     drawn.update_layout(
         xaxis={
             "type": "log", "anchor": "y2", "title": {"text": "frequency [Hz]"}, "dtick": 1,
@@ -169,7 +154,7 @@ def frequency_response(
             "range": [max(low, _FLOOR_DB) - 3.0, high + 3.0],
         },
         yaxis2={
-            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": _phase_ticks(least),
+            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": ticks,
         },
     )  # fmt: skip
     return drawn
@@ -270,10 +255,6 @@ def through_standstill(speed: Vector, friction: Vector) -> tuple[Vector, Vector]
     return np.insert(speed, at, 0.0), np.insert(friction, at, ends)
 
 
-def _phase_ticks(least: float) -> float:
-    return _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
-
-
 def _around(motion: Motion, near_m_per_s: float) -> tuple[Vector, Vector]:
     """Speed and friction at the first reversals, with gaps between; each has a sample beyond the limit."""
     inside = np.abs(motion.table_speed_m_per_s) <= near_m_per_s
@@ -308,15 +289,12 @@ def recorded_and_simulated(time_s: Vector, recorded: Vector, simulated: Vector, 
         f"{style.label(name)}: simulated and recorded differ by {number_text(rms)} {text} rms, at most "
         f"{number_text(abs(difference[worst]))} {text} (after {time_s[worst] / seconds:.3g} {span})"
     )
+    lines = [
+        Line("recorded", time_s, recorded * times, style.MEASURED, width=4.0),
+        Line("simulated", time_s, simulated * times, style.PREDICTED),
+    ]
     panels = [
-        Panel(
-            _titled("course", whole),
-            [
-                Line("recorded", time_s, recorded * times, style.MEASURED, width=4.0),
-                Line("simulated", time_s, simulated * times, style.PREDICTED),
-            ],
-            170,
-        ),
+        Panel(_titled("course", whole), lines, 170),
         Panel(_titled("difference", text), [Line("", time_s, difference, style.RESIDUAL)], 230, least=0.0),
     ]
     return stacked(title, panels, float(time_s[-1]))

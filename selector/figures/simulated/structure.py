@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.number_text import number_text
-from selector.physics.vibration.chain.chain import Chain
+from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Structure
 

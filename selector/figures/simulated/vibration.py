@@ -14,7 +14,7 @@ from selector.figures import style
 from selector.figures.panels import Line, Panel, shown_samples, stacked
 from selector.figures.style import log_ticks
 from selector.number_text import number_text
-from selector.physics.vibration.chain.chain_error import ChainAccuracy
+from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.final_motion import Method
 from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
 from selector.physics.vibration.vibration_summary import LineSummary

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,23 +18,22 @@ from selector.physics.drive.ball_bar.circle import (
     PairGeometry,
     ball_bar_run,
 )
-from selector.physics.drive.file.model_axes import FileAxis, file_axis
-from selector.physics.drive.file.model_file import columns_needed
-from selector.physics.drive.file.model_motion import (
+from selector.physics.drive.file.model_file import (
     Columns,
     circle_plan,
+    columns_needed,
     file_reference,
     longest_s,
     moved_axes,
+    parameters,
     slow_feed_words,
+    with_parameters,
 )
-from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile
-from selector.physics.drive.file.parameters import parameters, with_parameters
-from selector.physics.drive.motion import Motion, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState
+from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
+from selector.physics.drive.trajectory import Motion, Reference
 from selector.physics.model_fields import Parameter
 from selector.physics.model_values import value_of
 from selector.recording import Channel, Recording
@@ -109,7 +107,7 @@ def require_few_steps(
 
     `duration_s` and `step_s` are the length of its motion and the largest step [s]; `period_s` is the distance of the
     samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
-    see `model_motion.slow_feed_words`.
+    see `model_file.slow_feed_words`.
 
     InputError: there are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
     """
@@ -249,64 +247,53 @@ class DriveModel:
         axes: Mapping[str, Mapping[str, AxisRun]],
         times_s: Mapping[str, Vector],
         seed: int,
+        traces: Mapping[str, BallBarTrace] | None = None,
     ) -> DriveSimulation:
-        """Runs of axes as one recording whose samples stand at `times_s` of each run."""
+        """Runs of axes as one recording whose samples stand at `times_s` of each run, and what a ball-bar shows."""
         names = tuple(dict.fromkeys(name for done in axes.values() for name in done))
         loaded = {name for done in axes.values() for name, one in done.items() if one.reference.force_n is not None}
         added = {name for done in axes.values() for name, one in done.items() if one.added is not None}
         tables, told = {}, {}
         for run, done in axes.items():
             columns: dict[str, Vector] = {}
-            for name, one in done.items():
+            for name, one in ((name, one.recorded) for name, one in done.items()):
                 channels = axis_channels(name, self.file_axes[name], loaded=name in loaded, added=name in added)
                 courses = axis_courses(one.motion, one.reference, one.added)
                 for kind, channel in channels.items():
                     columns[channel.name] = _at(times_s[run] - times_s[run][0], one.motion.time_s, courses[kind])
+            if traces:
+                columns |= {ANGLE.name: traces[run].angle_rad, DEVIATION.name: traces[run].deviation_um}
             tables[run] = pd.DataFrame(columns, index=pd.Index(times_s[run], name="time_s"))
             told[run] = {"step_s": {name: one.step_s for name, one in done.items()}}
-        return DriveSimulation(
-            Recording.from_runs(tables, self._axis_outputs(names, loaded, added), self._provenance(seed, told)), axes
-        )
+        provenance = {
+            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": True},
+            "runs": told,
+        }
+        outputs = (*self._axis_outputs(names, loaded, added), *((ANGLE, DEVIATION) if traces else ()))
+        return DriveSimulation(Recording.from_runs(tables, outputs, provenance), axes, traces or {})
 
     def _circles(self, seed: int) -> DriveSimulation:
         plan, geometry = circle_plan(self.file), PairGeometry()
         if self.file.ball_bar is not None:
             geometry = value_of(PairGeometry, self.file.ball_bar)
         axes = {name: axis.axis for name, axis in self.axes.items()}
-        said = self.file.run.step_s
-        steps_s = {name: said or circle_step_s(axis, LONGEST_PERIOD_S) for name, axis in axes.items()}
+        said, slow, period_s = self.file.run.step_s, slow_feed_words(self.file), self.file.run.period_s
         along = {name: axis.course for name, axis in self.axes.items()}
         runs: dict[str, dict[str, AxisRun]] = {}
         traces: dict[str, BallBarTrace] = {}
-        tables, told = {}, {}
+        times_s: dict[str, Vector] = {}
         for number, (run, circle) in enumerate(self.runs.items()):
             if circle is None:
                 continue
-            for name, step_s in steps_s.items():
-                require_few_steps(
-                    name,
-                    axes[name],
-                    circle.duration_s,
-                    step_s,
-                    period_s=self.file.run.period_s,
-                    because=slow_feed_words(self.file),
-                )
+            for name, axis in axes.items():
+                step_s = said or circle_step_s(axis, LONGEST_PERIOD_S)
+                require_few_steps(name, axis, circle.duration_s, step_s, period_s=period_s, because=slow)
             with told_of(f"run {run}"):
-                trace, runs[run] = ball_bar_run(
+                traces[run], runs[run] = ball_bar_run(
                     axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number
                 )
-            traces[run] = trace
-            columns: dict[str, Vector] = {}
-            for name, axis in self.axes.items():
-                shown = runs[run][name].recorded
-                courses, time_s = axis_courses(shown.motion, shown.reference), shown.motion.time_s
-                columns |= {
-                    channel.name: courses[kind] for kind, channel in axis_channels(name, axis, loaded=False).items()
-                }
-            columns |= {ANGLE.name: trace.angle_rad, DEVIATION.name: trace.deviation_um}
-            tables[run] = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
-            told[run] = {"step_s": {name: one.step_s for name, one in runs[run].items()}}
-        return DriveSimulation(Recording.from_runs(tables, self.outputs, self._provenance(seed, told)), runs, traces)
+            times_s[run] = next(iter(runs[run].values())).recorded.motion.time_s
+        return self.gathered(runs, times_s, seed, traces)
 
     def _axis_outputs(
         self, names: tuple[str, ...], loaded: Collection[str] = (), added: Collection[str] = ()
@@ -318,12 +305,6 @@ class DriveModel:
                 name, self.file_axes[name], loaded=name in loaded, added=name in added
             ).values()
         )
-
-    def _provenance(self, seed: int, told: Mapping[str, Any]) -> dict[str, Any]:
-        return {
-            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": True},
-            "runs": dict(told),
-        }
 
 
 def drive_model(file: DriveFile, columns: Columns | None = None) -> DriveModel:

@@ -12,21 +12,12 @@ from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.physics.channel_differences import ChannelDifference
 from selector.physics.checks import require_within, told_of
-from selector.physics.drive.drive_model import (
-    INPUTS,
-    KINDS,
-    DriveModel,
-    DriveSimulation,
-    axis_channels,
-)
-from selector.physics.drive.file.model_axes import FileAxis
-from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M
+from selector.physics.drive.drive_model import INPUTS, KINDS, DriveModel, DriveSimulation, axis_channels
+from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.motion import Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
 from selector.physics.drive.simulation import AxisRun
-from selector.physics.drive.trajectory import clock_findings, recorded
+from selector.physics.drive.trajectory import Reference, clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
 from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
@@ -116,7 +107,8 @@ def channel_findings(channels: Mapping[str, RecordedChannels], recording: Record
                 Where(channel=name),
                 {"axis": name, "channel": one.lacking},
             )
-    idle = [c for c in recording.channels if c.role in _ACTING and c.name not in told and _acts(recording, c)]
+    acts = recording.frame.fillna(0.0).ne(0.0).any()
+    idle = [c for c in recording.channels if c.role in _ACTING and c.name not in told and acts[c.name]]
     if idle:
         names = ", ".join(f"{c.name} ({c.role})" for c in idle)
         first = next(iter(channels))
@@ -175,11 +167,6 @@ def _named(name: str, named: Mapping[str, str | None], by_name: Mapping[str, Cha
             )
         found[kind] = said
     return found
-
-
-def _acts(recording: Recording, channel: Channel) -> bool:
-    values = recording.frame[channel.name].to_numpy()
-    return bool(np.any(np.nan_to_num(values) != 0.0))
 
 
 _WHAT = {
@@ -451,27 +438,11 @@ def recorded_differences(
                 seen = np.isfinite(there)
                 if not seen.any():
                     continue
-                unit, times = _unit_of_difference(model, axis, kind, recording.channel(name).unit)
-                found.append(
-                    ChannelDifference(
-                        run,
-                        name,
-                        unit,
-                        time_s[seen] - time_s[0],
-                        there[seen] * times,
-                        simulated.values(run, [name])[seen, 0] * times,
-                        axis,
-                        kind,
-                    )
-                )
+                unit, times = recording.channel(name).unit, _MICRO if kind in ("position", "table") else 1.0
+                if kind in ("position", "table", "error"):
+                    unit = "urad" if model.file_axes[axis].rotary else "um"
+                elif kind == "force" and model.file_axes[axis].rotary:
+                    unit = "N·m"
+                courses = there[seen] * times, simulated.values(run, [name])[seen, 0] * times
+                found.append(ChannelDifference(run, name, unit, time_s[seen] - time_s[0], *courses, axis, kind))
     return tuple(found)
-
-
-def _unit_of_difference(model: DriveModel, axis: str, kind: str, unit: str) -> tuple[str, float]:
-    """Unit that differences of a kind are told in, and how many of it are one of the channel's."""
-    turns = model.file_axes[axis].rotary
-    if kind in ("position", "table"):
-        return ("urad" if turns else "um"), _MICRO
-    if kind == "error":
-        return ("urad" if turns else "um"), 1.0
-    return ("N·m" if turns and kind == "force" else unit), 1.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,7 @@ from scipy import signal
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays
-from selector.physics.drive.parts.axis import Servo
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
+from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.types import Vector
 
 CUT_OFF = 5.0
@@ -64,17 +63,12 @@ class IdentifiedAxis:
         """Dry friction and offset; InputError if the record makes a friction negative."""
         negative = self["coulomb_negative_n"] if "coulomb_negative_n" in self.names else None
         offset = self["offset_n"] if "offset_n" in self.names else 0.0
+        sliding = Friction(self["coulomb_n"], negative, offset_n=offset)
         if self.stribeck_speed_m_per_s is None:
-            return Friction(self["coulomb_n"], negative, offset_n=offset)
-        more = self["stribeck_n"]
-        return Friction(
-            self["coulomb_n"],
-            negative,
-            static_n=self["coulomb_n"] + more,
-            static_negative_n=None if negative is None else negative + more,
-            stribeck_speed_m_per_s=self.stribeck_speed_m_per_s,
-            offset_n=offset,
-        )
+            return sliding
+        more, speed = self["stribeck_n"], self.stribeck_speed_m_per_s
+        held = None if negative is None else negative + more
+        return replace(sliding, static_n=sliding.coulomb_n + more, static_negative_n=held, stribeck_speed_m_per_s=speed)
 
 
 def servo_bandwidth_hz(servo: Servo, mass_kg: float) -> float:
@@ -189,11 +183,11 @@ def identified_axis_of_servo(
     command: ArrayLike,
     servo: Servo,
     *,
-    asymmetric: bool = False,
-    stribeck_speed_m_per_s: float | None = None,
     delay_s: float = 0.0,
 ) -> IdentifiedAxis:
-    """As `identified_rigid_axis`, from the control's output; the bandwidth is that of the servo with the mass found.
+    """As `identified_rigid_axis`, of symmetric friction, from the control's output.
+
+    The bandwidth is that of the servo with the mass found.
 
     `command`, shape (n_samples,), is the output of the control [actuator unit]; `servo.actuator_gain` makes it a force.
 
@@ -202,15 +196,7 @@ def identified_axis_of_servo(
     force_n = servo.actuator_gain * np.array(command, dtype=np.float64)
     bandwidth_hz = servo.position_gain_per_s / 2.0 / math.pi
     for _ in range(10):
-        found = identified_rigid_axis(
-            period_s,
-            position_m,
-            force_n,
-            bandwidth_hz=bandwidth_hz,
-            asymmetric=asymmetric,
-            stribeck_speed_m_per_s=stribeck_speed_m_per_s,
-            delay_s=delay_s,
-        )
+        found = identified_rigid_axis(period_s, position_m, force_n, bandwidth_hz=bandwidth_hz, delay_s=delay_s)
         before, bandwidth_hz = bandwidth_hz, servo_bandwidth_hz(servo, found.mechanics.mass_kg)
         if abs(bandwidth_hz / before - 1.0) < 1e-3:
             break

@@ -10,24 +10,21 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
-from selector.physics.drive.drive_summary import limited_samples
-from selector.physics.drive.energy import passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
-from selector.physics.drive.file.model_axes import FileAxis
-from selector.physics.drive.file.parameters import OUTPUT_UNITS
+from selector.physics.drive.drive_summary import limited_samples, stick_slip
+from selector.physics.drive.file.model_file import OUTPUT_UNITS
+from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.loop_response import growing_poles, loop_poles
+from selector.physics.drive.loop.closed_loop import growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
-from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.axis import (
+    Axis,
+    ThreeMassMechanics,
+    passive_bristle_damping_ns_per_m,
+    passive_fading_speed_m_per_s,
+)
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics
 from selector.physics.drive.simulation import AxisRun, fastest_rate_per_s
-from selector.physics.drive.tracking import stick_slip
 from selector.physics.model_fields import unlikely_values
-from selector.physics.model_text import Key
-
-
-def _axis_of(path: Key) -> str | None:
-    return str(path[1]) if path[0] == "axes" else None
 
 
 def _odd_effects(
@@ -65,14 +62,22 @@ _START_SHARE = 0.02
 
 def model_findings(model: DriveModel) -> tuple[Finding, ...]:
     """What is odd before it runs: unlikely numbers, unstable loops, steps that are too coarse, friction that drives."""
-    found = list(unlikely_values(model.file, _axis_of))
+    found = list(unlikely_values(model.file, lambda path: str(path[1]) if path[0] == "axes" else None))
     for name, axis in model.file_axes.items():
         found += _odd_effects(name, axis.axis.friction.directions, [one.share for one in axis.axis.ripple])
     for name, axis in model.axes.items():
         found += stability_findings(axis.axis, name)
         step_s, rate = model.file.run.step_s, fastest_rate_per_s(axis.axis)
         if step_s is not None and step_s * rate > COARSE_PER_MODE:
-            found.append(_coarse(name, step_s, rate))
+            told = FINDINGS.finding(
+                "coarse-step",
+                f"The step of {step_s:.3g} s is long for the fastest vibration of {name}, {rate / (2 * math.pi):.4g} "
+                "Hz: the calculation damps it.",
+                Where(channel=name),
+                {"step_s": step_s, "frequency_hz": rate / (2 * math.pi)},
+                f"take run.step_s = {COARSE_PER_MODE / rate / 2:.2g} or less, or leave it out",
+            )
+            found.append(told)
         found += _bristles(name, axis.axis, axis.rotary)
     return tuple(found)
 
@@ -132,12 +137,10 @@ def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[
         )
     elif servo is not None and len(growing_poles(loop_poles(done.axis))):
         advice = "the loop is unstable, and so swings from limit to limit: lower its gains first"
-    yield (
-        share,
-        FINDINGS.finding(
-            "limit-reached", said, where, evidence, advice, level="warning" if share > _LIMIT_SHARE else "info"
-        ),
+    found = FINDINGS.finding(
+        "limit-reached", said, where, evidence, advice, level="warning" if share > _LIMIT_SHARE else "info"
     )
+    yield share, found
 
 
 def output_without_acceleration(run: AxisRun) -> NDArray[np.float64]:
@@ -171,15 +174,13 @@ def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[t
     most = servo.speed_limit * done.axis.mechanics.travel_per_motion
     asked = float(np.abs(done.reference.speed_m_per_s).max())
     if asked > most:
-        yield (
-            asked / most,
-            FINDINGS.finding(
-                "faster-than-speed-limit",
-                f"Axis {name} is asked for {_speed(asked, turns)} and can go {_speed(most, turns)}: it falls behind.",
-                where,
-                {"asked_m_per_s": asked, "possible_m_per_s": most},
-            ),
+        found = FINDINGS.finding(
+            "faster-than-speed-limit",
+            f"Axis {name} is asked for {_speed(asked, turns)} and can go {_speed(most, turns)}: it falls behind.",
+            where,
+            {"asked_m_per_s": asked, "possible_m_per_s": most},
         )
+        yield asked / most, found
 
 
 _AT_REST_FROM = {
@@ -194,17 +195,15 @@ def _jolt(name: str, where: Where, done: AxisRun, turns: bool, kind: str) -> Ite
     share = float(speed[0] / speed.max()) if speed.max() > 0 else 0.0
     stands = abs(float(done.motion.table_speed_m_per_s[0])) <= _START_SHARE * speed.max()
     if share > _START_SHARE and stands:
-        yield (
-            share,
-            FINDINGS.finding(
-                "begins-in-motion",
-                f"The motion of {name} begins at {_speed(speed[0], turns)} while the axis stands: first it catches up, "
-                "which says nothing of its errors later.",
-                where,
-                {"speed_m_per_s": float(speed[0])},
-                f"look at the error after the first moments, or {_AT_REST_FROM.get(kind, _COURSE)}",
-            ),
+        found = FINDINGS.finding(
+            "begins-in-motion",
+            f"The motion of {name} begins at {_speed(speed[0], turns)} while the axis stands: first it catches up, "
+            "which says nothing of its errors later.",
+            where,
+            {"speed_m_per_s": float(speed[0])},
+            f"look at the error after the first moments, or {_AT_REST_FROM.get(kind, _COURSE)}",
         )
+        yield share, found
 
 
 def _off_screw(name: str, where: Where, done: AxisRun, parts: Parts) -> Iterator[tuple[float, Finding]]:
@@ -213,31 +212,27 @@ def _off_screw(name: str, where: Where, done: AxisRun, parts: Parts) -> Iterator
     low, high = float(places.min()), float(places.max())
     beyond = max(near - low, high - far)
     if beyond >= 0:
-        yield (
-            beyond,
-            FINDINGS.finding(
-                "table-off-the-screw",
-                f"The table of {name} goes from {low * 1e3:.6g} to {high * 1e3:.6g} mm; the nut is on the screw from "
-                f"{near * 1e3:.6g} to {far * 1e3:.6g} mm only.",
-                where,
-                {"from_m": low, "to_m": high, "nut_from_m": near, "nut_to_m": far},
-            ),
+        found = FINDINGS.finding(
+            "table-off-the-screw",
+            f"The table of {name} goes from {low * 1e3:.6g} to {high * 1e3:.6g} mm; the nut is on the screw from "
+            f"{near * 1e3:.6g} to {far * 1e3:.6g} mm only.",
+            where,
+            {"from_m": low, "to_m": high, "nut_from_m": near, "nut_to_m": far},
         )
+        yield beyond, found
 
 
 def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Finding]]:
-    found = stick_slip(done.motion)
-    if found is not None:
-        yield (
-            found.creeping_share,
-            FINDINGS.finding(
-                "stick-slip",
-                f"The table of {name} sticks and slips: it stands or creeps for {100 * found.creeping_share:.0f} % of "
-                f"the time that it is commanded to move, and jumps {found.jumps} times after it first broke loose.",
-                where,
-                {"creeping_share": found.creeping_share, "jumps": found.jumps},
-            ),
+    slips = stick_slip(done.motion)
+    if slips is not None:
+        found = FINDINGS.finding(
+            "stick-slip",
+            f"The table of {name} sticks and slips: it stands or creeps for {100 * slips.creeping_share:.0f} % of "
+            f"the time that it is commanded to move, and jumps {slips.jumps} times after it first broke loose.",
+            where,
+            {"creeping_share": slips.creeping_share, "jumps": slips.jumps},
         )
+        yield slips.creeping_share, found
 
 
 def _within_play(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
@@ -247,17 +242,15 @@ def _within_play(name: str, where: Where, done: AxisRun, turns: bool) -> Iterato
         ("step of the encoder", "sensing", _resolution_m(done.axis)),
     ):
         if play_m >= travel_m > 0:
-            yield (
-                play_m / travel_m,
-                FINDINGS.finding(
-                    "travel-within-play",
-                    f"Axis {name} is asked for {travel_m * 1e6:.4g} {unit} of travel, and its {what} is "
-                    f"{play_m * 1e6:.4g} {unit}: it may not move at all.",
-                    where,
-                    {"travel_um": travel_m * 1e6, "play_um": play_m * 1e6},
-                    f"correct {key}, or ask for a longer motion",
-                ),
+            found = FINDINGS.finding(
+                "travel-within-play",
+                f"Axis {name} is asked for {travel_m * 1e6:.4g} {unit} of travel, and its {what} is "
+                f"{play_m * 1e6:.4g} {unit}: it may not move at all.",
+                where,
+                {"travel_um": travel_m * 1e6, "play_um": play_m * 1e6},
+                f"correct {key}, or ask for a longer motion",
             )
+            yield play_m / travel_m, found
 
 
 def _resolution_m(axis: Axis) -> float:
@@ -275,31 +268,18 @@ def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iter
     unit = "µrad" if turns else "µm"
     rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
     if step_m > 0 and step_m > rms_m:
-        yield (
-            step_m / rms_m if rms_m > 0 else math.inf,
-            FINDINGS.finding(
-                "coarse-encoder",
-                f"The {what} of {name} reads in steps of {step_m * 1e6:.3g} {unit}, and the error is {rms_m * 1e6:.3g} "
-                f"{unit} (RMS): what is seen of it is mostly rounding.",
-                where,
-                {"step_um": step_m * 1e6, "rms_um": rms_m * 1e6},
-            ),
+        found = FINDINGS.finding(
+            "coarse-encoder",
+            f"The {what} of {name} reads in steps of {step_m * 1e6:.3g} {unit}, and the error is {rms_m * 1e6:.3g} "
+            f"{unit} (RMS): what is seen of it is mostly rounding.",
+            where,
+            {"step_um": step_m * 1e6, "rms_um": rms_m * 1e6},
         )
+        yield step_m / rms_m if rms_m > 0 else math.inf, found
 
 
 def _speed(speed_m_per_s: float, turns: bool) -> str:
     return f"{speed_m_per_s * 30 / math.pi:.4g} r/min" if turns else f"{speed_m_per_s * 60:.4g} m/min"
-
-
-def _coarse(name: str, step_s: float, rate_per_s: float) -> Finding:
-    return FINDINGS.finding(
-        "coarse-step",
-        f"The step of {step_s:.3g} s is long for the fastest vibration of {name}, {rate_per_s / (2 * math.pi):.4g} Hz: "
-        "the calculation damps it.",
-        Where(channel=name),
-        {"step_s": step_s, "frequency_hz": rate_per_s / (2 * math.pi)},
-        f"take run.step_s = {COARSE_PER_MODE / rate_per_s / 2:.2g} or less, or leave it out",
-    )
 
 
 def _bristles(name: str, axis: Axis, turns: bool) -> Iterator[Finding]:

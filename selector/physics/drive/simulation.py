@@ -16,9 +16,8 @@ from selector.physics.drive.finding_table import UNSTABLE_LOOP
 from selector.physics.drive.kernel import _packed as at
 from selector.physics.drive.kernel.axis_system import largest_stable_step_s, mechanical_poles
 from selector.physics.drive.loop.stability import stability_findings
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, unloaded_state
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
+from selector.physics.drive.trajectory import COURSES, Motion, ParameterCourse, Reference
 from selector.types import Vector
 
 
@@ -42,14 +41,13 @@ class AxisRun:
         if self.arc is None:
             return self
         part = slice(*self.arc)
-        names: tuple[str, ...] = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
         reference = Reference(self.reference.period_s, **_cut(self.reference, names, part))
         motion = _cut(self.motion, [one.name for one in fields(Motion)], part)
         motion["time_s"] = motion["time_s"] - motion["time_s"][0]
         course = self.course
         if course is not None:
-            names = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
-            course = ParameterCourse(course.period_s, **_cut(course, names, part))
+            course = ParameterCourse(course.period_s, **_cut(course, COURSES, part))
         return replace(self, reference=reference, motion=Motion(**motion), course=course, arc=None)
 
 
@@ -105,20 +103,17 @@ def simulate_axis(
     given = _given(axis, reference, commands, seed, o)
     _lay_grid(axis, reference.period_s, step_s, p, o)
     w, begin = _kernel.work_space(), start or unloaded_state(axis, float(reference.position_m[0]))
-    start_row = _packed_state(axis, begin)
-    w[at.Y, : len(start_row)] = start_row
+    turning = (begin.motor, begin.motor_speed, begin.screw, begin.screw_speed)
+    place = (*turning, begin.table_m, begin.table_speed_m_per_s)
+    if isinstance(axis.mechanics, RigidMechanics):
+        place = (0.0, 0.0, 0.0, 0.0, begin.motor, begin.motor_speed)
+    w[at.Y, :8] = (*place, begin.bristle_m, begin.integral)
     count = len(reference.position_m)
     out = np.empty((count, _kernel.COURSES))
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
     if lost >= 0:
-        raise runaway(
-            axis,
-            reference,
-            commanded=commands is not None,
-            time_s=lost * reference.period_s,
-            state=_STATES[state],
-            step_s=p[at.STEP],
-        )
+        lost_s, what, step = lost * reference.period_s, _STATES[state], p[at.STEP]
+        raise runaway(axis, reference, commanded=commands is not None, time_s=lost_s, state=what, step_s=step)
     return Motion(reference.time_s, reference.position_m, *out.T)
 
 
@@ -218,15 +213,6 @@ def _lay_grid(axis: Axis, period_s: float, step_s: float, p: Vector, o: at.Switc
     o[at.DELAY_STEPS], p[at.DELAY_PART] = whole, part if part > 1e-9 else 0.0
 
 
-def _packed_state(axis: Axis, start: AxisState) -> Vector:
-    if isinstance(axis.mechanics, RigidMechanics):
-        place = (0.0, 0.0, 0.0, 0.0, start.motor, start.motor_speed)
-    else:
-        turning = (start.motor, start.motor_speed, start.screw, start.screw_speed)
-        place = (*turning, start.table_m, start.table_speed_m_per_s)
-    return np.array([*place, start.bristle_m, start.integral])
-
-
 def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     """A thousand times farther than anything is asked to go; speeds have to be numbers."""
     farthest = 1000.0 * (1.0 + float(np.abs(reference.position_m).max()) + abs(start.table_m))
@@ -246,8 +232,7 @@ def runaway(
 
     `state` left the bounds at `time_s` [s]; `commanded` says that given commands drove it in the place of its servo.
     """
-    found, advice = f"the {state} left all bounds before {time_s:.6g} s", ""
-    stable_step_s = largest_stable_step_s(axis)
+    found, stable_step_s = f"the {state} left all bounds before {time_s:.6g} s", largest_stable_step_s(axis)
     if step_s > stable_step_s:
         advice = f"the step of {step_s:.3g} s is too long for the fastest vibration: take at most {stable_step_s:.3g} s"
     elif axis.servo is None or commanded:

@@ -1,24 +1,18 @@
-"""How much it matters that stiffness and damping change along a motion: F's figures 6 to 9 for any parts and servo."""
+"""How much it matters that stiffness and damping change along a motion: F's figures 6, 7, 9 for any parts and servo."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.physics.drive.loop.stability import LoopFigures, frequency_response, frozen, loop_figures
-from selector.physics.drive.motion import Motion, ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.axis import Axis, Friction, Servo
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.damping import Reading, dry_friction, parameter_course
-from selector.physics.drive.parts.mechanics import Friction, ThreeMassMechanics
-from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.parts.stiffness import Reading, dry_friction, parameter_course, three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.trajectory import sine
+from selector.physics.drive.trajectory import COURSES, Motion, ParameterCourse, Reference, sine
 from selector.types import Vector
 
 Constants = Literal["unloaded", "mean", "friction"]
@@ -35,10 +29,6 @@ class TimeVariation:
     #: The two are compared from this time on up to, but without, the last sample [s]: of a whole period the two ends
     #: are one instant
     from_s: float
-    instants_s: tuple[float, ...]  #: Instants of the frozen frequency responses [s] (F fig. 8)
-    frequency_hz: Vector  #: (n_frequencies,): Their frequencies [Hz]
-    responses: NDArray[np.complex128]  #: (n_instants, n_frequencies): Table over reference at each instant
-    figures: tuple[LoopFigures, ...]  #: Bandwidth, resonance and margins at each instant
 
     @property
     def share_larger(self) -> float:
@@ -70,8 +60,6 @@ def time_variation(
     constants: Constants = "unloaded",
     stiffness: Literal["two-sided", "published"] = "two-sided",
     damping: Reading = "instant",
-    instants_s: Sequence[float] = (0.0, 0.125, 0.25),
-    highest_hz: float = 500.0,
 ) -> TimeVariation:
     """The axis from rest along a reference, with the parameters of `parameter_course` and with constants.
 
@@ -79,7 +67,7 @@ def time_variation(
     identifies it standing; ``"mean"``, the means of the course; ``"friction"``, unloaded, with the dry friction of the
     guide as such instead of as damping. The friction of the screw is in neither.
 
-    InputError if `from_s` or an instant is outside the reference, or the nut leaves the screw.
+    InputError if `from_s` is outside the reference, or the nut leaves the screw.
     """
     times_s = reference.time_s
     if not 0.0 <= from_s < times_s[-1]:
@@ -91,32 +79,10 @@ def time_variation(
         )
     course = parameter_course(parts, reference, stiffness=stiffness, damping=damping)
     mechanics = three_mass_mechanics(parts)
-    axis = Axis(mechanics, servo)
-    frequency_hz = np.geomspace(1.0, highest_hz, 400)
-    frozen_axes = [frozen(axis, course, instant) for instant in instants_s]
-    return TimeVariation(
-        course=course,
-        varying=simulate_axis(axis, reference, step_s=step_s, course=course),
-        constant=simulate_axis(_constant(parts, servo, mechanics, course, constants), reference, step_s=step_s),
-        from_s=from_s,
-        instants_s=tuple(instants_s),
-        frequency_hz=frequency_hz,
-        responses=np.array([frequency_response(one, frequency_hz) for one in frozen_axes]),
-        figures=tuple(loop_figures(one) for one in frozen_axes),
-    )
-
-
-def _constant(
-    parts: Parts, servo: Servo, mechanics: ThreeMassMechanics, course: ParameterCourse, constants: Constants
-) -> Axis:
-    if constants == "friction":
-        return Axis(mechanics, servo, friction=Friction(coulomb_n=dry_friction(parts).coulomb_n))
+    varying = simulate_axis(Axis(mechanics, servo), reference, step_s=step_s, course=course)
+    rubbing = Friction(coulomb_n=dry_friction(parts).coulomb_n if constants == "friction" else 0.0)
     if constants == "mean":
-        assert course.axial_stiffness_n_per_m is not None
-        assert course.guide_damping_ns_per_m is not None
-        mechanics = replace(
-            mechanics,
-            axial_stiffness_n_per_m=float(np.mean(course.axial_stiffness_n_per_m)),
-            guide_damping_ns_per_m=float(np.mean(course.guide_damping_ns_per_m)),
-        )
-    return Axis(mechanics, servo)
+        means = {name: float(np.mean(getattr(course, name))) for name in COURSES}
+        mechanics = replace(mechanics, **means)
+    constant = simulate_axis(Axis(mechanics, servo, rubbing), reference, step_s=step_s)
+    return TimeVariation(course, varying, constant, from_s)

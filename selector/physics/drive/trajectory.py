@@ -1,10 +1,13 @@
-"""How a reference comes about: sines, moves as fast as limits allow, and recorded courses."""
+"""What is an axis asked to do, how that comes about, and what it did: sines, moves within limits, recorded courses.
+
+Stiffness and damping that it has on the way are those of F eq. 5, 6.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,9 +15,118 @@ from scipy import interpolate, signal
 
 from selector.errors import InputError
 from selector.findings import Finding
+from selector.physics.checks import keep_arrays
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.motion import Reference
 from selector.types import Vector
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Courses at the samples of the reference, each an ndarray of shape (n_samples,), read-only."""
+
+    #: time_s and reference_m: Times [s] and commanded positions [m]
+    time_s: Vector
+    reference_m: Vector
+    #: table_m and table_speed_m_per_s: True position [m] and speed [m/s] of the table
+    table_m: Vector
+    table_speed_m_per_s: Vector
+    #: motor and motor_speed: Position and speed of the motor, [rad] and [rad/s]; of a rigid axis [m] and [m/s]
+    motor: Vector
+    motor_speed: Vector
+    measured_m: Vector  #: Position that the control sees: of the scale or of the motor's encoder × R, quantised [m]
+    command: Vector  #: Output of the control, limited, before its delay [actuator unit]
+    actuator_force: Vector  #: Torque or force on the motor, after the delay, with ripple [N·m] or [N]
+    axial_force_n: Vector  #: Force of the screw on the table [N]; of a rigid axis the actuator's force
+    #: Dry friction of the guide, positive against the positive direction [N]; without viscous friction and offset
+    friction_n: Vector
+    #: screw and screw_speed: Position [rad] and speed [rad/s] of the screw; of a rigid axis those of the motor. None:
+    #: not known.
+    screw: Vector | None = None
+    screw_speed: Vector | None = None
+    bristle_m: Vector | None = None  #: Deflection of the bristles of the guide [m]. None: not known.
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, *(field.name for field in fields(self)))
+
+    @property
+    def tracking_error_m(self) -> Vector:
+        """Commanded minus true table position [m]."""
+        return self.reference_m - self.table_m
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A course that an axis is to follow, on an even grid.
+
+    InputError: fewer than two samples, different lengths, or a value that is not finite.
+    """
+
+    period_s: float  #: Distance of the samples [s]
+    #: position_m, speed_m_per_s and acceleration_m_per_s2: (n_samples,): Commanded table position and its two
+    #: derivatives
+    position_m: Vector
+    speed_m_per_s: Vector
+    acceleration_m_per_s2: Vector
+    force_n: Vector | None = None  #: (n_samples,): Force on the table from outside, held over a period [N]; None: none
+
+    def __post_init__(self) -> None:
+        names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
+        keep_arrays(self, *names)
+        count = len(np.atleast_1d(self.position_m))
+        for name in names:
+            values = getattr(self, name)
+            if values is not None and (values.shape != (count,) or count < 2 or not np.isfinite(values).all()):
+                raise InputError(
+                    f"{name} of shape {values.shape}" + ("" if np.isfinite(values).all() else " with missing values"),
+                    expected=f"{max(count, 2)} finite numbers",
+                    where="reference of the axis",
+                    advice="give position, speed and acceleration at the same times",
+                )
+        if not (np.isfinite(self.period_s) and self.period_s > 0):
+            raise InputError(
+                f"a period of {self.period_s:g} s",
+                expected="a number above 0",
+                where="reference of the axis",
+                advice="give the distance of the samples in seconds",
+            )
+
+    @property
+    def time_s(self) -> Vector:
+        """Times of the samples [s], shape (n_samples,)."""
+        return np.asarray(np.arange(len(self.position_m)) * self.period_s, dtype=np.float64)
+
+
+COURSES = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
+"""Parameters of the mechanics that may change along a motion."""
+
+
+@dataclass(frozen=True)
+class ParameterCourse:
+    """Parameters on the grid of the reference, straight between; they replace the constants of the mechanics.
+
+    InputError if a stiffness is not above 0, a damping is negative, or a value is missing.
+    """
+
+    period_s: float  #: Distance of the samples [s], that of the reference
+    #: (n_samples,): Ke [N/m]; None: the constant of the mechanics (a rigid axis has no other choice)
+    axial_stiffness_n_per_m: Vector | None = None
+    guide_damping_ns_per_m: Vector | None = None  #: (n_samples,): Ct [N·s/m]; None: the constant of the mechanics
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, *COURSES)
+        for name, least in zip(COURSES, ("above 0", "0 or more"), strict=True):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            fits = values.ndim == 1 and np.isfinite(values).all()
+            if not fits or (values < 0).any() or (least == "above 0" and (values == 0).any()):
+                raise InputError(
+                    f"{name} from {np.min(values, initial=np.inf):g} to {np.max(values, initial=-np.inf):g}",
+                    expected=f"one row of finite numbers {least}",
+                    where="course of parameters",
+                    advice="check the parts and the load that the course was made from",
+                )
+
 
 EVEN = 1e-3
 """Clocks that stray by less, as a share of their period, count as even: rounded times."""
@@ -123,12 +235,8 @@ def moves(
     for target, speed, dwell in list(zip(targets_m, speeds, dwells, strict=True)) * repeat:
         if not (math.isfinite(dwell) and dwell >= 0):
             raise _unfit("dwell_s", dwell, "0 or more")
-        phases = move_phases(
-            target - here,
-            speed_m_per_s=speed,
-            acceleration_m_per_s2=acceleration_m_per_s2,
-            jerk_m_per_s3=jerk_m_per_s3,
-        )
+        limits = {"acceleration_m_per_s2": acceleration_m_per_s2, "jerk_m_per_s3": jerk_m_per_s3}
+        phases = move_phases(target - here, speed_m_per_s=speed, **limits)
         begins_s.append(begin)
         stretches.append((here, target, phases))
         begin, here = begin + phases.duration_s + dwell, target
@@ -163,12 +271,9 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
         grid = time[0] + np.arange(math.floor((time[-1] - time[0]) / step_s * (1.0 + 1e-12)) + 1) * step_s
         position = np.asarray(interpolate.CubicSpline(time, position)(np.minimum(grid, time[-1])))
     if len(position) < WINDOW:
-        raise InputError(
-            f"{len(position)} samples every {step_s:g} s in {time[-1] - time[0]:g} s",
-            expected=f"at least {WINDOW} samples",
-            where="recorded course",
-            advice="give a longer course, or a shorter period (run.period_s of a model file)",
-        )
+        found = f"{len(position)} samples every {step_s:g} s in {time[-1] - time[0]:g} s"
+        advice = "give a longer course, or a shorter period (run.period_s of a model file)"
+        raise _no_course(found, f"at least {WINDOW} samples", advice)
     speed, acceleration = (
         np.asarray(signal.savgol_filter(position, WINDOW, 3, deriv=order, delta=step_s)) for order in (1, 2)
     )
@@ -240,36 +345,29 @@ def _stray(time: Vector) -> float:
 
 def _checked(time_s: ArrayLike, position_m: ArrayLike) -> tuple[Vector, Vector]:
     time, position = np.array(time_s, dtype=np.float64), np.array(position_m, dtype=np.float64)
-    where, advice = "recorded course", "leave the rows without a value out, or interpolate them before"
     if time.ndim != 1 or time.shape != position.shape or len(time) < WINDOW:
-        raise InputError(
-            f"{time.shape} times and {position.shape} positions",
-            expected=f"at least {WINDOW} of both, as many of one as of the other",
-            where=where,
-            advice="give a longer course",
-        )
+        found = f"{time.shape} times and {position.shape} positions"
+        expected = f"at least {WINDOW} of both, as many of one as of the other"
+        raise _no_course(found, expected, "give a longer course")
     known = np.isfinite(time) & np.isfinite(position)
     if not known.all():
         lost = f"{np.count_nonzero(~known)} missing values, the first in row {int(np.argmin(known)) + 1}"
-        raise InputError(lost, expected="finite numbers", where=where, advice=advice)
+        raise _no_course(lost, "finite numbers", "leave the rows without a value out, or interpolate them before")
     steps = np.diff(time)
     if (steps <= 0).any():
         at = int(np.argmin(steps > 0))
-        raise InputError(
-            f"the time {time[at + 1]:g} s after {time[at]:g} s",
-            expected="times that increase",
-            where=where,
-            advice="sort the rows and keep one a time",
-        )
+        found = f"the time {time[at + 1]:g} s after {time[at]:g} s"
+        raise _no_course(found, "times that increase", "sort the rows and keep one a time")
     gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
     if len(gaps):
-        raise InputError(
-            f"{len(gaps)} gaps, the first of {steps[gaps[0]]:g} s at {time[gaps[0]]:g} s",
-            expected=f"steps near {np.median(steps):g} s",
-            where=where,
-            advice="use a stretch without gaps, or fill them before",
-        )
+        found = f"{len(gaps)} gaps, the first of {steps[gaps[0]]:g} s at {time[gaps[0]]:g} s"
+        advice = "use a stretch without gaps, or fill them before"
+        raise _no_course(found, f"steps near {np.median(steps):g} s", advice)
     return time, position
+
+
+def _no_course(found: str, expected: str, advice: str) -> InputError:
+    return InputError(found, expected=expected, where="recorded course", advice=advice)
 
 
 def _one_each(name: str, given: float | Sequence[float], count: int) -> list[float]:

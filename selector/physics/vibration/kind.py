@@ -31,7 +31,7 @@ class VibrationKind(SimulationKind):
 
     def family(self) -> ModelFamily[Any]:
         """How its model files are read."""
-        from selector.physics.vibration.file.model_file import FAMILY
+        from selector.physics.vibration.model_file import FAMILY
 
         return FAMILY
 

@@ -13,11 +13,19 @@ from selector.findings import Finding, Where
 from selector.physics.checks import require_within, told_of
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
-from selector.physics.vibration.file.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.motion.motion_signal import MotionSignal
-from selector.physics.vibration.recorded.clock import GAP, Stretch, gaps, stretches
-from selector.physics.vibration.recorded.force import FADED, StampedAnswer, ring_time_s, stamped_answer
+from selector.physics.vibration.model_file import file_shafts, mean_rpm
+from selector.physics.vibration.motion.run_up import MotionSignal
+from selector.physics.vibration.recorded_force import (
+    FADED,
+    GAP,
+    StampedAnswer,
+    Stretch,
+    gaps,
+    ring_time_s,
+    stamped_answer,
+    stretches,
+)
 from selector.physics.vibration.structure.source import ShaftCourse
 from selector.physics.vibration.vibration_model import (
     FINALS,
@@ -288,7 +296,13 @@ def driven_runs(
         **{f"{shaft}_speed": name for shaft, name in channels.speeds.items()},
     }
     if channels.forces:
-        findings.append(_spectra_of_the_file(tuple(channels.forces)))
+        told = FINDINGS.finding(
+            "lines-of-the-file",
+            f"The recorded force of {', '.join(channels.forces)} acts in the recording that was simulated; lines, "
+            "amplitudes and errors of the surface are told of the spectra of the model file.",
+            evidence={"sources": list(channels.forces)},
+        )
+        findings.append(told)
     simulation = VibrationSimulation(
         _as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
@@ -342,21 +356,15 @@ class _DrivenRun:
             return {}
         ring_s = ring_time_s(self.model.structure)
         parts = stretches(self.time_s, ring_s, list(forces.values()))
+        finals, method = self.model.finals, self.model.method(self.mean_rpm)
         self.findings += (*gap_findings(self.time_s, ring_s), *clock_findings(self.time_s, parts))
         answers = {
-            source.name: stamped_answer(
-                self.model.structure,
-                source,
-                forces[source.name],
-                parts,
-                self.model.finals,
-                self.model.method(self.mean_rpm),
-            )
+            source.name: stamped_answer(self.model.structure, source, forces[source.name], parts, finals, method)
             for source in self.model.sources
             if source.name in forces
         }
         motion = np.sum([one.motion_m for one in answers.values()], axis=0)
-        self.findings += end_findings(list(answers.values()), tuple(self.model.finals), motion, ring_s, self.duration_s)
+        self.findings += end_findings(list(answers.values()), tuple(finals), motion, ring_s, self.duration_s)
         return answers
 
     def _recorded_courses(self) -> dict[str, ShaftCourse]:
@@ -454,15 +462,6 @@ def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str,
         channels.append(replace(channel, name=called))
     renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
     return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
-
-
-def _spectra_of_the_file(sources: tuple[str, ...]) -> Finding:
-    return FINDINGS.finding(
-        "lines-of-the-file",
-        f"The recorded force of {', '.join(sources)} acts in the recording that was simulated; lines, amplitudes and "
-        "errors of the surface are told of the spectra of the model file.",
-        evidence={"sources": list(sources)},
-    )
 
 
 def _nothing_drives(model: VibrationModel, recording: Recording) -> OptionError:

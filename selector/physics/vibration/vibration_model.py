@@ -12,21 +12,19 @@ import pandas as pd
 from selector.findings import Finding
 from selector.physics.model_fields import Parameter
 from selector.physics.simulation_kind import Progress
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.file.model_file import (
+from selector.physics.vibration.chains import Chain
+from selector.physics.vibration.model_file import (
     VibrationFile,
-    file_chains,
-    file_cutting,
     file_shafts,
-    file_sources,
     file_structure,
-    file_surface,
     mean_rpm,
+    parameters,
+    source_of,
+    with_parameters,
 )
-from selector.physics.vibration.file.parameters import parameters, with_parameters
 from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
-from selector.physics.vibration.motion.motion_signal import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
+from selector.physics.vibration.motion.run_up import MotionSignal, motion_signal, source_phases_rad
 from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation
 from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
@@ -87,12 +85,12 @@ class VibrationModel:
     @cached_property
     def sources(self) -> tuple[Source, ...]:
         """What shakes it."""
-        return file_sources(self.file)
+        return tuple(source_of(name, section) for name, section in self.file.sources.items())
 
     @cached_property
     def chains(self) -> tuple[Chain, ...]:
         """Its chains; empty where the file has none."""
-        return file_chains(self.file)
+        return tuple(Chain(**dict(section)) for section in self.file.chains)
 
     @property
     def finals(self) -> Mapping[str, str]:
@@ -112,11 +110,14 @@ class VibrationModel:
     @property
     def surface(self) -> Surface:
         """Where one kind of periodic error ends and the next begins."""
-        return file_surface(self.file)
+        return Surface(**dict(self.file.surface))
 
     def cutting(self, shaft_rpm: Mapping[str, float]) -> Cutting | None:
         """The cut at these speeds of the shafts [r/min]; None where the file has none."""
-        return None if self.file.cutting is None else file_cutting(self.file, shaft_rpm[self.file.cutting.shaft])
+        section = self.file.cutting
+        if section is None:
+            return None
+        return Cutting(workpiece_rpm=shaft_rpm[section.shaft], **section.model_dump(exclude={"shaft"}))
 
     def split_hz(self, shaft_rpm: Mapping[str, float]) -> float | None:
         """Frequency up to which the low chains hold, and above it the high ones [Hz]; None without a cut."""
@@ -136,7 +137,8 @@ class VibrationModel:
         """Source, lowest and highest frequency of every line during the run [Hz]."""
         found = []
         for source in self.sources:
-            slow, fast = (0.0, 0.0) if source.shaft is None else self._speeds(source.shaft)
+            course = None if source.shaft is None else self.courses[source.shaft]
+            slow, fast = (0.0, 0.0) if course is None else course.range_rpm(0.0, self.file.run.duration_s)
             for line in source.lines:
                 fixed, order = line.frequency_hz, line.order or 0.0
                 span = (order * slow / 60.0, order * fast / 60.0) if fixed is None else (fixed, fixed)
@@ -155,11 +157,6 @@ class VibrationModel:
             found["chains"] = final_motions(self.structure, self.sources, lines, self.finals, chains)
         return found
 
-    def simulate(self, *, run: str = "simulation", seed: int | None = None) -> Recording:
-        """The recording of `simulation`."""
-        noise = self.file.run.seed if seed is None else seed
-        return self.recorded({run: self.signal(self.times_s, self.courses, self.phases_rad(noise))}, noise)
-
     def simulation(
         self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
     ) -> VibrationSimulation:
@@ -175,13 +172,8 @@ class VibrationModel:
         noise = self.file.run.seed if seed is None else seed
         phases = self.phases_rad(noise)
         signal = self.signal(self.times_s, self.courses, phases)
-        return VibrationSimulation(
-            self.recorded({run: signal}, noise),
-            self.motions(self.shaft_rpm),
-            self.shaft_rpm,
-            {run: phases},
-            signal.findings,
-        )
+        recording, motions = self.recorded({run: signal}, noise), self.motions(self.shaft_rpm)
+        return VibrationSimulation(recording, motions, self.shaft_rpm, {run: phases}, signal.findings)
 
     @property
     def times_s(self) -> Vector:
@@ -233,15 +225,8 @@ class VibrationModel:
             columns |= {force_name(name): force for name, force in zip(signal.sources, signal.force_n, strict=True)}
             columns |= {speed_name(name): rpm for name, rpm in signal.shaft_rpm.items()}
             tables[run] = pd.DataFrame(columns, index=pd.Index(signal.time_s, name="time_s"))
-        provenance = {
-            "simulated": {
-                "model": self.name,
-                "kind": self.file.model.kind,
-                "seed": seed,
-                "instruments": seed is not None,
-            },
-            "runs": {run: {"method": self.file.run.method} for run in signals},
-        }
+        made = {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": seed is not None}
+        provenance = {"simulated": made, "runs": {run: {"method": self.file.run.method} for run in signals}}
         return Recording.from_runs(tables, (*self.outputs, *self._input_channels()), provenance)
 
     def _input_channels(self) -> tuple[Channel, ...]:
@@ -252,9 +237,6 @@ class VibrationModel:
             for one in self.sources
         )
         return (*forces, *(Channel(speed_name(name), "spindle_speed", "rpm", name) for name in self.file.shafts))
-
-    def _speeds(self, shaft: str) -> tuple[float, float]:
-        return self.courses[shaft].range_rpm(0.0, self.file.run.duration_s)
 
 
 def vibration_model(file: VibrationFile) -> VibrationModel:

@@ -1,30 +1,310 @@
-"""What does a simulated vibration amount to: modes, where every line goes, expected amplitudes, errors left behind."""
+"""What does a simulated vibration amount to: modes, where every line goes, what it leaves behind, and what is odd."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
-from selector.findings import Finding
-from selector.physics.vibration.chain.chain_error import ChainAccuracy, chain_accuracy
+from selector.findings import Finding, Level
+from selector.physics.model_fields import unlikely_values
+from selector.physics.model_text import key_text
+from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.model_findings import chain_findings, height_findings, model_findings
+from selector.physics.vibration.model_file import HEAVIEST_KG
 from selector.physics.vibration.motion.final_motion import FinalMotions
-from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError, kind_heights, periodic_errors
-from selector.physics.vibration.motion.realisations import (
+from selector.physics.vibration.motion.periodic_error import (
+    KindHeight,
+    PeriodicError,
     are_countable,
+    kind_heights,
     mean_square,
+    periodic_errors,
     realisation_amounts,
     section_times,
     source_motion,
 )
-from selector.physics.vibration.structure.modes import StructureModes, structure_modes
 from selector.physics.vibration.structure.source import Excitation, excitation
+from selector.physics.vibration.structure.structure import (
+    GROUND,
+    Structure,
+    StructureModes,
+    strained_joint,
+    structure_modes,
+)
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
+from selector.types import Complex
+
+MORE_THAN_CARRIED = 10.0
+"""Times the heaviest member on the ground that nothing which it carries weighs."""
+
+SLOW_HZ = 20.0
+"""On its joints alone a member that is carried swings faster."""
+
+_TONNE = 1000.0
+_LOWEST_HZ = 10.0
+_GRAMS = 1e-3
+
+
+def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) -> Iterator[Finding]:
+    """Warnings on masses that would fit the others in grams; of single ones beyond `heaviest_kg` others tell.
+
+    Of all: where none is below a tonne, and one is beyond `heaviest_kg` or the structure swings below 10 Hz. Of one
+    that does not stand on the ground: where it is more than ten times as heavy as all that do, and its joints are so
+    soft for it that it would swing below 20 Hz.
+    """
+    masses = {one.name: one.mass_kg for one in structure.members}
+    least, most = min(masses.values()), max(masses.values())
+    if least >= _TONNE and (most > heaviest_kg or float(modes.frequency_hz[0]) < _LOWEST_HZ):
+        yield FINDINGS.finding(
+            "unlikely-masses",
+            f"No member is lighter than {least:.6g} kg, and the heaviest has {most:.6g} kg. In g all of them would be "
+            f"{_GRAMS * least:.6g} to {_GRAMS * most:.6g} kg.",
+            evidence={"least_kg": least, "most_kg": most},
+            suggestion="divide every mass_kg by 1000 if g was meant",
+        )
+        return
+    held = {name for joint in structure.joints if GROUND in joint.between for name in joint.between}
+    standing = {name: mass for name, mass in masses.items() if name in held}
+    carrier = max(standing, key=lambda name: standing[name])
+    for name, mass_kg in masses.items():
+        stiffness = sum(one.stiffness_n_per_m for one in structure.joints if name in one.between)
+        alone_hz = math.sqrt(stiffness / mass_kg) / (2.0 * math.pi)
+        if (
+            name in standing
+            or mass_kg > heaviest_kg
+            or mass_kg <= MORE_THAN_CARRIED * standing[carrier]
+            or alone_hz >= SLOW_HZ
+        ):
+            continue
+        yield FINDINGS.finding(
+            "unlikely-masses",
+            f"{name!r} has {mass_kg:.6g} kg, {mass_kg / standing[carrier]:.3g} times as much as the heaviest member "
+            f"that stands on the ground ({carrier!r}, {standing[carrier]:.6g} kg), and would swing on its joints at "
+            f"{alone_hz:.3g} Hz. {mass_kg:.6g} g would be {_GRAMS * mass_kg:.6g} kg.",
+            evidence={"member": name, "mass_kg": mass_kg, "carrier": carrier, "alone_hz": alone_hz},
+            suggestion=f"write {key_text(('members', name, 'mass_kg'))} = {_GRAMS * mass_kg:.6g} if g was meant",
+        )
+
+
+SHARP = 30.0
+"""Amplification of a line by a mode above which a part of a percent in frequency decides its size."""
+
+CHAINS_OFF = 0.1
+"""Share by which the chains may differ from the coupled structure before it is said."""
+
+MORE_THAN_MOVED = 10.0
+"""Published height over the height that a copied motion leaves, from which on it is said."""
+
+LOWEST_HZ, HIGHEST_HZ = 1.0, 20e3
+"""Between them lie the eigenfrequencies of machines that are described by masses and joints."""
+
+_WORDS = {RELATIVE: "the tool against the workpiece"}
+
+
+def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Finding, ...]:
+    """What is odd before it runs: numbers and eigenfrequencies that no machine has, lines in sharp resonances."""
+    found = list(unlikely_values(model.file))
+    found += mass_slips(model.structure, modes, HEAVIEST_KG)
+    found += _odd_frequencies(model.structure, modes)
+    found += _sharp(model, modes)
+    return tuple(found)
+
+
+def _odd_frequencies(structure: Structure, modes: StructureModes) -> Iterator[Finding]:
+    for number in (0, -1):
+        frequency = float(modes.frequency_hz[number])
+        if LOWEST_HZ <= frequency <= HIGHEST_HZ:
+            continue
+        member = modes.members[int(np.argmax(np.abs(modes.shapes[:, number])))]
+        joint = _strained(structure, modes, number)
+        yield FINDINGS.finding(
+            "unlikely-eigenfrequency",
+            f"The {'lowest' if number == 0 else 'highest'} eigenfrequency is {frequency:.4g} Hz, in which "
+            f"{member!r} moves most; machines have {LOWEST_HZ:g} Hz to {HIGHEST_HZ / 1e3:g} kHz.",
+            evidence={"frequency_hz": frequency, "member": member, "joint": joint},
+            suggestion=f"check the mass of {member!r} (kg, not g) and the stiffness of {joint} (N/m, not N/µm)",
+        )
+
+
+def _sharp(model: VibrationModel, modes: StructureModes) -> Iterator[Finding]:
+    """Of every mode the line that it amplifies most, if that is much."""
+    for number, eigenvalue in enumerate(modes.eigenvalues_per_s2):
+        amplified = []
+        for source, low, high in model.line_ranges_hz:
+            frequency = min(max(float(modes.frequency_hz[number]), low), high)
+            beside = abs(eigenvalue - (2.0 * math.pi * frequency) ** 2)
+            amplified.append((abs(eigenvalue) / beside if beside > 0 else math.inf, frequency, source))
+        largest, frequency, source = max(amplified)
+        if largest <= SHARP or not math.isfinite(largest):
+            continue
+        resonance, joint = float(modes.frequency_hz[number]), _strained(model.structure, modes, number)
+        yield FINDINGS.finding(
+            "sharp-resonance",
+            f"{source} shakes at {frequency:.5g} Hz, and the structure rings at {resonance:.5g} Hz, so little damped "
+            f"that it makes {largest:.3g} times as much of it; {joint} is strained most.",
+            evidence={"amplification": largest, "line_hz": frequency, "mode_hz": resonance, "joint": joint},
+            suggestion=f"make sure of the dissipation and the stiffness of {joint}: they decide how large it is",
+        )
+
+
+def _strained(structure: Structure, modes: StructureModes, number: int) -> str:
+    """The joint that holds most of the energy of a mode, in words."""
+    one, other = strained_joint(structure, modes.shapes[:, number]).between
+    return f"the joint {one} – {other}"
+
+
+def chain_findings(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions) -> tuple[Finding, ...]:
+    """Lines that no chain carries, and how far the chains are from the coupled structure where they carry one."""
+    level: Level = "warning" if model.file.run.method == "chains" else "info"
+    differences = []
+    for name in (*FINALS, RELATIVE):
+        sides = FINALS if name == RELATIVE else (name,)
+        carried = np.asarray(chains.carried[[chains.finals.index(side) for side in sides]].all(axis=0))
+        one = _difference(name, coupled, coupled.of(*sides), chains.of(*sides), carried)
+        differences += [] if one is None else [one]
+    off = [] if not differences else [_off(differences, level)]
+    return (*_in_no_chain(model, coupled, chains, level), *_missing(model, coupled, chains, level), *off)
+
+
+def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
+    """One finding of all sources with lines that no chain carries to any final; what moves most comes first."""
+    lost, moved_um = ~chains.carried.any(axis=0), {}
+    frequency: dict[str, list[float]] = {}
+    for number, source in enumerate(chains.sources):
+        rows = np.flatnonzero(lost & (chains.source == number))
+        if len(rows):
+            frequency[source] = np.sort(chains.frequency_hz[rows]).tolist()
+            moved_um[source] = {final: _rms_um(coupled.of(final)[rows]) for final in FINALS}
+    names = sorted(frequency, key=lambda name: -max(moved_um[name].values()))
+    if not names:
+        return
+    all_um = {final: _rms_um(coupled.of(final)[lost]) for final in FINALS}
+    moved = " and ".join(f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in all_um.items())
+    named = {name for chain in model.chains for name in chain.sources}
+    where = "in a chain of their range" if named & frequency.keys() else "in any chain"
+    if len(names) == 1:
+        are = f"{names[0]} is not {where} at {_listed(np.array(frequency[names[0]]))} Hz: what it moves there is"
+    else:
+        listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
+        lines = np.unique(chains.frequency_hz[lost])
+        are = f"{len(names)} sources ({listed}) are not {where} at {_listed(lines)} Hz: what they move there is"
+    yield FINDINGS.finding(
+        "source-in-no-chain",
+        f"{are} missing from the chain method. By the coupled structure these lines move {moved} (rms).",
+        evidence={
+            "sources": names,
+            "frequency_hz": {name: frequency[name] for name in names},
+            "coupled_um": {name: moved_um[name] for name in names},
+        },
+        suggestion="name them in the chains that begin where they act, or take the coupled structure"
+        if len(names) > 1
+        else "name it in the chains that begin where it acts, or take the coupled structure",
+        level=level,
+    )
+
+
+def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
+    """Finals that a good part of the motion reaches by lines whose chains lead to the other final only.
+
+    Where the file has no chain to a final it asks nothing of the chains there, unless they make the recording.
+    """
+    elsewhere = chains.carried.any(axis=0)
+    for final in FINALS:
+        if level == "info" and not any(chain.final == model.finals[final] for chain in model.chains):
+            continue
+        rows = np.flatnonzero(elsewhere & ~chains.carried[chains.finals.index(final)])
+        size, missing = _rms_um(coupled.of(final)), _rms_um(coupled.of(final)[rows])
+        if size == 0 or missing <= CHAINS_OFF * size:
+            continue
+        names = sorted({coupled.sources[number] for number in coupled.source[rows].tolist()})
+        frequency = np.sort(coupled.frequency_hz[rows])
+        yield FINDINGS.finding(
+            "no-chain-to-final",
+            f"No chain leads to the {final} from {', '.join(names)} at {_listed(frequency)} Hz: "
+            f"{missing:.3g} µm of its {size:.3g} µm (rms, coupled structure) are missing from the chain method.",
+            evidence={
+                "final": final,
+                "sources": names,
+                "frequency_hz": frequency.tolist(),
+                "missing_um": missing,
+                "coupled_um": size,
+            },
+            suggestion=f"add chains from these sources to the {final}, or take the coupled structure",
+            level=level,
+        )
+
+
+def _difference(
+    final: str, coupled: FinalMotions, exact: Complex, published: Complex, carried: NDArray[np.bool_]
+) -> dict[str, Any] | None:
+    """One final: its motion by the lines that chains carry there, by both methods."""
+    rows = np.flatnonzero(carried)
+    size, beside, off = (_rms_um(motion[rows]) for motion in (exact, published, published - exact))
+    if size == 0 or off <= CHAINS_OFF * size:
+        return None
+    worst = int(rows[np.argmax(np.abs(published - exact)[rows])])
+    return {
+        "final": final,
+        "chains_um": beside,
+        "coupled_um": size,
+        "relative": off / size,
+        "lines": len(rows),
+        "worst_source": coupled.sources[int(coupled.source[worst])],
+        "worst_hz": float(coupled.frequency_hz[worst]),
+        "worst_chains_um": 1e6 * float(abs(published[worst])),
+        "worst_coupled_um": 1e6 * float(abs(exact[worst])),
+    }
+
+
+def _off(differences: Sequence[dict[str, Any]], level: Level) -> Finding:
+    """One finding of the final whose chains are off most; the others stand beside it in the evidence."""
+    worst = max(differences, key=lambda one: one["relative"])
+    others = [one for one in differences if one is not worst]
+    more = worst["chains_um"] / worst["coupled_um"] - 1.0
+    names = [_WORDS.get(one["final"], f"the {one['final']}") for one in (worst, *others)]
+    beside = [f"{name} by {100 * one['relative']:.3g} %" for name, one in zip(names[1:], others, strict=True)]
+    said = (
+        f"By the chains {names[0]} moves {worst['chains_um']:.3g} µm (rms of "
+        f"{'the lines' if worst['lines'] > 1 else 'the one line'} that they carry), by the coupled structure "
+        f"{worst['coupled_um']:.3g} µm: {100 * abs(more):.3g} % {'more' if more > 0 else 'less'}; with their phases "
+        f"they differ by {100 * worst['relative']:.3g} %. Most of it is the line of {worst['worst_source']} at "
+        f"{worst['worst_hz']:.5g} Hz, {worst['worst_chains_um']:.3g} instead of {worst['worst_coupled_um']:.3g} µm."
+        + (f" Off too: {', '.join(beside)}." if beside else "")
+    )
+    return FINDINGS.finding("chains-off-coupled", said, evidence={**worst, "others": others}, level=level)
+
+
+def _listed(frequency_hz: NDArray[np.float64]) -> str:
+    return ", ".join(f"{value:.4g}" for value in frequency_hz[:6]) + (" …" if len(frequency_hz) > 6 else "")
+
+
+def height_findings(heights: Iterable[KindHeight]) -> tuple[Finding, ...]:
+    """Kinds of errors whose published height is far above what the motion itself could print."""
+    return tuple(
+        FINDINGS.finding(
+            "height-beyond-motion",
+            f"The published height of {one.kind} is {one.rms_um:.3g} µm, but tool and workpiece move only "
+            f"{one.kinematic_um:.3g} µm from crest to trough against each other: it takes the inertia force of the "
+            "whole member for a cutting force, and that grows with the square of the frequency.",
+            evidence={"kind": one.kind, "published_um": one.rms_um, "kinematic_um": one.kinematic_um},
+        )
+        for one in heights
+        if one.rms_um > MORE_THAN_MOVED * one.kinematic_um
+    )
+
+
+def _rms_um(motion_m: Complex) -> float:
+    """Root mean square of sines with these amplitudes; squares of none of them leave the range of numbers."""
+    size = np.abs(motion_m)
+    largest = float(size.max(initial=0.0))
+    return 1e6 * largest * math.sqrt(float(np.sum((size / largest) ** 2)) / 2.0) if largest > 0 else 0.0
+
 
 _UM = 1e6
 _JUDGED, _FEWEST_JUDGED = 2_000, 100
@@ -159,14 +439,9 @@ def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> Ampli
         rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
         return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
     amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
-    return AmplitudeSummary(
-        expected_um=_UM * amounts.expected_m,
-        mean_abs_um=_UM * amounts.mean_abs_m,
-        rms_um=_UM * amounts.rms_m,
-        largest_um=_UM * amounts.largest_m,
-        realisations=amounts.count,
-        sections=wanted.sections,
-    )
+    found_m = amounts.expected_m, amounts.mean_abs_m, amounts.rms_m, amounts.largest_m
+    expected, mean_abs, rms, largest = (_UM * size_m for size_m in found_m)
+    return AmplitudeSummary(expected, mean_abs, rms, largest, amounts.count, wanted.sections)
 
 
 def _too_many(

@@ -11,8 +11,8 @@ from selector.proof.case import TrueEffect, Window
 from selector.proof.data import faults
 from selector.proof.data.faults import Fault
 from selector.proof.data.on_heat import plan
-from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
 from selector.proof.drive.recorded import Change, Drive, axis_world, plus
+from selector.proof.drive.true_axis import LENGTH_S, RUNS, Bench
 from selector.proof.world import Plan, size_with
 from selector.types import Vector
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from selector.proof.drive import friction, joints, servo
-from selector.proof.drive.joints import softer
-from selector.proof.drive.machine import Bench
+from selector.proof.drive import friction_and_joints, servo
+from selector.proof.drive.friction_and_joints import softer
 from selector.proof.drive.recorded import Change, Drive, plan, plus
-from selector.proof.drive.true_axis import GivenAxis, given_from
+from selector.proof.drive.true_axis import Bench, given_from
 from selector.types import Vector
 
 Runs = Mapping[str, Sequence[Vector]]
@@ -71,17 +70,9 @@ def _guessed(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """Mass, friction and stiffness of the simulation are nominal values, each up to 20 % off."""
     plain = given_from(bench.axis)
     shares = 1.0 + generator.choice([-1.0, 1.0], 3) * generator.uniform(0.1, 0.2, 3)
-
-    def given(size: float) -> GivenAxis:
-        if not size:
-            return plain
-        return plain._replace(
-            table_kg=plain.table_kg * shares[0],
-            viscous_ns_per_m=plain.viscous_ns_per_m * shares[1],
-            coulomb_n=plain.coulomb_n * shares[2],
-        )
-
-    return {"given": given}
+    names = ("table_kg", "viscous_ns_per_m", "coulomb_n")
+    other = plain._replace(**{name: getattr(plain, name) * share for name, share in zip(names, shares, strict=True)})
+    return {"given": lambda size: other if size else plain}
 
 
 def _miscalibrated(name: str, prepared: Any, tolerated: tuple[str, ...], verdicts: tuple[str, ...], note: str) -> Drive:
@@ -208,7 +199,7 @@ UNDECIDABLE = (
 )
 TWINS = tuple(
     drive.twin
-    for drive in (*friction.DRIVES, *joints.DRIVES, *servo.DRIVES)
+    for drive in (*friction_and_joints.DRIVES, *servo.DRIVES)
     if drive.plan.name
     in (
         "drive.coulomb/absorbed",

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
 from selector.proof.drive.recorded import Drive, plan
+from selector.proof.drive.true_axis import LENGTH_S, RUNS, Bench
 from selector.proof.world import HIDDEN_FACTOR
 from selector.types import Vector
 
@@ -19,113 +19,104 @@ Drawn = tuple[list[Course], tuple[Window, ...]]
 """A course of time [s] for every run, and when it acts."""
 
 
-def _held(moments: Vector, places: Vector, time_s: Vector) -> Vector:
-    return np.asarray(places[np.searchsorted(moments, time_s)])
-
-
-def _joined(turns: Vector, heights: Vector, time_s: Vector) -> Vector:
-    return np.interp(time_s, turns, heights)
-
-
-def _squared(knots: Vector, heights: Vector, time_s: Vector) -> Vector:
-    return np.interp(time_s, knots, heights) ** 2
-
-
 def _moments(generator: np.random.Generator, least: int, most: int) -> Vector:
     return np.sort(generator.uniform(0.4, LENGTH_S - 0.6, int(generator.integers(least, most))))
 
 
-def chatter(generator: np.random.Generator) -> Drawn:
-    """Bursts of a tone that is another each time [share of the size]."""
+def _events(
+    generator: np.random.Generator,
+    count: tuple[int, int],
+    drawn: Callable[[int], tuple[Vector, ...]],
+    shape: Callable[..., Vector],
+) -> Drawn:
+    """Events at random moments of every run, in number from the one of `count` to before the other.
+
+    `drawn` gives numbers of so many events, first how long they last [s]; `shape` a course of the time since the event.
+    """
     courses: list[Course] = []
     windows: list[Window] = []
     for run in RUNS:
-        starts = _moments(generator, 4, 8)
-        lengths = generator.uniform(0.08, 0.3, len(starts))
-        tones = generator.uniform(18.0, 60.0, len(starts))
-
-        def course(time_s: Vector, starts: Vector = starts, lengths: Vector = lengths, tones: Vector = tones) -> Vector:
-            total = np.zeros_like(time_s)
-            for start, length, tone in zip(starts, lengths, tones, strict=True):
-                inside = np.clip((time_s - start) / length, 0.0, 1.0)
-                total += np.sin(np.pi * inside) ** 2 * np.sin(2.0 * np.pi * tone * (time_s - start))
-            return total
-
-        courses.append(course)
-        windows += [Window(run, float(a), float(a + b)) for a, b in zip(starts, lengths, strict=True)]
+        starts = _moments(generator, *count)
+        events = list(zip(starts, *drawn(len(starts)), strict=True))
+        courses.append(partial(_summed, events, shape))
+        windows += [Window(run, float(start), float(start + lasts)) for start, lasts, *_ in events]
     return courses, tuple(windows)
+
+
+def _summed(events: Sequence[tuple[Any, ...]], shape: Callable[..., Vector], time_s: Vector) -> Vector:
+    total = np.zeros_like(time_s)
+    for start, *numbers in events:
+        total += shape(time_s - start, *numbers)
+    return total
+
+
+def chatter(generator: np.random.Generator) -> Drawn:
+    """Bursts of a tone that is another each time [share of the size]."""
+    draw = generator.uniform
+
+    def burst(since_s: Vector, length: float, tone: float) -> Vector:
+        inside = np.clip(since_s / length, 0.0, 1.0)
+        return np.asarray(np.sin(np.pi * inside) ** 2 * np.sin(2.0 * np.pi * tone * since_s))
+
+    return _events(generator, (4, 8), lambda n: (draw(0.08, 0.3, n), draw(18.0, 60.0, n)), burst)
 
 
 def slips(generator: np.random.Generator) -> Drawn:
     """Sudden steps to either side at random moments, back to the middle as a rule."""
-    courses: list[Course] = []
-    for _ in RUNS:
+
+    def drawn() -> Course:
         moments = _moments(generator, 9, 15)
-        places = generator.standard_normal(len(moments))
-        courses.append(partial(_held, moments, np.r_[0.0, places]))
-    return courses, ()
+        places = np.r_[0.0, generator.standard_normal(len(moments))]
+        return lambda time_s: np.asarray(places[np.searchsorted(moments, time_s)])
+
+    return [drawn() for _ in RUNS], ()
 
 
 def sticking(generator: np.random.Generator) -> Drawn:
     """A pull that grows for a while and lets go, at random moments, to either side."""
-    courses: list[Course] = []
-    windows: list[Window] = []
-    for run in RUNS:
-        starts = _moments(generator, 3, 6)
-        lengths = generator.uniform(0.15, 0.5, len(starts))
-        pulls = generator.uniform(0.5, 1.0, len(starts)) * generator.choice([-1.0, 1.0], len(starts))
 
-        def course(time_s: Vector, starts: Vector = starts, lengths: Vector = lengths, pulls: Vector = pulls) -> Vector:
-            total = np.zeros_like(time_s)
-            for start, length, pull in zip(starts, lengths, pulls, strict=True):
-                share = (time_s - start) / length
-                total += pull * np.where((share > 0.0) & (share < 1.0), share, 0.0)
-            return total
+    def drawn(n: int) -> tuple[Vector, Vector]:
+        lengths = generator.uniform(0.15, 0.5, n)
+        return lengths, generator.uniform(0.5, 1.0, n) * generator.choice([-1.0, 1.0], n)
 
-        courses.append(course)
-        windows += [Window(run, float(a), float(a + b)) for a, b in zip(starts, lengths, strict=True)]
-    return courses, tuple(windows)
+    def growing(since_s: Vector, length: float, pull: float) -> Vector:
+        share = since_s / length
+        return np.asarray(pull * np.where((share > 0.0) & (share < 1.0), share, 0.0))
+
+    return _events(generator, (3, 6), drawn, growing)
 
 
 def thermostat(generator: np.random.Generator) -> Drawn:
     """A sawtooth whose period wanders: a heater in the amplifier switches."""
-    courses: list[Course] = []
-    for _ in RUNS:
+
+    def drawn() -> Course:
         turns = np.cumsum(generator.uniform(0.25, 0.9, 40)) - generator.uniform(0.0, 1.0)
         heights = np.where(np.arange(40) % 2 == 0, -1.0, 1.0) * generator.uniform(0.7, 1.3, 40)
-        courses.append(partial(_joined, turns, heights))
-    return courses, ()
+        return lambda time_s: np.interp(time_s, turns, heights)
+
+    return [drawn() for _ in RUNS], ()
 
 
 def shocks(generator: np.random.Generator) -> Drawn:
     """A press in the next bay: swings that die away, at random moments."""
-    courses: list[Course] = []
-    windows: list[Window] = []
     tone, fades = generator.uniform(9.0, 25.0), generator.uniform(0.06, 0.15)
-    for run in RUNS:
-        starts = _moments(generator, 4, 9)
-        sizes = generator.uniform(0.5, 1.5, len(starts))
 
-        def course(time_s: Vector, starts: Vector = starts, sizes: Vector = sizes) -> Vector:
-            total = np.zeros_like(time_s)
-            for start, size in zip(starts, sizes, strict=True):
-                since = np.clip(time_s - start, 0.0, None)
-                total += size * np.exp(-since / fades) * np.sin(2.0 * np.pi * tone * since)
-            return total
+    def swing(since_s: Vector, lasts: float, size: float) -> Vector:
+        since = np.clip(since_s, 0.0, None)
+        return np.asarray(size * np.exp(-since / fades) * np.sin(2.0 * np.pi * tone * since))
 
-        courses.append(course)
-        windows += [Window(run, float(a), float(a + 2.5 * fades)) for a in starts]
-    return courses, tuple(windows)
+    return _events(generator, (4, 9), lambda n: (np.full(n, 2.5 * fades), generator.uniform(0.5, 1.5, n)), swing)
 
 
 def crosstalk(generator: np.random.Generator) -> Drawn:
     """The square of a signal that nobody recorded: narrow-band, from another machine's supply."""
-    courses: list[Course] = []
-    for _ in RUNS:
-        knots = np.arange(0.0, LENGTH_S + 1.0, 0.12)
+    knots = np.arange(0.0, LENGTH_S + 1.0, 0.12)
+
+    def drawn() -> Course:
         heights = generator.standard_normal(len(knots))
-        courses.append(partial(_squared, knots, heights))
-    return courses, ()
+        return lambda time_s: np.interp(time_s, knots, heights) ** 2
+
+    return [drawn() for _ in RUNS], ()
 
 
 def _outside(

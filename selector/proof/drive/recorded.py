@@ -9,8 +9,18 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import Scenario, TrueEffect
-from selector.proof.drive.machine import RUNS, Bench, bench, command_times
-from selector.proof.drive.true_axis import STEP_S, GivenAxis, TrueAxis, given_from, given_motion, true_motion
+from selector.proof.drive.true_axis import (
+    RUNS,
+    STEP_S,
+    Bench,
+    GivenAxis,
+    TrueAxis,
+    bench,
+    command_times,
+    given_from,
+    given_motion,
+    true_motion,
+)
 from selector.proof.world import Plan, World, scenario, twin
 from selector.recording import Channel
 from selector.types import Vector
@@ -151,11 +161,7 @@ def _refitted(
     for k in range(len(bench.commands) - 1):
         own = command_times(bench.commands[k])
         speed = np.gradient(bench.commands[k], own)
-        parts = {
-            "viscous_ns_per_m": speed,
-            "coulomb_n": np.tanh(speed / 1e-3),
-            "table_kg": np.gradient(speed, own),
-        }
+        parts = {"viscous_ns_per_m": speed, "coulomb_n": np.tanh(speed / 1e-3), "table_kg": np.gradient(speed, own)}
         columns.append(np.column_stack([np.interp(bench.stamps[k], own, parts[name]) for name in names]))
         simulated = np.interp(bench.stamps[k], np.arange(len(given[force][k])) * period_s, given[force][k])
         rest.append((true[force][k] - simulated) * (axis.force_per_a if force == "I" else 1.0))
@@ -173,7 +179,7 @@ class Drive:
     plan: Plan
     id: str  #: Of the effect; empty = none
     change: Change | None = None  #: (axis, size) -> axis: The true axis with the effect; called with size > 0 only
-    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.machine.bench`
+    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.true_axis.bench`
     axis: Mapping[str, float] = field(default_factory=dict)  #: Parameters of the axis that are set whatever was drawn
     world: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.recorded.axis_world`
     #: accept, channels and place: Of the true effect; the id alone is right unless told
@@ -226,6 +232,26 @@ class Drive:
 def plan(name: str, hidden: Sequence[str] = ("small",), **rest: Any) -> Plan:
     """A plan of the drive family in which one effect is missing, unless told otherwise."""
     return Plan(name, **{"family": "drive", "kind": "single", "hidden": tuple(hidden)} | rest)
+
+
+def lacking(
+    name: str,
+    change: Change | None = None,
+    bench: Mapping[str, Any] | None = None,
+    axis: Mapping[str, float] | None = None,
+    *,
+    hidden: Sequence[str] = ("small",),
+    first: float = 1.0,
+    world: Mapping[str, Any] | None = None,
+    **rest: Any,
+) -> Drive:
+    """A drive whose simulation lacks the effect before the slash of its name, such as ``drive.coulomb/small``.
+
+    `first` and `world` are arguments of `axis_world`; `rest` are further fields of `Plan` and `Drive`.
+    """
+    planned = plan(name, hidden, **{key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__})
+    worlds = {"first": first, **(world or {})}
+    return Drive(planned, name.partition("/")[0], change, bench or {}, axis or {}, worlds, **rest)
 
 
 def plus(name: str, factor: float = 1.0) -> Change:

@@ -1,28 +1,22 @@
-"""Axes whose simulation lacks what motor, load and loop do: ripple, mass, constant force, delay, limits."""
+"""Axes whose simulation lacks what motor, load and loop do, or two or three things at once, some of them opposed."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.machine import LENGTH_S, RUNS, Bench
-from selector.proof.drive.recorded import Drive, plan, plus
-from selector.proof.drive.true_axis import STEP_S, TrueAxis, true_motion
+from selector.proof.drive.friction_and_joints import OWN_VALUE, softer
+from selector.proof.drive.recorded import Change, Drive, axis_world, lacking, plan, plus
+from selector.proof.drive.true_axis import LENGTH_S, RUNS, STEP_S, Bench, TrueAxis, true_motion
+from selector.proof.world import size_with
 from selector.types import Vector
 
 Runs = Mapping[str, Sequence[Vector]]
-
-_OWN_VALUE = ("missing-physics", "miscalibrated")
-"""A value of the simulation that is wrong may be called either."""
-
-
-def _late(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-    """The command arrives late, by size microseconds."""
-    return {"delay_s": lambda size: 1e-6 * size}
 
 
 def _limited(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
@@ -75,143 +69,172 @@ def _braked(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     }
 
 
-def _heavier(axis: TrueAxis, size: float) -> TrueAxis:
-    return axis._replace(table_kg=axis.table_kg + size)
-
+_ripple = partial(lacking, change=plus("ripple_n"), place="motor", first=3.0)
+_mass = partial(lacking, change=plus("table_kg"), place="table", verdicts=OWN_VALUE)
+_late = {"delay_s": lambda size: 1e-6 * size}
+_delay = partial(lacking, axis={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, world=_late)
+_limit = partial(lacking, hidden=("rare",), place="drive", first=5.0, prepared=_limited)
 
 DRIVES = (
-    Drive(
-        plan("drive.ripple/cogging"),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "strokes", "other")},
-        {"ripple_m": 0.0025},
-        world={"first": 3.0},
-        place="motor",
+    _ripple("drive.ripple/cogging", bench={"styles": ("gentle", "strokes", "other")}, axis={"ripple_m": 0.0025}),
+    _ripple(
+        "drive.ripple/slow",
+        bench={"styles": ("gentle", "gentle", "other"), "fastest": 0.1, "coarse_scale": True, "colour": "ar"},
+        axis={"ripple_m": 0.010, "ripple_phase": 1.0},
+        hidden=("small", "ruled out in E"),
+        note="A turn of the motor takes half a second.",
     ),
-    Drive(
-        plan("drive.ripple/slow", ("small", "ruled out in E"), note="A turn of the motor takes half a second."),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "gentle", "other"), "fastest": 0.1, "coarse_scale": True, "colour": "ar"},
-        {"ripple_m": 0.010, "ripple_phase": 1.0},
-        world={"first": 3.0},
-        place="motor",
-    ),
-    Drive(
-        plan("drive.ripple/force", note="Force and position of a linear motor; nothing else is recorded."),
-        "drive.ripple",
-        plus("ripple_n"),
-        {"styles": ("gentle", "sines", "other"), "friction": False, "jitter_s": 0.0},
-        {"ripple_m": 0.032},
-        world={"first": 3.0, "names": ("x", "F"), "responses": ("x", "F")},
+    _ripple(
+        "drive.ripple/force",
+        bench={"styles": ("gentle", "sines", "other"), "friction": False, "jitter_s": 0.0},
+        axis={"ripple_m": 0.032},
+        note="Force and position of a linear motor; nothing else is recorded.",
+        world={"names": ("x", "F"), "responses": ("x", "F")},
         channels=("x", "F"),
-        place="motor",
     ),
-    Drive(
-        plan("drive.mass/workpiece", verdicts=_OWN_VALUE),
-        "drive.mass",
-        _heavier,
-        {"colour": "ar"},
-        world={"first": 1.0},
-        place="table",
+    _mass("drive.mass/workpiece", bench={"colour": "ar"}),
+    _mass(
+        "drive.mass/absorbed",
+        bench={"friction": False, "styles": ("strokes", "sines", "gentle")},
+        axis={"viscous_ns_per_m": 350.0},
+        hidden=("absorbed", "like I"),
+        tolerated=("drive.viscous", "data.gain"),
+        note="Current goes with acceleration nearly alone, so that its gain takes in most.",
+        first=2.0,
     ),
-    Drive(
-        plan(
-            "drive.mass/absorbed",
-            ("absorbed", "like I"),
-            verdicts=_OWN_VALUE,
-            tolerated=("drive.viscous", "data.gain"),
-            note="Current goes with acceleration nearly alone, so that its gain takes in most.",
-        ),
-        "drive.mass",
-        _heavier,
-        {"friction": False, "styles": ("strokes", "sines", "gentle")},
-        {"viscous_ns_per_m": 350.0},
-        world={"first": 2.0},
-        place="table",
+    _mass(
+        "drive.mass/ruled-out",
+        bench={"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
+        hidden=("small", "ruled out in E"),
     ),
-    Drive(
-        plan("drive.mass/ruled-out", ("small", "ruled out in E"), verdicts=_OWN_VALUE),
-        "drive.mass",
-        _heavier,
-        {"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
-        world={"first": 1.0},
-        place="table",
+    _delay(
+        "drive.delay/bus", bench={"friction": False}, note="Speed is fed forward in full: only the delay lags with it."
     ),
-    Drive(
-        plan("drive.delay/bus", verdicts=_OWN_VALUE, note="Speed is fed forward in full: only the delay lags with it."),
-        "drive.delay",
-        None,
-        {"friction": False},
-        {"feed_forward": 1.0},
-        world={"first": 2.0},
-        place="command",
-        prepared=_late,
-    ),
-    Drive(
-        plan("drive.delay/rubbing", verdicts=_OWN_VALUE),
-        "drive.delay",
-        None,
-        {"styles": ("gentle", "sines", "other"), "colour": "quantised"},
-        {"feed_forward": 1.0},
-        world={"first": 2.0},
-        place="command",
-        prepared=_late,
-    ),
-    Drive(
-        plan("drive.saturation/current", ("rare",)),
-        "drive.saturation",
-        None,
-        {"styles": ("strokes", "strokes", "strokes"), "friction": False},
-        world={"first": 5.0},
-        place="drive",
-        prepared=_limited,
-    ),
-    Drive(
-        plan("drive.saturation/rubbing", ("rare",)),
-        "drive.saturation",
-        None,
-        {"styles": ("strokes", "one speed", "strokes"), "colour": "heavy-tailed"},
-        world={"first": 5.0},
-        place="drive",
-        prepared=_limited,
-    ),
-    Drive(
-        plan("drive.offset_force/sets-in", verdicts=("missing-physics", "data-fault")),
-        "drive.offset_force",
-        None,
-        {"friction": False},
-        world={"first": 3.0},
+    _delay("drive.delay/rubbing", bench={"styles": ("gentle", "sines", "other"), "colour": "quantised"}),
+    _limit("drive.saturation/current", bench={"styles": ("strokes", "strokes", "strokes"), "friction": False}),
+    _limit("drive.saturation/rubbing", bench={"styles": ("strokes", "one speed", "strokes"), "colour": "heavy-tailed"}),
+    lacking(
+        "drive.offset_force/sets-in",
+        bench={"friction": False},
+        verdicts=("missing-physics", "data-fault"),
+        first=3.0,
         prepared=_loaded,
     ),
-    Drive(
-        plan(
-            "drive.offset_force/brake",
-            ("absorbed",),
-            note="Weight of a slide that is half balanced; the current is 0 while the brake is shut.",
-        ),
-        "drive.offset_force",
+    lacking(
+        "drive.offset_force/brake",
         plus("offset_n"),
         {"friction": False},
-        world={"first": 3.0},
+        hidden=("absorbed",),
+        note="Weight of a slide that is half balanced; the current is 0 while the brake is shut.",
+        first=3.0,
         channels=("I",),
         place="table",
         prepared=_braked,
     ),
-    Drive(
-        replace(
-            plan("drive.offset_force/constant", ("absorbed",), kind="undecidable"),
-            verdicts=("missing-physics", "data-fault", "miscalibrated"),
-            size=15.0,
-            note="A weight in every run: the same as a zero of the current that is off.",
-        ),
-        "drive.offset_force",
+    lacking(
+        "drive.offset_force/constant",
         plus("offset_n"),
-        {},
+        hidden=("absorbed",),
+        kind="undecidable",
+        verdicts=("missing-physics", "data-fault", "miscalibrated"),
+        size=15.0,
+        note="A weight in every run: the same as a zero of the current that is off.",
         accept=("drive.offset_force", "data.zero"),
         channels=("I",),
         place="table",
     ),
 )
-SCENARIOS = tuple(drive.scenario for drive in DRIVES)
+
+
+_UNIT_D_PRIME = 8.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of several effects: its id, the change of the axis, a first size, where it shows."""
+
+    id: str
+    change: Change
+    first: float
+    channels: tuple[str, ...] = ("E", "I")
+    place: str = "guide"
+    sign: float = 1.0
+
+
+def together(*parts: Part) -> Any:
+    """What `Drive.prepared` needs: the parts, each scaled so that alone it has the same strength at size 1."""
+
+    def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+        start = bench.axis
+        sizes = [_alone(bench, start, part) for part in parts]
+
+        def without(lacking: int | None, size: float) -> TrueAxis:
+            axis = start
+            for number, (part, own) in enumerate(zip(parts, sizes, strict=True)):
+                axis = part.change(axis, size * own) if size and number != lacking else axis
+            return axis
+
+        effects = tuple(TrueEffect(part.id, (part.id,), part.channels, part.place) for part in parts)
+        return {
+            "true": partial(without, None),
+            "effects": lambda size: effects,
+            "lacking": tuple({"true": partial(without, k)} for k in range(len(parts))),
+        }
+
+    return prepared
+
+
+def _alone(bench: Bench, start: TrueAxis, part: Part) -> float:
+    def true(size: float) -> TrueAxis:
+        return part.change(start, part.sign * size) if size else start
+
+    world = axis_world(bench, lambda size: (), true=true, first=part.first)
+    return part.sign * size_with(world, _UNIT_D_PRIME)
+
+
+def _drive(name: str, parts: Sequence[Part], bench: dict[str, Any], axis: dict[str, float], note: str = "") -> Drive:
+    return Drive(
+        plan(name, (), kind="several", note=note),
+        "several",
+        None,
+        bench,
+        axis,
+        {"first": 0.3},
+        prepared=together(*parts),
+    )
+
+
+_COULOMB = Part("drive.coulomb", plus("coulomb_n"), 2.0)
+_PLAY = Part("drive.backlash", plus("play_m", 1e-6), 0.15, ("E",), "screw")
+_RIPPLE = Part("drive.ripple", plus("ripple_n"), 4.0, ("E", "I"), "motor")
+_LEAD = Part("drive.pitch_error", plus("lead_m", 1e-6), 0.1, ("E",), "screw")
+_ELASTIC = Part("drive.elasticity", softer(1e-10), 2.0, ("E",), "screw")
+_POSITION = Part("drive.varying_damping", plus("viscous_by_position_per_m"), 0.5)
+_DIRECTION = Part("drive.asymmetric_friction", plus("viscous_by_direction"), 0.02)
+_MASS = Part("drive.mass", plus("table_kg"), 1.0, ("E", "I"), "table", sign=-1.0)
+
+SEVERAL = (
+    _drive("drive.several/coulomb+lead", (_COULOMB, _LEAD), {"friction": False, "on_scale": False}, {}),
+    _drive("drive.several/play+ripple", (_PLAY, _RIPPLE), {"on_scale": False}, {"ripple_m": 0.003}),
+    _drive("drive.several/play+elasticity", (_PLAY, _ELASTIC), {"on_scale": False, "colour": "ar"}, {}),
+    _drive(
+        "drive.several/position+direction",
+        (_POSITION, _DIRECTION),
+        {"friction": False, "fastest": 0.2, "styles": ("strokes", "sines", "strokes")},
+        {"viscous_ns_per_m": 700.0},
+    ),
+    _drive(
+        "drive.several/mass-coulomb",
+        (_MASS, _COULOMB),
+        {"friction": False, "styles": ("strokes", "sines", "other")},
+        {},
+        note="The table is lighter than simulated and rubs: opposing signs during acceleration.",
+    ),
+    _drive(
+        "drive.several/triple",
+        (_COULOMB, _PLAY, _RIPPLE),
+        {"on_scale": False, "styles": ("strokes", "gentle", "other")},
+        {"ripple_m": 0.004},
+    ),
+)
+SCENARIOS = tuple(drive.scenario for drive in (*DRIVES, *SEVERAL))

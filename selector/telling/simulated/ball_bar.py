@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.drive.ball_bar.causes import Cause, CircleCauses, FeedCauses
-from selector.physics.drive.ball_bar.laws import Amount
+from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness
 from selector.physics.drive.drive_summary import DriveSummary
 from selector.telling.account import Captioned, Table, table
@@ -75,16 +74,12 @@ def ball_bar_tables(shown: DriveSummary) -> list[Captioned]:
 
 def quantities_table(quantities: Sequence[CircleQuantities]) -> Table:
     """The quantities of ISO 230-4 at every feed [µm]."""
-    rows = [
+    rows: list[tuple[str | float, ...]] = [
         (
             _feed(one.feed_mm_per_min),
-            number_text(one.counter_clockwise.circular_deviation_um),
-            number_text(one.clockwise.circular_deviation_um),
-            number_text(one.both.circular_deviation_um),
-            _at(one.hysteresis),
-            _at(one.both.radial_max),
-            _at(one.both.radial_min),
-            number_text(one.both.mean_radial_um),
+            *(path.circular_deviation_um for path in (one.counter_clockwise, one.clockwise, one.both)),
+            *map(_at, (one.hysteresis, one.both.radial_max, one.both.radial_min)),
+            one.both.mean_radial_um,
         )
         for one in quantities
     ]
@@ -164,11 +159,10 @@ def ball_bar_data(summary: DriveSummary) -> dict[str, Any] | None:
 
 
 def _quantities_data(one: CircleQuantities) -> dict[str, Any]:
+    ways = ("counter_clockwise", "clockwise", "both")
     return {
         "feed_mm_per_min": one.feed_mm_per_min,
-        "counter_clockwise": _roundness_data(one.counter_clockwise),
-        "clockwise": _roundness_data(one.clockwise),
-        "both": _roundness_data(one.both),
+        **{way: _roundness_data(getattr(one, way)) for way in ways},
         "hysteresis": _extreme_data(one.hysteresis),
     }
 

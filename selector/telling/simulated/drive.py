@@ -11,12 +11,19 @@ import numpy as np
 
 from selector.number_text import number_text
 from selector.physics.drive.drive_model import DriveModel
-from selector.physics.drive.drive_summary import LINEAR, ROTARY, AxisSummary, DriveSummary, LoopSummary, Measures
+from selector.physics.drive.drive_summary import (
+    LINEAR,
+    ROTARY,
+    AxisSummary,
+    DriveSummary,
+    ErrorParts,
+    LoopSummary,
+    Measures,
+    StickSlip,
+)
 from selector.physics.drive.loop.stability import LoopFigures
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import Friction
-from selector.physics.drive.tracking import ErrorParts, StickSlip
+from selector.physics.drive.parts.axis import Axis, Friction, Servo
+from selector.physics.drive.trajectory import Motion
 from selector.physics.model_text import plain_values
 from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
 from selector.telling.numbers import NONE, ms_text, span_text
@@ -118,16 +125,10 @@ def axes_in_runs(result: SimulationResult) -> list[AxisInRun]:
     """Every axis in every run, as it was recorded."""
     model, summary = result.simulated.model, result.summary
     return [
-        AxisInRun(
-            run,
-            name,
-            one.recorded.axis,
-            one.recorded.motion,
-            summary.axes[run][name],
-            ROTARY if model.file_axes[name].rotary else LINEAR,
-        )
+        AxisInRun(run, name, one.axis, one.motion, summary.axes[run][name], ROTARY if turns else LINEAR)
         for run, moved in result.simulated.details.axes.items()
-        for name, one in moved.items()
+        for name, one in ((name, one.recorded) for name, one in moved.items())
+        for turns in [model.file_axes[name].rotary]
     ]
 
 
@@ -156,19 +157,12 @@ def errors_table(axes: Sequence[AxisInRun]) -> Table:
             if one.name not in worst or one.summary.max_m > worst[one.name].summary.max_m:
                 worst[one.name] = one
         shown, note = list(worst.values()), "The worst run of each axis."
-    rows = [
-        (
-            one.run,
-            one.name,
-            number_text(one.summary.max_m * times),
-            number_text(one.summary.rms_m * times),
-            unit,
-            f"{_WHAT[one.summary.parts.largest]} ({_share_text(one.summary.parts.share(one.summary.parts.largest))})",
-            _share_text(one.summary.limited_share) if one.summary.limited_share else NONE,
-        )
-        for one in shown
-        for unit, times in [one.measures.error]
-    ]
+    rows = []
+    for one in shown:
+        (unit, times), parts, limited = one.measures.error, one.summary.parts, one.summary.limited_share
+        cause = f"{_WHAT[parts.largest]} ({_share_text(parts.share(parts.largest))})"
+        errors = (one.summary.max_m * times, one.summary.rms_m * times)
+        rows.append((one.run, one.name, *errors, unit, cause, _share_text(limited) if limited else None))
     return table(["run", "axis", ">largest", ">rms", "unit", "goes with", ">at limits"], rows, note)
 
 
@@ -248,13 +242,7 @@ def parts_table(parts: ErrorParts, measures: Measures) -> Table:
         "constant": parts.constant_m is not None and f"{number_text(parts.constant_m * times)} {unit}",
     }
     rows = [
-        (
-            _WHAT[name],
-            number_text(rms * times),
-            _share_text(parts.share(name)),
-            sizes.get(name) or "",
-            _WHY[name],
-        )
+        (_WHAT[name], rms * times, _share_text(parts.share(name)), sizes.get(name) or "", _WHY[name])
         for name, rms in parts.rms_m.items()
     ]
     note = (
@@ -293,47 +281,29 @@ def _per_acceleration(measures: Measures) -> str:
 def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
     """Bandwidth and margins, how far the gains may go, and the poles."""
     figures, found = loop.figures, loop.stability
-    rows = [
-        ("bandwidth (−3 dB)", number_text(figures.bandwidth_hz), "Hz"),
+    rows: list[tuple[str | float, ...]] = [
+        ("bandwidth (−3 dB)", figures.bandwidth_hz, "Hz"),
         ("highest amplitude", _peak(figures), "table / command"),
         ("gain margin", _margin(figures.gain_margin_db), "dB"),
         ("phase margin", _margin(figures.phase_margin_deg), "°"),
-        ("slowest decay", number_text(found.margin_per_s), "1/s"),
+        ("slowest decay", found.margin_per_s, "1/s"),
     ]
-    gains = [
-        (
-            name.removesuffix("_per_s").replace("_", " "),
-            number_text(getattr(axis.servo, name), 4),
-            NONE if low is None else number_text(low * getattr(axis.servo, name), 4),
-            NONE if not high else number_text(high * getattr(axis.servo, name), 4),
-            _times(high),
-        )
-        for name, high in found.gain_limits.items()
-        for low in [found.gain_floors[name]]
-    ]
-    poles = [
-        (number_text(pole.real, 4), number_text(abs(pole.imag) / (2.0 * math.pi), 4), number_text(_damping(pole)))
-        for pole in found.poles[:MOST_POLES]
-        if pole.imag >= 0
-    ]
+    gains = []
+    for name, high in found.gain_limits.items():
+        low, gain = found.gain_floors[name], getattr(axis.servo, name)
+        ends = (None if low is None else low * gain, high * gain if high else None)
+        values = [number_text(value, 4) for value in (gain, *ends)]
+        gains.append((name.removesuffix("_per_s").replace("_", " "), *values, _times(high)))
+    poles = []
+    for pole in (one for one in found.poles[:MOST_POLES] if one.imag >= 0):
+        place = [number_text(value, 4) for value in (pole.real, abs(pole.imag) / (2.0 * math.pi))]
+        poles.append((*place, -pole.real / abs(pole) if pole else 0.0))
+    heads = ["gain", ">is", ">unstable below", ">unstable above", ">room"]
+    note = "The slowest first; a pole with a positive real part grows. Pairs are named once."
     return [
         ("Loop", table(["", ">value", "unit"], rows)),
-        (
-            "Gains",
-            table(
-                ["gain", ">is", ">unstable below", ">unstable above", ">room"],
-                gains,
-                "One gain is changed and the others stay.",
-            ),
-        ),
-        (
-            "Poles",
-            table(
-                [">real part [1/s]", ">frequency [Hz]", ">damping ratio"],
-                poles,
-                "The slowest first; a pole with a positive real part grows. Pairs are named once.",
-            ),
-        ),
+        ("Gains", table(heads, gains, "One gain is changed and the others stay.")),
+        ("Poles", table([">real part [1/s]", ">frequency [Hz]", ">damping ratio"], poles, note)),
     ]
 
 
@@ -353,10 +323,6 @@ def _times(factor: float | None) -> str:
     return f"× {number_text(factor)}" if factor > 0 else "never stable"
 
 
-def _damping(pole: complex) -> float:
-    return -pole.real / abs(pole) if pole else 0.0
-
-
 def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
     """`drive` of `selector.simulation/1`."""
     names = list(dict.fromkeys(name for axes in summary.axes.values() for name in axes))
@@ -364,7 +330,7 @@ def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
         "axes": [
             {
                 "axis": name,
-                "unit": _unit(model, name),
+                "unit": "urad" if model.file_axes[name].rotary else "um",
                 "runs": [{"run": run, **_axis_data(axes[name])} for run, axes in summary.axes.items() if name in axes],
                 "loop": _loop_data(summary.loops.get(name)),
             }
@@ -372,10 +338,6 @@ def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
         ],
         "ball_bar": ball_bar_data(summary),
     }
-
-
-def _unit(model: DriveModel, name: str) -> str:
-    return "urad" if model.file_axes[name].rotary else "um"
 
 
 def _axis_data(one: AxisSummary) -> dict[str, Any]:
@@ -396,15 +358,12 @@ def _loop_data(loop: LoopSummary | None) -> dict[str, Any] | None:
     if loop is None:
         return None
     found, figures = loop.stability, loop.figures
+    told = ("bandwidth_hz", "peak", "peak_hz", "gain_margin_db", "phase_margin_deg")
     return {
         "stable": found.stable,
         "margin_per_s": found.margin_per_s,
         "poles_per_s": [[pole.real, pole.imag] for pole in found.poles.tolist()],
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
-        "bandwidth_hz": figures.bandwidth_hz,
-        "peak": figures.peak,
-        "peak_hz": figures.peak_hz,
-        "gain_margin_db": figures.gain_margin_db,
-        "phase_margin_deg": figures.phase_margin_deg,
+        **{name: getattr(figures, name) for name in told},
     }

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,12 @@ from selector.figures.simulated.drive import (
 from selector.number_text import number_text
 from selector.physics.drive.ball_bar.quantities import paired
 from selector.physics.drive.drive_summary import LoopSummary, course_of, limited_samples
-from selector.physics.drive.file.parameters import OUTPUT_UNITS
+from selector.physics.drive.file.model_file import OUTPUT_UNITS
 from selector.physics.drive.loop.stability import frequency_response as response_of_loop
 from selector.physics.drive.loop.stability import frozen
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, ThreeMassMechanics
 from selector.physics.drive.simulation import AxisRun, simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse
 from selector.telling.account import Block, Drawing
 from selector.telling.simulated.drive import MOST_RUNS, AxisInRun, axes_in_runs
 from selector.telling.simulated.result import SimulationResult
@@ -38,13 +36,8 @@ _SPREAD = 30.0
 """Frequencies are shown from the bandwidth divided by this to the bandwidth times this."""
 
 
-@dataclass(frozen=True)
-class Response:
-    """Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s]."""
-
-    frequency_hz: Vector
-    table_over_reference: Mapping[str, NDArray[np.complex128]]
-    instants_s: tuple[float, ...] = ()
+Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
+"""Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s]."""
 
 
 def drawings(result: SimulationResult) -> dict[str, list[Block]]:
@@ -105,7 +98,7 @@ def _varying(one: AxisInRun, moved: AxisRun, course: ParameterCourse, response: 
     if stiffness is not None:
         if damping is None:
             damping = np.full(len(time_s), mechanics.guide_damping_ns_per_m)
-        marks = () if response is None else response.instants_s
+        marks = () if response is None else response[2]
         drawn.append(Drawing(stiffness_and_damping(time_s, stiffness, damping, marks), _VARYING))
     # the same axis with the stiffness unloaded at position 0 and the damping at rest, as in `time_variation`
     constant = replace(moved.axis, compliance=None)
@@ -123,12 +116,12 @@ def _response(axis: Axis, course: ParameterCourse | None, loop: LoopSummary) -> 
     most_hz = math.inf if servo is None or servo.sample_s == 0 else 0.499 / servo.sample_s
     frequency_hz = np.geomspace(middle_hz / _SPREAD, min(middle_hz * _SPREAD, most_hz), _FREQUENCIES)
     if course is None:
-        return Response(frequency_hz, {"": response_of_loop(axis, frequency_hz)})
+        return frequency_hz, {"": response_of_loop(axis, frequency_hz)}, ()
     instants = _instants_s(course)
     over = {
         f"at {instant:.3g} s": response_of_loop(frozen(axis, course, instant), frequency_hz) for instant in instants
     }
-    return Response(frequency_hz, over, instants)
+    return frequency_hz, over, instants
 
 
 def _loop(name: str, loop: LoopSummary, response: Response, *, several: bool) -> Drawing:
@@ -136,9 +129,9 @@ def _loop(name: str, loop: LoopSummary, response: Response, *, several: bool) ->
     title = f"Computed: {who}follows up to {number_text(loop.figures.bandwidth_hz)} Hz (−3 dB)"
     if not loop.stability.stable:
         title = f"Computed: the loop of {who}is unstable; this is no answer that could be measured"
-    over = response.table_over_reference
+    frequency_hz, over, _ = response
     picture = frequency_response(
-        response.frequency_hz,
+        frequency_hz,
         {key: np.abs(values) for key, values in over.items()},
         {key: np.degrees(np.unwrap(np.angle(values))) for key, values in over.items()},
         title,

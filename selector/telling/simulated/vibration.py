@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.number_text import number_text
-from selector.physics.vibration.chain.chain_error import Agreement, ChainAccuracy
+from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
-from selector.physics.vibration.structure.modes import CarryingMode, StructureModes, carrying_mode
+from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
 from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import AmplitudeSummary, LineSummary, VibrationSummary
 from selector.telling.account import Account, Captioned, Table, section, table
-from selector.telling.numbers import NONE, listed, share_text, span_text
+from selector.telling.numbers import listed, share_text, span_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
 from selector.types import Vector
 
@@ -193,16 +193,11 @@ def carrying(model: VibrationModel, summary: VibrationSummary) -> CarryingMode |
 def motions_table(summary: VibrationSummary) -> Table:
     """How far tool and workpiece move, over the combinations of phases that were tried."""
     counts = summary.amplitudes[RELATIVE].realisations
-    rows = [
-        (
-            name,
-            number_text(one.expected_um) if one.realisations else NONE,
-            number_text(one.rms_um),
-            number_text(one.largest_um) if one.realisations else NONE,
-        )
-        for final, name in FINALS.items()
-        for one in [summary.amplitudes[final]]
-    ]
+    rows = []
+    for final, name in FINALS.items():
+        one = summary.amplitudes[final]
+        expected_um, largest_um = (one.expected_um, one.largest_um) if one.realisations else (None, None)
+        rows.append((name, expected_um, one.rms_um, largest_um))
     note = f"Over {counts} combinations of phases." if counts else ""
     return table(["motion [µm]", ">expected amplitude", ">rms", ">largest amplitude"], rows, note)
 
@@ -313,16 +308,7 @@ def chains_sentence(accuracy: Sequence[ChainAccuracy]) -> str:
 
 def kinds_table(heights: Sequence[KindHeight]) -> Table:
     """Height of every kind."""
-    rows = [
-        (
-            one.kind,
-            str(one.lines),
-            number_text(one.kinematic_um),
-            number_text(one.rms_um),
-            number_text(one.published_um),
-        )
-        for one in heights
-    ]
+    rows = [(one.kind, str(one.lines), one.kinematic_um, one.rms_um, one.published_um) for one in heights]
     note = (
         "Copied: root of the sum of squares of 2·|motion of tool against workpiece|, of lines that know nothing of "
         "each other. W: the same root of the heights by the law of the cutting force; largest: W of all inertia "
@@ -340,12 +326,12 @@ def errors_table(errors: Sequence[PeriodicError]) -> Table:
             one.kind,
             ", ".join(one.sources),
             f"{one.frequency_hz:.5g}",
-            number_text(one.wavelength_mm),
+            one.wavelength_mm,
             one.direction,
             f"{one.waves_per_revolution:.4g}",
-            "straight" if one.axial_wavelength_mm is None else number_text(one.axial_wavelength_mm),
-            number_text(one.kinematic_um),
-            number_text(one.published_um),
+            one.axial_wavelength_mm or "straight",
+            one.kinematic_um,
+            one.published_um,
         )
         for one in ranked[:MOST_ERRORS]
     ]
@@ -366,10 +352,10 @@ def lines_table(lines: Sequence[LineSummary]) -> Table:
         (
             one.source,
             f"{one.frequency_hz:.5g}",
-            NONE if one.order is None else f"{one.order:.4g} × {one.shaft}",
-            number_text(one.force_n),
-            *(number_text(one.coupled_um[final]) for final in FINALS),
-            *(number_text(one.chains_um[final]) for final in FINALS if has_chains),
+            None if one.order is None else f"{one.order:.4g} × {one.shaft}",
+            one.force_n,
+            *(one.coupled_um[final] for final in FINALS),
+            *(one.chains_um[final] for final in FINALS if has_chains),
         )
         for one in ranked[:MOST_LINES]
     ]
@@ -392,14 +378,8 @@ def modes_table(modes: StructureModes) -> Table:
             f"{modes.members[place]} {number_text(math.copysign(abs(shape[place]), shape[place].real), 2)}"
             for place in order
         ]
-        rows.append(
-            (
-                str(k + 1),
-                f"{float(modes.frequency_hz[k]):.4g}",
-                number_text(2.0 * math.pi * float(modes.loss_factor[k]), 3),
-                ", ".join(moving),
-            )
-        )
+        psi = 2.0 * math.pi * float(modes.loss_factor[k])
+        rows.append((str(k + 1), f"{float(modes.frequency_hz[k]):.4g}", psi, ", ".join(moving)))
     more = f"{count - MOST_MODES} more are in the JSON. " if count > MOST_MODES else ""
     note = f"{more}ψ: share of the energy that is lost in a cycle. Motions relative to the member that moves most."
     return table([">mode", ">Hz", ">ψ", "what moves"], rows, note)
@@ -410,9 +390,9 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
     rows = [
         (
             one.chain,
-            one.source or NONE,
+            one.source or None,
             one.final,
-            _share(one.published.share_within),
+            "< 1 %" if 0 < one.published.share_within < 0.005 else share_text(one.published.share_within),
             _bands(one.published.bands_hz),
             _decibel_text(one.published.rms_db),
             _decibel_text(one.one_way.rms_db),
@@ -436,12 +416,8 @@ def _decibel_text(value: float) -> str:
     return number_text(value) if value >= _LEAST_DB else "0"
 
 
-def _share(share: float) -> str:
-    return "< 1 %" if 0 < share < 0.005 else share_text(share)
-
-
-def _bands(bands_hz: Sequence[tuple[float, float]], most: int = 3) -> str:
-    widest = sorted(bands_hz, key=lambda band: math.log(max(band[0], 1e-9) / band[1]))[:most]
+def _bands(bands_hz: Sequence[tuple[float, float]]) -> str:
+    widest = sorted(bands_hz, key=lambda band: math.log(max(band[0], 1e-9) / band[1]))[:3]
     return ", ".join(f"{number_text(a)} to {number_text(b)}" for a, b in sorted(widest)) or "nowhere"
 
 
@@ -457,9 +433,7 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "periodic_errors": [dict(vars(one)) for one in summary.errors],
         "heights": {
             kind: {
-                "kinematic_um": one.kinematic_um,
-                "rms_um": one.rms_um,
-                "published_um": one.published_um,
+                **{name: getattr(one, name) for name in ("kinematic_um", "rms_um", "published_um")},
                 "frequencies": one.lines,
             }
             for kind, one in summary.heights.items()
@@ -492,17 +466,10 @@ def _amplitude_data(one: AmplitudeSummary) -> dict[str, Any]:
 
 
 def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:
+    agreements = {name: dict(vars(getattr(one, name))) for name in ("published", "one_way", "cut_out")}
     return {
-        "chain": one.chain,
-        "source": one.source,
-        "final": one.final,
+        **{name: getattr(one, name) for name in ("chain", "source", "final")},
         "from_hz": float(one.frequency_hz[0]),
         "to_hz": float(one.frequency_hz[-1]),
-        "published": _agreement_data(one.published),
-        "one_way": _agreement_data(one.one_way),
-        "cut_out": _agreement_data(one.cut_out),
+        **{name: {key: found[key] for key in found if key != "ratio"} for name, found in agreements.items()},
     }
-
-
-def _agreement_data(one: Agreement) -> dict[str, Any]:
-    return {name: value for name, value in vars(one).items() if name != "ratio"}

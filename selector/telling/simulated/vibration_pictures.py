@@ -24,8 +24,8 @@ from selector.figures.simulated.vibration import (
 )
 from selector.number_text import number_text
 from selector.physics.vibration.motion.final_motion import ChainMethod, Method, final_receptance
-from selector.physics.vibration.structure.modes import StructureModes, receptance_by_modes
 from selector.physics.vibration.structure.source import Source
+from selector.physics.vibration.structure.structure import StructureModes, receptance_by_modes
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import VibrationSummary
 from selector.telling.account import Block, Drawing, Note

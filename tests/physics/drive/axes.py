@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from selector.physics.drive.motion import Reference
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo, ThreeMassMechanics
+from selector.physics.drive.trajectory import Reference
 
 THREE = ThreeMassMechanics(
     motor_inertia_kg_m2=0.01,

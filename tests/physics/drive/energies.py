@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.parts.axis import Axis, pitch_error_m
-from selector.physics.drive.parts.mechanics import AxialCompliance, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import AxialCompliance, Axis, RigidMechanics, ThreeMassMechanics, pitch_error_m
+from selector.physics.drive.trajectory import Motion
 from selector.types import Vector
 
 

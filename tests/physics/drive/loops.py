@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.drive.loop.closed_loop import closed_loop, inertia_at_motor, measurement
-from selector.physics.drive.loop.sampled_loop import sampled_closed_loop
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.loop.closed_loop import closed_loop, inertia_at_motor, measurement, sampled_closed_loop
+from selector.physics.drive.parts.axis import Axis, RigidMechanics
 
 
 def opened_position_loop(axis: Axis):

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from selector.physics.drive.drive_summary import axis_summary, limited_samples, loop_summary, parameters_along
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
-from selector.physics.drive.trajectory import moves, sine
+from selector.physics.drive.trajectory import ParameterCourse, Reference, moves, sine
 
 SERVO = Servo(position_gain_per_s=40.0, velocity_gain=4.0, velocity_integral_gain=160.0)
 SLIDE = Axis(RigidMechanics(95.0, 200.0), Servo(100.0, 200.0, actuator_gain=35.0))

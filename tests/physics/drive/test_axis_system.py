@@ -15,10 +15,17 @@ from selector.errors import InputError
 from selector.physics.drive import simulation
 from selector.physics.drive.kernel import _equations, _kernel, _packed, _stepping
 from selector.physics.drive.kernel.axis_system import AxisSystem, largest_stable_step_s, mechanical_poles
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis, unloaded_state
-from selector.physics.drive.parts.mechanics import AxialCompliance, Friction, LuGre, Ripple, Transmission
+from selector.physics.drive.parts.axis import (
+    AxialCompliance,
+    Axis,
+    Friction,
+    LuGre,
+    Ripple,
+    Transmission,
+    unloaded_state,
+)
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse
 from selector.physics.system import linearise
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, sine
 

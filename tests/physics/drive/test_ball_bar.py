@@ -18,10 +18,9 @@ from selector.physics.drive.ball_bar.circle import (
     measured_samples,
     positions_trace,
 )
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis, Sensing
-from selector.physics.drive.parts.mechanics import Friction
+from selector.physics.drive.parts.axis import Axis, Friction, Sensing
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE
 from tests.physics.drive.ball_bars import ball_bar_test
 

@@ -19,8 +19,7 @@ from selector.physics.drive.parts.catalogue import (
     thc6350_servo,
     thc6350_x_axis,
 )
-from selector.physics.drive.parts.damping import dry_friction
-from selector.physics.drive.parts.stiffness import three_mass_mechanics
+from selector.physics.drive.parts.stiffness import dry_friction, three_mass_mechanics
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,8 @@ from selector.physics.drive.loop.closed_loop import (
     plant,
     small_signal_mechanics,
 )
-from selector.physics.drive.parts.axis import Axis
+from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
 from selector.physics.system import StateSpace
 from tests.physics.drive.loops import by_impedances

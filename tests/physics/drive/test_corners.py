@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.drive.parts.axis import Axis, AxisState
-from selector.physics.drive.parts.mechanics import Friction, Transmission
+from selector.physics.drive.parts.axis import Axis, AxisState, Friction, Transmission
 from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import CONTINUOUS, THREE, UNDAMPED, sine, still
 from tests.physics.drive.energies import stored_energy_j

@@ -8,16 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.drive.motion import Reference
 from selector.physics.drive.parts.catalogue import Guide, thc6350_x_axis
-from selector.physics.drive.parts.damping import (
+from selector.physics.drive.parts.stiffness import (
     axial_load_n,
+    axial_stiffness_n_per_m,
     dry_friction,
     equivalent_damping_ns_per_m,
     guide_damping_course_ns_per_m,
     parameter_course,
+    published_axial_stiffness_n_per_m,
 )
-from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m, published_axial_stiffness_n_per_m
+from selector.physics.drive.trajectory import Reference
 
 PARTS = thc6350_x_axis()
 

@@ -14,11 +14,16 @@ from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.drive.ball_bar.circle import circle_references
 from selector.physics.drive.drive_model import axis_channels, drive_model
 from selector.physics.drive.drive_summary import drive_summary
-from selector.physics.drive.file.model_file import checked_model_file, parsed_model_file, read_model_file
-from selector.physics.drive.file.model_motion import file_reference
-from selector.physics.drive.file.parameters import parameters, with_parameters
+from selector.physics.drive.file.model_file import (
+    checked_model_file,
+    file_reference,
+    parameters,
+    parsed_model_file,
+    read_model_file,
+    with_parameters,
+)
 from selector.physics.drive.model_findings import model_findings, simulation_findings
-from selector.physics.drive.parts.damping import parameter_course
+from selector.physics.drive.parts.stiffness import parameter_course
 from selector.physics.drive.simulation import advised_step_s, fastest_rate_per_s, simulate_axis
 from selector.physics.model_text import plain_values
 from tests.physics.drive.test_model_file import CIRCLE, MOVES, PARTS, RIGID, changed

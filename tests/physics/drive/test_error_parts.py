@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.tracking import direction_of_travel, error_parts
-from selector.physics.drive.trajectory import moves
+from selector.physics.drive.drive_summary import direction_of_travel, error_parts
+from selector.physics.drive.trajectory import Motion, moves
 
 TIME_S = np.linspace(0.0, 2.0, 4001)
 REFERENCE_M = 0.1 * np.sin(2.0 * np.pi * TIME_S) + 0.03 * np.sin(6.0 * np.pi * TIME_S)

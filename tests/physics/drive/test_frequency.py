@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.loop_response import loop_poles
+from selector.physics.drive.loop.closed_loop import loop_poles
 from selector.physics.drive.loop.stability import frequency_response, frozen, loop_figures, stability
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
+from selector.physics.drive.trajectory import ParameterCourse
 from tests.physics.drive.loops import by_impedances, opened_position_loop
 
 AXIS = Axis(three_mass_mechanics(thc6350_x_axis()), thc6350_servo())

@@ -16,8 +16,7 @@ from selector.physics.drive.identification import (
     identified_rigid_axis,
     servo_bandwidth_hz,
 )
-from selector.physics.drive.parts.axis import Servo
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics
+from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.physics.drive.trajectory import moves
 
 PERIOD_S = 1e-3

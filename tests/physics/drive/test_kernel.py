@@ -12,8 +12,7 @@ import pytest
 
 from selector.physics.drive import simulation
 from selector.physics.drive.kernel import _kernel, _stepping
-from selector.physics.drive.parts.axis import Axis, AxisState
-from selector.physics.drive.parts.mechanics import Friction, LuGre, RigidMechanics, Transmission
+from selector.physics.drive.parts.axis import Axis, AxisState, Friction, LuGre, RigidMechanics, Transmission
 from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, UNDAMPED, sine, still
 from tests.physics.drive.energies import stored_energy_j

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.drive.motion import Reference
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import Reference
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, THREE, sine
 
 LIMITED = replace(RIGID_SERVO, command_limit=5.0, speed_limit=0.2, velocity_feedforward=0.8)

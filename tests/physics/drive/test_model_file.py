@@ -12,13 +12,13 @@ import pytest
 
 from selector.errors import InputError, ModelFileError
 from selector.physics.drive.drive_model import drive_model
-from selector.physics.drive.file.model_axes import INSTEAD, OFF, file_axis, parts_of
 from selector.physics.drive.file.model_file import (
     checked_model_file,
     columns_needed,
     parsed_model_file,
     read_model_file,
 )
+from selector.physics.drive.file.model_schema import INSTEAD, OFF, file_axis, parts_of
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.model_text import plain_values

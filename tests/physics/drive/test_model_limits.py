@@ -5,9 +5,8 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 
 import pytest
 
-from selector.physics.drive.parts.axis import Servo
+from selector.physics.drive.parts.axis import Servo, ThreeMassMechanics, Transmission
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import ThreeMassMechanics, Transmission
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.model_fields import Limits, Usual
 

@@ -10,18 +10,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.physics.drive.energy import (
-    passive_bristle_damping_ns_per_m,
-    passive_fading_speed_m_per_s,
-)
-from selector.physics.drive.parts.axis import Axis, AxisState
-from selector.physics.drive.parts.mechanics import (
+from selector.physics.drive.parts.axis import (
     AxialCompliance,
+    Axis,
+    AxisState,
     Friction,
     LuGre,
     RigidMechanics,
     ThreeMassMechanics,
     Transmission,
+    passive_bristle_damping_ns_per_m,
+    passive_fading_speed_m_per_s,
 )
 from selector.physics.drive.simulation import simulate_axis
 from tests.physics.drive.axes import THREE, still

@@ -4,8 +4,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.drive_model import require_few_steps
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 
 
 def axis(sample_s: float) -> Axis:

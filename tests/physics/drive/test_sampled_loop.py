@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import closed_loop, plant
-from selector.physics.drive.loop.sampled_loop import sampled_closed_loop
-from selector.physics.drive.motion import Reference
-from selector.physics.drive.parts.axis import Axis, Sensing
+from selector.physics.drive.loop.closed_loop import closed_loop, plant, sampled_closed_loop
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Sensing
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import Reference
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())
 

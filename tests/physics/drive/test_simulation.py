@@ -11,10 +11,19 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.kernel.axis_system import AxisSystem
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo, unloaded_state
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, Ripple, Transmission
+from selector.physics.drive.parts.axis import (
+    Axis,
+    AxisState,
+    Friction,
+    RigidMechanics,
+    Ripple,
+    Sensing,
+    Servo,
+    Transmission,
+    unloaded_state,
+)
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.system import linearise
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, sine, still
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, Sensing, Servo
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import sine
 

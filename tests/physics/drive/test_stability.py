@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from selector.errors import InputError
 from selector.physics.drive.loop.closed_loop import closed_loop
 from selector.physics.drive.loop.stability import stability, stability_findings
-from selector.physics.drive.parts.axis import Axis, Servo
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
 
 MECHANICS = three_mass_mechanics(thc6350_x_axis())

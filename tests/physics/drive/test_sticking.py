@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.physics.drive.motion import Motion
-from selector.physics.drive.tracking import stick_slip
+from selector.physics.drive.drive_summary import stick_slip
+from selector.physics.drive.trajectory import Motion
 
 TIME_S = np.arange(0.0, 10.0, 0.002)
 SPEED = 1e-4

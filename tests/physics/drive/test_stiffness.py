@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
+from selector.physics.drive.parts.axis import AxialCompliance
 from selector.physics.drive.parts.catalogue import Bearings, Coupling, Nut, Parts, Screw, thc6350_x_axis
-from selector.physics.drive.parts.mechanics import AxialCompliance
 from selector.physics.drive.parts.stiffness import (
     axial_compliance,
     axial_deflection_m,

@@ -7,10 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, Sensing
-from selector.physics.drive.parts.mechanics import Friction, LuGre, Ripple, Transmission
+from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Ripple, Sensing, Transmission
 from selector.physics.drive.simulation import simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse, Reference
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, sine
 
 COULOMB = Friction(300.0, offset_n=20.0, screw_coulomb_nm=0.2)

@@ -6,9 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from selector.physics.drive.energy import wind_up_m
-from selector.physics.drive.parts.axis import Axis, Servo
-from selector.physics.drive.parts.mechanics import Friction, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import Axis, Friction, RigidMechanics, Servo, ThreeMassMechanics, wind_up_m
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import moves
 

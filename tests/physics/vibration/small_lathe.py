@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.physics.vibration.chain.chain import Chain
+from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.motion.periodic_error import Cutting
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure

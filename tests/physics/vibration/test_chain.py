@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.chain.chain import Chain, chain_links, chain_receptance, chain_structure, force_sign
+from selector.physics.vibration.chains import Chain, chain_links, chain_receptance, chain_structure, force_sign
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, receptance
 

@@ -17,7 +17,6 @@ from selector.physics.vibration.structure.structure import (
     mass_matrix,
     receptance,
     receptances,
-    response,
     stiffness_matrix,
 )
 from tests.physics.vibration.viscous import state_space
@@ -59,6 +58,11 @@ def structures(draw: st.DrawFn) -> Structure:
     )
 
 
+def response(structure, frequency_hz, force_n):
+    """Motion of every member [m] by the same forces at all frequencies, (n_freq, n_members)."""
+    return receptances(structure, frequency_hz, np.asarray(force_n)[None])[0]
+
+
 def test_matrices_of_two_members():
     soft, hard = (joint.complex_stiffness_n_per_m for joint in TWO.joints)
     assert np.array_equal(mass_matrix(TWO), np.diag([12.0, 150.0]))
@@ -71,7 +75,8 @@ def test_two_members_have_the_closed_form():
     below, above = soft - 12 * square, soft + hard - 150 * square
     determinant = below * above - soft**2
     force = np.column_stack([np.full(len(HZ), 3 - 1j), np.linspace(0, 2, len(HZ))])
-    motion = response(TWO, HZ, force)
+    # every column of the force for itself: linear
+    motion = sum(force[:, [k]] * response(TWO, HZ, np.eye(2)[k]) for k in (0, 1))
     expected = np.column_stack(
         [
             (above * force[:, 0] + soft * force[:, 1]) / determinant,
@@ -185,8 +190,6 @@ def test_stiffnesses_that_rounding_cannot_hold_are_refused():
         (TWO, [math.nan], [1.0, 0.0], "frequency_hz"),
         (TWO, [math.inf], [1.0, 0.0], "frequency_hz"),
         (TWO, [[1.0]], [1.0, 0.0], "frequency_hz"),
-        (TWO, [1.0], [1.0, math.nan], "force_n"),
-        (TWO, [1.0], [1.0], "force_n"),
         (TWO, [1.0], [1e308, 1e308], None),
         (Structure((Member("a", 1e-5),), (Joint(("a", GROUND), 1e305, 0.1),)), [1.0], [1.0], "joints"),
         (Structure((Member("a", 1e-300),), (Joint(("a", GROUND), 1e-300, 0.1),)), [0.0], [1e100], "force_n"),

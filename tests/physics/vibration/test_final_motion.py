@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.chain.chain import chain_receptance
+from selector.physics.vibration.chains import chain_receptance
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
 from selector.physics.vibration.structure.source import excitation
 from selector.physics.vibration.structure.structure import Structure

@@ -12,13 +12,10 @@ from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
 from selector.physics.model_text import plain_values
-from selector.physics.vibration.chain.chain import Chain
-from selector.physics.vibration.file.model_file import (
+from selector.physics.vibration.chains import Chain
+from selector.physics.vibration.model_file import (
     checked_model_file,
-    file_chains,
-    file_cutting,
     file_shafts,
-    file_sources,
     file_structure,
     mean_rpm,
     parsed_model_file,
@@ -26,6 +23,7 @@ from selector.physics.vibration.file.model_file import (
 )
 from selector.physics.vibration.structure.source import Line
 from selector.physics.vibration.structure.structure import Joint, Member
+from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration.model_values import SMALL, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "vibration"
@@ -36,15 +34,15 @@ CORNERS = [[0.0, 600.0], [0.25, 1200.0], [0.5, 1200.0]]
 
 def test_sections_are_the_values_of_the_structure():
     file = checked_model_file(SMALL)
-    structure, chains = file_structure(file), file_chains(file)
+    structure, chains = file_structure(file), vibration_model(file).chains
     assert structure.members == (Member("workpiece", 20.0), Member("tool", 5.0), Member("bed", 800.0))
     assert structure.joints[1] == Joint(("tool", "bed"), 1e8, 0.25)
     # a text stands for a group of one, and so does an array of one
     assert chains[0] == Chain("low", "low", ("spindle",), (("workpiece",), ("bed",)), "workpiece")
     assert chains[2].branch == (("tool",),)
     assert chains[1].held == "bed"
-    assert file_sources(file)[0].lines[1] == Line(order=9.3, force_n=20.0, phase_rad=0.7)
-    cut = file_cutting(file, 1200.0)
+    assert vibration_model(file).sources[0].lines[1] == Line(order=9.3, force_n=20.0, phase_rad=0.7)
+    cut = vibration_model(file).cutting({"spindle": 1200.0})
     # pi * 60 mm * 1200 r/min, exact but for rounding
     assert cut.speed_m_per_min == pytest.approx(math.pi * 0.06 * 1200.0, rel=1e-14)
     assert (file.realisations.phases, file.run.method, file.surface.roughness_below_mm) == (4, "coupled", 0.8)
@@ -73,7 +71,11 @@ def test_the_lathe_has_the_members_sources_and_chains_of_the_paper():
     assert (len(file.members), list(file.sources)) == (16, ["IK1", "IK2", "IK3", "IK4", "IK5"])
     names = [chain.name for chain in file.chains]
     assert names == [f"high {n}" for n in range(1, 7)] + [f"low {n}" for n in range(1, 9)]
-    ends = {(chain.range, source, chain.final): chain.name for chain in file_chains(file) for source in chain.sources}
+    ends = {
+        (chain.range, source, chain.final): chain.name
+        for chain in vibration_model(file).chains
+        for source in chain.sources
+    }
     # printed: the high frequencies of IK2, IK3 and IK5 do not reach the tool, those of IK4 not the workpiece
     assert {key[1:] for key in ends if key[0] == "high"} == {
         ("IK1", "workpiece"), ("IK2", "workpiece"), ("IK3", "workpiece"), ("IK5", "workpiece"), ("IK1", "tool"),

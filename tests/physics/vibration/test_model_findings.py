@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
-from selector.physics.vibration.model_findings import CHAINS_OFF, chain_findings, model_findings
-from selector.physics.vibration.structure.modes import structure_modes
+from selector.physics.vibration.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.structure.structure import structure_modes
 from selector.physics.vibration.vibration_model import vibration_model
+from selector.physics.vibration.vibration_summary import CHAINS_OFF, chain_findings, model_findings
 from tests.physics.vibration.model_values import changed
 
 LATHE = Path(__file__).resolve().parents[3] / "fixtures" / "vibration" / "lathe.toml"

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy import linalg, signal
 
 from selector.errors import InputError
-from selector.physics.vibration.structure.modes import receptance_by_modes, structure_modes
 from selector.physics.vibration.structure.structure import (
     GROUND,
     Joint,
@@ -18,7 +17,9 @@ from selector.physics.vibration.structure.structure import (
     Structure,
     mass_matrix,
     receptance,
+    receptance_by_modes,
     stiffness_matrix,
+    structure_modes,
 )
 from tests.physics.vibration.test_coupled import HZ, RING, TWO, UNDAMPED, structures
 from tests.physics.vibration.viscous import state_space

@@ -11,8 +11,7 @@ from scipy import signal
 
 from selector.errors import InputError
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, final_receptance
-from selector.physics.vibration.motion.motion_signal import motion_signal, source_phases_rad
-from selector.physics.vibration.motion.run_up import HURRY
+from selector.physics.vibration.motion.run_up import HURRY, motion_signal, source_phases_rad
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, excitation
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 from tests.physics.vibration.small_lathe import BRANCH, FINALS, HIGH, LOW, MOTOR, SOURCES, SPINDLE, STRUCTURE

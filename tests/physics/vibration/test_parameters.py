@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
-from selector.physics.vibration.file.parameters import parameters, with_parameters
+from selector.physics.vibration.model_file import checked_model_file, parameters, read_model_file, with_parameters
 from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration.model_values import SMALL, changed
 

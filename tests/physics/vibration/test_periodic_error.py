@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.vibration.chain.chain import in_range
+from selector.physics.vibration.chains import in_range
 from selector.physics.vibration.motion.final_motion import FinalMotions, final_motions
 from selector.physics.vibration.motion.periodic_error import (
     Surface,

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy import special
 
 from selector.errors import InputError
-from selector.physics.vibration.motion.realisations import (
+from selector.physics.vibration.motion.periodic_error import (
     any_phase_amplitude,
     mean_square,
     realisation_amounts,

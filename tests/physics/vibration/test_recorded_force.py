@@ -7,7 +7,7 @@ import pytest
 from scipy import fft, linalg, signal
 
 from selector.physics.vibration.motion.final_motion import final_receptance
-from selector.physics.vibration.recorded.force import FADED, force_answer, ring_time_s
+from selector.physics.vibration.recorded_force import FADED, force_answer, ring_time_s
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import (
     GROUND,

@@ -8,8 +8,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from selector.physics.vibration.motion.final_motion import final_receptance
-from selector.physics.vibration.recorded.clock import autoregression, bridged, continued, gaps, stretches
-from selector.physics.vibration.recorded.force import ring_time_s, stamped_answer
+from selector.physics.vibration.recorded_force import (
+    autoregression,
+    bridged,
+    continued,
+    gaps,
+    ring_time_s,
+    stamped_answer,
+    stretches,
+)
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 

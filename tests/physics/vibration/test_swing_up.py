@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from selector.physics.vibration.motion.motion_signal import motion_signal
-from selector.physics.vibration.motion.run_up import late_motion
-from selector.physics.vibration.structure.modes import structure_modes
+from selector.physics.vibration.motion.run_up import late_motion, motion_signal
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, structure_modes
 from tests.physics.vibration.viscous import state_space
 
 COLUMN = Structure(

@@ -8,8 +8,8 @@ import pytest
 from scipy import signal
 
 from selector.errors import InputError, OptionError
-from selector.physics.vibration.file.model_file import checked_model_file
-from selector.physics.vibration.recorded.force import force_answer, ring_time_s
+from selector.physics.vibration.model_file import checked_model_file
+from selector.physics.vibration.recorded_force import force_answer, ring_time_s
 from selector.physics.vibration.structure.source import Line, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 from selector.physics.vibration.vibration_driving import driven_runs, recorded_channels
@@ -47,7 +47,7 @@ FORCE = 30.0 * np.sin(2 * np.pi * 31.0 * TIME_S + 0.4)
 
 def test_the_model_driven_by_its_own_forces_does_what_it_did():
     built = model(("run.duration_s", 4.0), ("run.period_s", 5e-4))
-    own = built.simulate()
+    own = built.simulation().recording
     driven = driven_runs(built, own)
     assert driven.matched == {name: name for name in own.names}
     assert set(driven.inputs) == {"spindle_force", "motor_force", "spindle_speed", "motor_speed"}
@@ -63,7 +63,7 @@ def test_the_model_driven_by_its_own_forces_does_what_it_did():
 
 def test_chains_are_driven_too():
     built = model(("run.duration_s", 4.0), ("run.period_s", 5e-4), ("run.method", "chains"))
-    own = built.simulate()
+    own = built.simulation().recording
     came, there = (one.values("simulation", FINALS) for one in (driven_runs(built, own).simulation.recording, own))
     assert np.abs(came - there).max() < 1e-3 * np.abs(there).max()  # as above; the tool of the chains moves less
 
@@ -89,7 +89,7 @@ def test_a_blow_rings_as_the_viscous_oscillator_of_the_same_loss():
 def test_a_recorded_speed_turns_the_shaft_and_what_follows_it():
     course = [[0.0, 600.0], [2.0, 1500.0], [4.0, 1500.0]]
     file = model(("run.duration_s", 4.0), ("shafts.spindle.rpm", course))
-    own = file.simulate(seed=2)
+    own = file.simulation(seed=2).recording
     speed = np.interp(TIME_S, *np.array(course).T)
     # times of a recording need not begin with 0
     driven = driven_runs(model(), recording(TIME_S + 7.0, ("n", "spindle_speed", speed)), seed=2)
@@ -210,7 +210,8 @@ def test_a_run_without_the_channel_has_the_lines_of_the_file():
     assert [(one.id, one.where.run) for one in driven.findings if one.id == "input-not-recorded"] == [
         ("input-not-recorded", "r2")
     ]
-    assert tool(driven, "r2") == pytest.approx(built.simulate().values("simulation", ["tool"])[:, 0], abs=1e-9)
+    own = built.simulation().recording.values("simulation", ["tool"])[:, 0]
+    assert tool(driven, "r2") == pytest.approx(own, abs=1e-9)
     assert driven.simulation.recording.runs == ("r1", "r2")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.model_file import checked_model_file, read_model_file
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from tests.physics.vibration.model_values import changed
 from tests.work import calls_of
@@ -26,7 +26,7 @@ def columns(recording, *names, run="simulation"):
 
 def test_the_recording_has_finals_forces_and_speeds_at_every_period():
     built = model()
-    recording = built.simulate()
+    recording = built.simulation().recording
     assert recording.names == (
         "tool", "workpiece", RELATIVE, "spindle_force", "motor_force", "spindle_speed", "motor_speed",
     )  # fmt: skip
@@ -55,10 +55,10 @@ def test_the_motion_is_the_sum_of_its_lines_with_the_shifts_of_the_seed():
 
 def test_a_seed_draws_shifts_and_noise_and_repeats_them():
     noisy = model(("sensing", {"noise_um": 0.05}))
-    assert noisy.simulate(seed=3).frame.equals(noisy.simulate(seed=3).frame)
-    assert not noisy.simulate(seed=3).frame.equals(noisy.simulate(seed=4).frame)
+    assert noisy.simulation(seed=3).recording.frame.equals(noisy.simulation(seed=3).recording.frame)
+    assert not noisy.simulation(seed=3).recording.frame.equals(noisy.simulation(seed=4).recording.frame)
     quiet = model()
-    added = columns(noisy.simulate(), *FINALS) - columns(quiet.simulate(), *FINALS)
+    added = columns(noisy.simulation().recording, *FINALS) - columns(quiet.simulation().recording, *FINALS)
     # 1002 samples of noise: its standard deviation is known to 1/sqrt(2·1002) = 2.2 %, here 4 of these
     assert added.std() == pytest.approx(0.05, rel=0.09)
 
@@ -70,7 +70,7 @@ def test_both_methods_are_computed_and_the_file_says_which_is_recorded():
     simulated = chains.simulation()
     for built, method in ((coupled, "coupled"), (chains, "chains")):
         # mean square of many sines over a time that is no common period of them: a tenth
-        rms = columns(built.simulate(), "workpiece")[0].std()
+        rms = columns(built.simulation().recording, "workpiece")[0].std()
         by_source = np.abs(motions[method].of("workpiece"))
         assert rms == pytest.approx(1e6 * np.sqrt(np.sum(by_source**2) / 2.0), rel=0.1)
     assert np.array_equal(simulated.motions["chains"].motion_m, motions["chains"].motion_m)
@@ -85,7 +85,7 @@ def test_the_split_is_the_cut_off_of_roughness_at_the_speed_of_the_cut():
 
 def test_a_run_up_follows_its_course_and_lines_are_those_of_the_mean_speed():
     built = model(("shafts.spindle.rpm", [[0.0, 600.0], [0.5, 1800.0]]))
-    speed, follows = columns(built.simulate(), "spindle_speed", "motor_speed")
+    speed, follows = columns(built.simulation().recording, "spindle_speed", "motor_speed")
     assert (speed[0], speed[-1]) == (600.0, 1800.0)
     assert follows == pytest.approx(1.5 * speed, rel=1e-12)  # rounding
     assert built.shaft_rpm["spindle"] == pytest.approx(1200.0, rel=1e-12)  # mean of a straight course
@@ -106,7 +106,7 @@ def test_a_line_in_a_resonance_without_damping_is_refused_and_names_the_joint():
         ("sources", {"motor": {"member": "tool", "lines": [{"frequency_hz": 50.0, "force_n": 1.0}]}}),
     )  # fmt: skip
     with pytest.raises(InputError, match="nothing damps") as refused:
-        built.simulate()
+        built.simulation()
     assert "tool" in refused.value.found
     assert "tool – ground" in refused.value.advice
     # with dissipation it is a motion: F/(j·η)
@@ -118,7 +118,7 @@ def test_a_line_in_a_resonance_without_damping_is_refused_and_names_the_joint():
 def test_parameters_change_the_motion_and_nothing_changes_none():
     built = model()
     same = built.with_parameters({})
-    assert same.simulate().frame.equals(built.simulate().frame)
+    assert same.simulation().recording.frame.equals(built.simulation().recording.frame)
     twice = built.with_parameters(
         {
             name: 2.0 * one.value
@@ -127,7 +127,9 @@ def test_parameters_change_the_motion_and_nothing_changes_none():
         }
     )
     # linear: twice the forces, twice the motion, to rounding
-    assert columns(twice.simulate(), "tool")[0] == pytest.approx(2.0 * columns(built.simulate(), "tool")[0], abs=1e-9)
+    assert columns(twice.simulation().recording, "tool")[0] == pytest.approx(
+        2.0 * columns(built.simulation().recording, "tool")[0], abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("path", sorted(FIXTURES.glob("*.toml")), ids=lambda path: path.stem)
@@ -137,9 +139,9 @@ def test_examples_run_without_surprise(path):
     assert simulation.findings == ()
 
 
-def test_a_simulation_of_the_lathe_is_cheap_enough_for_a_fit():
+def test_the_motion_of_the_lathe_is_cheap_enough_for_a_fit():
     lathe = vibration_model(read_model_file(FIXTURES / "lathe.toml"))
-    lathe.simulate()
+    lathe.simulation()
     changed = lathe.with_parameters({"joints.1.dissipation": 0.2})
     # 8000 calls, 12 ms; a fit calls it hundreds of times
-    assert calls_of(changed.simulate) < 20_000
+    assert calls_of(lambda: changed.signal(changed.times_s, changed.courses, changed.phases_rad(0))) < 20_000

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from selector.physics.vibration.file.model_file import checked_model_file, read_model_file
+from selector.physics.vibration.model_file import checked_model_file, read_model_file
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz, vibration_summary
 from tests.physics.vibration.model_values import changed

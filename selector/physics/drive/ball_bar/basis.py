@@ -154,17 +154,13 @@ def pair_of(traces: Sequence[BallBarTrace]) -> CirclePair:
     for one in traces:
         since = np.unwrap(one.angle_rad) - start
         turned.append(since - 2.0 * np.pi * np.round(since[0] / (2.0 * np.pi)))
-    return CirclePair(
-        np.concatenate([one.angle_rad for one in traces]),
-        np.concatenate([np.full(len(one.angle_rad), float(one.direction)) for one in traces]),
-        np.concatenate([one.deviation_um for one in traces]),
-        traces[0].radius_m * 1e6,
-        float(np.mean([one.feed_mm_per_min for one in traces])) * 1e3 / 60.0,
-        tuple(slice(int(a), int(b)) for a, b in pairwise(ends)),
-        np.concatenate(turned),
-        table_ball,
-        start,
-    )
+    directions = [np.full(len(one.angle_rad), float(one.direction)) for one in traces]
+    rows = [one.angle_rad for one in traces], directions, [one.deviation_um for one in traces]
+    speed = float(np.mean([one.feed_mm_per_min for one in traces])) * 1e3 / 60.0
+    parts = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+    angle, direction, deviation = map(np.concatenate, rows)
+    radius, went = traces[0].radius_m * 1e6, np.concatenate(turned)
+    return CirclePair(angle, direction, deviation, radius, speed, parts, went, table_ball, start)
 
 
 def smooth_columns(pair: CirclePair) -> dict[str, Vector]:

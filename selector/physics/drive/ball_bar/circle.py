@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import RigidMechanics
+from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
+from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 
@@ -227,30 +226,15 @@ class BallBarPlan:
         require_positive(self, "period_s")
         require_not_negative(self, "noise_um")
         if not self.feeds_mm_per_min:
-            raise InputError(
-                "no feed",
-                expected="one or more in mm/min",
-                where="feeds_mm_per_min",
-                advice="name the feeds of the test",
-            )
+            expected, advice = "one or more in mm/min", "name the feeds of the test"
+            raise InputError("no feed", expected=expected, where="feeds_mm_per_min", advice=advice)
 
     @property
     def circles(self) -> tuple[Circle, ...]:
         """The runs: counter-clockwise and clockwise, feed after feed."""
         directions: tuple[Literal[1, -1], ...] = (1, -1)
-        return tuple(
-            Circle(
-                feed,
-                direction,
-                self.radius_m,
-                self.centre_m,
-                self.start_angle_rad,
-                self.overshoot_rad,
-                self.table_ball,
-            )
-            for feed in self.feeds_mm_per_min
-            for direction in directions
-        )
+        path = (self.radius_m, self.centre_m, self.start_angle_rad, self.overshoot_rad, self.table_ball)
+        return tuple(Circle(feed, direction, *path) for feed in self.feeds_mm_per_min for direction in directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,17 +323,8 @@ def ball_bar_run(
     angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])
     if plan.noise_um > 0:
         deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
-    trace = BallBarTrace(
-        angle,
-        deviation,
-        circle.direction,
-        circle.feed_mm_per_min,
-        circle.radius_m,
-        names,
-        circle.table_ball,
-        circle.start_angle_rad,
-    )
-    return trace, runs
+    asked = (circle.direction, circle.feed_mm_per_min, circle.radius_m)
+    return BallBarTrace(angle, deviation, *asked, names, circle.table_ball, circle.start_angle_rad), runs
 
 
 def positions_trace(

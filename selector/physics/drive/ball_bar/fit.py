@@ -213,8 +213,11 @@ def circle_fit(pair: CirclePair, wavelengths_um: Mapping[int, float] | None = No
     for number in range(_ROUNDS):
         before = shapes
         shapes = _searched(pair, shapes, kept, known, number)
-        if number > 0 and _alike(before, shapes):
-            break
+        gaps = np.abs(np.subtract(before.gap_um, shapes.gap_um)).max() <= 1e-3 * max(1.0, float(np.max(shapes.gap_um)))
+        if number > 0 and gaps:
+            old, new = ([*one.spike, one.wavelength_um] for one in (before, shapes))
+            if np.abs(np.log(np.divide(old, new))).max() <= 1e-3:
+                break
     while True:
         fit = _solved(pair, shapes, kept)
         chances = {block: block_probability(fit, block) for block in kept}
@@ -278,12 +281,6 @@ def _searched(
 
 def _with(two: tuple[T, T], axis: int, value: T) -> tuple[T, T]:
     return (value, two[1]) if axis == 0 else (two[0], value)
-
-
-def _alike(one: Shapes, other: Shapes) -> bool:
-    gaps = np.abs(np.subtract(one.gap_um, other.gap_um)).max()
-    ratios = np.log(np.divide([*one.spike, one.wavelength_um], [*other.spike, other.wavelength_um]))
-    return bool(gaps <= 1e-3 * max(1.0, float(np.max(other.gap_um))) and np.abs(ratios).max() <= 1e-3)
 
 
 def _block_columns(pair: CirclePair, shapes: Shapes, block: str) -> Matrix:

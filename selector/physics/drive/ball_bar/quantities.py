@@ -79,16 +79,11 @@ def circle_quantities(traces: Sequence[BallBarTrace]) -> tuple[CircleQuantities,
 
     InputError if a feed has not exactly one trace of each direction with the same radius and axes.
     """
-    return tuple(
-        CircleQuantities(
-            forward.feed_mm_per_min,
-            roundness(forward),
-            roundness(back),
-            roundness(forward, back),
-            hysteresis(forward, back),
-        )
-        for forward, back in paired(traces)
-    )
+    found = []
+    for one, other in paired(traces):
+        paths = roundness(one), roundness(other), roundness(one, other)
+        found.append(CircleQuantities(one.feed_mm_per_min, *paths, hysteresis(one, other)))
+    return tuple(found)
 
 
 def paired(traces: Sequence[BallBarTrace]) -> tuple[tuple[BallBarTrace, BallBarTrace], ...]:
@@ -121,14 +116,8 @@ def roundness(*traces: BallBarTrace) -> Roundness:
     centre, mean = least_squares_circle(angle, deviation, radius_um)
     centred, direction = _about(centre, angle, deviation, radius_um)
     annulus = narrowest_annulus(angle, deviation, radius_um)
-    return Roundness(
-        annulus.width_um,
-        _extreme(centred, direction, 1),
-        _extreme(centred, direction, -1),
-        mean,
-        centre,
-        annulus,
-    )
+    out, inside = (_extreme(centred, direction, sign) for sign in (1, -1))
+    return Roundness(annulus.width_um, out, inside, mean, centre, annulus)
 
 
 def hysteresis(forward: BallBarTrace, back: BallBarTrace) -> Extreme:

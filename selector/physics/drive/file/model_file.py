@@ -1,39 +1,230 @@
-"""What does the model file of a feed drive say: TOML text → checked values, or an error that names the key."""
+"""What does the model file of a feed drive say: TOML text → checked values and references, numbers to be fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
-from selector.physics.drive.ball_bar.circle import PairGeometry
-from selector.physics.drive.file.model_axes import axis_contradictions, is_rotary
-from selector.physics.drive.file.model_motion import (
-    FEWEST_PERIODS,
-    PERIOD_S,
-    circle_plan,
-    longest_s,
-    motion_counts,
-    moved_axes,
-    planned_reference,
-    slow_feed_words,
-)
+import numpy as np
+
+from selector.errors import ModelFileError
+from selector.physics.checks import require_within, told_of
+from selector.physics.drive.ball_bar.circle import BallBarPlan, PairGeometry, TableBall
 from selector.physics.drive.file.model_schema import (
     KINDS,
+    MOST_ACTING,
+    MOST_POSITION_M,
+    MOST_STEPS,
     CircleMotion,
     ColumnMotion,
     DriveFile,
+    FileAxis,
+    Force,
     MovesMotion,
     SineMotion,
+    axis_contradictions,
+    file_axis,
+    is_rotary,
 )
+from selector.physics.drive.parts.axis import RigidMechanics
+from selector.physics.drive.trajectory import Reference, move_phases, moves, recorded, sine
+from selector.physics.model_fields import Fit, Number, Parameter, file_with, numbers_of, parameters_of
 from selector.physics.model_text import (
+    MOST_SAMPLES,
     Column,
     Contradiction,
+    Key,
     ModelFamily,
     bound_contradictions,
     unknown_name,
 )
 from selector.physics.model_values import refusals, value_of
+from selector.types import Vector
+
+Columns = Mapping[str, tuple[Vector, Vector]]
+"""Key of `model_file.columns_needed` → (time_s, values in the unit of its role)."""
+
+PERIOD_S = 0.001
+"""Distance of the samples where the file says nothing, but for circles, which follow their feed."""
+
+MOST_MOVES = 20_000
+FEWEST_PERIODS = 4
+"""Of the samples in a motion: with fewer there is no error to tell of."""
+
+_MM = 1e-3
+_MM_PER_MIN = 1e-3 / 60.0
+
+
+def moved_axes(file: DriveFile) -> tuple[str, ...]:
+    """Names of the axes that the motion moves; others that the file may describe are not simulated."""
+    motion = file.motion
+    return motion.axes if isinstance(motion, CircleMotion) else (motion.axis or next(iter(file.axes)),)
+
+
+def file_reference(file: DriveFile, columns: Columns) -> Reference:
+    """What the one axis of a sine, of moves or of a column is asked to do.
+
+    Raises InputError: the column is no course, or the moves have no length. Raises ModelFileError: the course of the
+    column has more than `MOST_SAMPLES` samples.
+    """
+    motion = file.motion
+    if isinstance(motion, CircleMotion):
+        raise ValueError("a circle has references of its own, see ball_bar")
+    if isinstance(motion, ColumnMotion):
+        time_s, position_m = _column(columns, "motion", motion, MOST_POSITION_M, "m")
+        count = (time_s[-1] - time_s[0]) / (file.run.period_s or PERIOD_S) if len(time_s) else 0.0
+        if count > MOST_SAMPLES:
+            raise ModelFileError(
+                f"{count:.3g} samples",
+                expected=f"at most {MOST_SAMPLES}",
+                where="key run.period_s",
+                advice="make it larger, or the recording of the column shorter",
+            )
+        with told_of(_place("motion", motion)):
+            found = recorded(time_s - time_s[0] if len(time_s) else time_s, position_m, file.run.period_s)
+    else:
+        found = planned_reference(file)
+    force = _force(motion.force_n, found.time_s, columns)
+    return found if force is None else replace(found, force_n=force)
+
+
+def planned_reference(file: DriveFile) -> Reference:
+    """What a sine or moves ask for, without forces.
+
+    InputError: the moves have no length.
+    """
+    motion, period_s = file.motion, file.run.period_s or PERIOD_S
+    if isinstance(motion, SineMotion):
+        return sine(
+            motion.amplitude_mm * _MM,
+            motion.frequency_hz,
+            motion.duration_s,
+            period_s,
+            phase_rad=math.radians(motion.phase_deg),
+            offset_m=motion.centre_mm * _MM,
+        )
+    if isinstance(motion, MovesMotion):
+        return moves(
+            [target * _MM for target in motion.targets_mm],
+            period_s,
+            **_limits(motion),
+            start_m=motion.start_mm * _MM,
+            dwell_s=motion.dwell_s,
+            repeat=motion.repeat,
+        )
+    raise ValueError("only a sine and moves are planned")
+
+
+def circle_plan(file: DriveFile) -> BallBarPlan:
+    """The circles of a ball-bar test.
+
+    InputError: a value cannot be; `where` is its field.
+    """
+    motion = file.motion
+    if not isinstance(motion, CircleMotion):
+        raise ValueError("only circles make a ball-bar test")
+    ball = motion.table_ball
+    return BallBarPlan(
+        radius_m=motion.radius_mm * _MM,
+        feeds_mm_per_min=motion.feeds_mm_per_min,
+        centre_m=(motion.centre_mm[0] * _MM, motion.centre_mm[1] * _MM),
+        start_angle_rad=math.radians(motion.start_angle_deg),
+        overshoot_rad=math.radians(motion.overshoot_deg),
+        table_ball=None
+        if ball is None
+        else TableBall(ball.distance_mm * _MM, math.radians(ball.angle_deg), ball.ratio),
+        period_s=file.run.period_s,
+        noise_um=float(getattr(file.ball_bar, "noise_um", 0.0)),
+    )
+
+
+def longest_s(file: DriveFile) -> float:
+    """Duration of the longest run of one axis [s]; of a column 0, which is not known before it is read."""
+    motion = file.motion
+    if isinstance(motion, CircleMotion):
+        return max(circle.duration_s for circle in circle_plan(file).circles)
+    if isinstance(motion, SineMotion):
+        return motion.duration_s
+    if not isinstance(motion, MovesMotion):
+        return 0.0
+    once, again = (_cycle_s(motion, start) for start in (motion.start_mm, motion.targets_mm[-1]))
+    return once + (motion.repeat - 1) * again
+
+
+def motion_counts(file: DriveFile) -> Iterator[tuple[Key, str, float, int]]:
+    """(key, what is counted, how many there are, how many there may be) of whatever makes a run long."""
+    motion, duration_s = file.motion, longest_s(file)
+    if isinstance(motion, MovesMotion):
+        yield ("motion", "repeat"), "moves", motion.repeat * len(motion.targets_mm), MOST_MOVES
+    if file.run.period_s is not None or not isinstance(motion, CircleMotion):
+        yield ("run", "period_s"), "samples", duration_s / (file.run.period_s or PERIOD_S), MOST_SAMPLES
+    if file.run.step_s is not None:
+        yield ("run", "step_s"), "steps", duration_s / file.run.step_s, MOST_STEPS
+
+
+def slow_feed_words(file: DriveFile) -> str:
+    """How the feed makes the motion of the file take long, to stand behind its duration; empty if it does not."""
+    motion = file.motion
+    if isinstance(motion, CircleMotion):
+        key, feed = "motion.feeds_mm_per_min", min(motion.feeds_mm_per_min)
+    elif (
+        isinstance(motion, MovesMotion)
+        and motion.dwell_s * motion.repeat * len(motion.targets_mm) < longest_s(file) / 2
+    ):
+        key, feed = "motion.feed_mm_per_min", motion.feed_mm_per_min
+    else:
+        return ""
+    return f", which it takes at {key} = {feed:g} ({feed:g} m/min would be {1e3 * feed:g})"
+
+
+def _limits(motion: MovesMotion) -> dict[str, float]:
+    return {
+        "speed_m_per_s": motion.feed_mm_per_min * _MM_PER_MIN,
+        "acceleration_m_per_s2": motion.acceleration_m_per_s2,
+        "jerk_m_per_s3": math.inf if motion.jerk_m_per_s3 is None else motion.jerk_m_per_s3,
+    }
+
+
+def _cycle_s(motion: MovesMotion, start_mm: float) -> float:
+    """Duration of the moves to all targets [s], without making them."""
+    phases = (
+        move_phases((target - origin) * _MM, **_limits(motion))
+        for origin, target in pairwise([start_mm, *motion.targets_mm])
+    )
+    return sum(one.duration_s + motion.dwell_s for one in phases)
+
+
+def _place(key: str, said: Column | ColumnMotion) -> str:
+    return f"key {key}, column {said.column!r} of {said.file}"
+
+
+def _column(columns: Columns, key: str, said: Column | ColumnMotion, most: float, unit: str) -> tuple[Vector, Vector]:
+    """Times and values of a column of a recording beside the file, none beyond `most`."""
+    time_s, values = columns[key]
+    with told_of(_place(key, said)):
+        require_within(values, time_s, most, unit)
+    return time_s, values
+
+
+def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
+    """Force from outside at these times [N]; each value held until the next, the first also before it."""
+    if isinstance(force, Column):
+        at_s, values = _column(columns, "motion.force_n", force, MOST_ACTING, "N")
+        at_s = at_s - at_s[0]
+    elif isinstance(force, tuple):
+        at_s, values = (np.array(row, dtype=np.float64) for row in zip(*force, strict=True))
+    elif force:
+        return np.full(len(time_s), float(force))
+    else:
+        return None
+    # a time of the grid that falls on a change up to rounding is after it
+    held = np.searchsorted(at_s, time_s * (1.0 + 1e-12) + 1e-12, side="right") - 1
+    return np.asarray(values[np.maximum(held, 0)], dtype=np.float64)
+
 
 COLUMN_ROLES = {"motion": "position_command", "motion.force_n": "force"}
 """Key of a column of `columns_needed` → role of its values, which are in the unit of that role."""
@@ -135,11 +326,132 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
     "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
 
-parsed_model_file = FAMILY.parsed
-"""The model file with this content, see `ModelFamily.parsed`."""
 
-checked_model_file = FAMILY.checked
-"""The model file with these sections as plain values, see `ModelFamily.checked`."""
+_TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
+
+OUTPUT_UNITS = {"current": "A", "voltage": "V", "force": "N", "number": ""}
+"""``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number."""
+
+_FRICTION_M_PER_S2 = 3.0
+"""No dry friction of a machine's guides is larger than 0.3 of the weight."""
+
+_DAMPING_PER_S = 10.0
+"""No guide stops a table within less than a tenth of a second by viscous friction alone."""
+
+_OF_CRITICAL = 0.2
+_DRY = ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n")
+
+
+def parameters(file: DriveFile) -> dict[str, Parameter]:
+    """The physics of a feed drive as named numbers, those that are switched off included: friction, backlash, delay.
+
+    Names are the keys of the file, also where the file leaves them out: ``axes.X.mechanics.mass_kg``,
+    ``axes.X.friction.coulomb_n``, ``axes.X.servo.delay_s``, ``axes.X.ripple.1.cogging``. A key that follows another one
+    while it is left out (`static_n`, `coulomb_negative_n`) has that value. Bounds are those of the fields, or what a
+    machine of this mass could have: 0.3 of its weight of dry friction, damping that stops it in 0.1 s, a fifth of
+    critical damping in its springs; unless ``[bounds]`` says otherwise. Errors as `parameters_of`.
+    """
+    return parameters_of(file, _numbers(file))
+
+
+def with_parameters(file: DriveFile, values: Mapping[str, float]) -> DriveFile:
+    """The model file with other values of some parameters, see `file_with`."""
+    return file_with(file, values, _numbers(file), checked_model_file)
+
+
+def _numbers(file: DriveFile) -> Iterator[Number]:
+    for name, section in file.axes.items():
+        made = file_axis(section)
+        for one in _of_axis(made):
+            if _has_effect(one.path, made):
+                low, high = _bounds(one, made)
+                yield Number(("axes", name, *one.path), one.value, low, high, _unit(one, made))
+
+
+def _of_axis(made: FileAxis) -> Iterator[Number]:
+    """Every number, its path below the axis."""
+    axis, friction = made.axis, made.axis.friction
+    if made.parts is None:
+        yield from numbers_of(axis.mechanics, ("mechanics",))
+    else:
+        yield from numbers_of(made.parts, ("parts",))
+    (_, hold), (down, hold_down) = friction.directions
+    whole = dataclasses.replace(friction, coulomb_negative_n=down, static_n=hold, static_negative_n=hold_down)
+    yield from numbers_of(whole, ("friction",))
+    yield from numbers_of(axis.transmission, ("transmission",))
+    for number, ripple in enumerate(axis.ripple):
+        yield from numbers_of(ripple, ("ripple", number))
+    if axis.servo is not None:
+        yield from numbers_of(axis.servo, ("servo",))
+
+
+def _has_effect(path: Key, made: FileAxis) -> bool:
+    section, key = path[0], path[-1]
+    if isinstance(made.axis.mechanics, RigidMechanics) and key in ("backlash_m", "screw_coulomb_nm"):
+        return False
+    if section == "friction" and key in _DRY:
+        return made.section.varying != "command"
+    if section == "servo" and key == "delay_s":
+        return made.axis.servo is not None and made.axis.servo.sample_s > 0
+    from_motor = made.parts is not None and key in ("actuator_gain", "command_limit", "speed_limit")
+    return not from_motor or key in made.section.servo.model_fields_set
+
+
+def _bounds(one: Number, made: FileAxis) -> tuple[float, float]:
+    """Those of the field; of forces and damping, which may be 0 or have either sign, by the mass of the axis."""
+    limit = _limit_from_mass(one.path, made)
+    if limit is not None:
+        signed = one.path[-1] in ("offset_n", "cogging")
+        return (Fit(either_sign=limit) if signed else Fit(up_to=limit)).bounds(one.value)
+    return (one.low, one.high) if one.high > one.low else (0.0, 1.0)
+
+
+def _unit(one: Number, made: FileAxis) -> str:
+    """The unit of a number; of gains, limits and cogging by what turns and what acts.
+
+    ``A·s/rad`` of the velocity gain of a motor that turns and is given a current; ``V·s/m`` of one mass and a voltage.
+    """
+    slides = isinstance(made.axis.mechanics, RigidMechanics) and not made.rotary
+    output, force = OUTPUT_UNITS[made.section.output], "N" if slides else "N·m"
+    per, over = ("m" if slides else "rad"), output or "1"
+    by_axis = {
+        "velocity_gain": f"{output}·s/{per}" if output else f"s/{per}",
+        "velocity_integral_gain": f"{over}/{per}",
+        "actuator_gain": "1" if output == force else f"{force}/{output}" if output else force,
+        "command_limit": over,
+        "speed_limit": f"{per}/s",
+        "cogging": force,
+    }
+    return by_axis.get(str(one.path[-1])) or (_TURNING.get(one.unit, one.unit) if made.rotary else one.unit)
+
+
+def _limit_from_mass(path: Key, made: FileAxis) -> float | None:
+    """How far a force, torque, damping or integral gain that may be 0 may go up."""
+    key, mechanics = str(path[-1]), made.axis.mechanics
+    mass = mechanics.mass_kg if isinstance(mechanics, RigidMechanics) else mechanics.table_mass_kg
+    radius = mechanics.travel_per_motion
+    lugre, servo = made.axis.friction.lugre, made.axis.servo
+    if key in (*_DRY, "offset_n"):
+        return _FRICTION_M_PER_S2 * mass
+    if key == "cogging":
+        return _FRICTION_M_PER_S2 * mass * radius
+    if key in ("guide_damping_ns_per_m", "viscous_ns_per_m"):
+        return _DAMPING_PER_S * mass
+    if path[-2:] == ("lugre", "damping_ns_per_m") and lugre is not None:
+        return 2.0 * math.sqrt(lugre.stiffness_n_per_m * mass)
+    if key == "velocity_integral_gain" and servo is not None:
+        return 200.0 * servo.velocity_gain
+    if isinstance(mechanics, RigidMechanics):
+        return None
+    if key in ("screw_coulomb_nm", "drag_torque_nm"):
+        return _FRICTION_M_PER_S2 * mass * radius
+    if key in ("screw_damping_nms_per_rad", "damping_nms_per_rad"):
+        return _DAMPING_PER_S * mass * radius**2
+    if key == "torsional_damping_nms_per_rad":
+        return 2.0 * _OF_CRITICAL * math.sqrt(mechanics.torsional_stiffness_nm_per_rad * mechanics.screw_inertia_kg_m2)
+    if key == "axial_damping_ns_per_m":
+        return 2.0 * _OF_CRITICAL * math.sqrt(mechanics.axial_stiffness_n_per_m * mass)
+    return None

@@ -13,44 +13,7 @@ from numba import njit
 
 from selector.physics.drive.kernel import _equations, _packed, _stepping
 from selector.physics.drive.kernel._equations import compiled, pitch_error, sampled_command, segment
-from selector.physics.drive.kernel._packed import (
-    ALSO,
-    AXIAL_FORCE,
-    COMMAND,
-    CONTINUOUS,
-    CONTROL,
-    DELAY_PART,
-    DELAY_STEPS,
-    DRIVE,
-    FRICTION,
-    GIVEN,
-    GUIDE,
-    INTEGRAL,
-    MOTOR_RESOLUTION,
-    PERIOD_STEPS,
-    QL,
-    QM,
-    RIGID,
-    ROWS,
-    SAMPLE,
-    SAMPLE_STEPS,
-    SAMPLED,
-    SCALE_RESOLUTION,
-    SCREW,
-    SEGMENT,
-    SPEED_FROM_ENCODER,
-    SPEED_SAMPLES,
-    STEP,
-    TABLE_FEEDBACK,
-    TRAVEL,
-    WL,
-    WM,
-    WORK_COLUMNS,
-    V,
-    X,
-    Y,
-    Z,
-)
+from selector.physics.drive.kernel._packed import *
 from selector.physics.drive.kernel._stepping import STATES, advance, settle, sign
 
 # columns of the record, in the order of the fields of Motion after time and reference

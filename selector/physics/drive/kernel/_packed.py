@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.physics.drive.loop.closed_loop import inertia_at_motor
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import RigidMechanics, Transmission
+from selector.physics.drive.parts.axis import Axis, RigidMechanics, Transmission
 from selector.types import Vector
 
 Switches = NDArray[np.int64]
@@ -20,91 +19,21 @@ Switches = NDArray[np.int64]
 # states: motor, screw, table, bristles, integral of the servo; a rigid axis uses X, V for its mass
 QM, WM, QL, WL, X, V, Z, INTEGRAL = range(8)
 
-# numbers
-(
-    MOTOR_INERTIA,
-    SCREW_INERTIA,
-    MASS,
-    TRAVEL,
-    TORSION,
-    TORSION_DAMPING,
-    AXIAL,
-    AXIAL_DAMPING,
-    SCREW_DAMPING,
-    GUIDE_DAMPING,
-    COULOMB_UP,
-    EXCESS_UP,
-    COULOMB_DOWN,
-    EXCESS_DOWN,
-    STRIBECK_SPEED,
-    STRIBECK_EXPONENT,
-    OFFSET,
-    SCREW_COULOMB,
-    BRISTLE,
-    BRISTLE_DAMPING,
-    FADING,
-    HALF_GAP,
-    PITCH_AMPLITUDE,
-    PITCH_RATE,
-    PITCH_PHASE,
-    PITCH_SLOPE,
-    SHAFT,
-    LENGTH,
-    ORIGIN,
-    RIPPLE_RATE,
-    POSITION_GAIN,
-    VELOCITY_GAIN,
-    INTEGRAL_GAIN,
-    ACTUATOR_GAIN,
-    COMMAND_LIMIT,
-    SPEED_LIMIT,
-    SPEED_AHEAD,
-    ACCELERATION_AHEAD,
-    SAMPLE,
-    MOTOR_RESOLUTION,
-    SCALE_RESOLUTION,
-    PERIOD,
-    STEP,
-    DELAY_PART,
-    NUMBERS,
-) = range(45)
+# numbers: masses and springs, friction, where the travel differs, what drives, control and sensing, the grid of time
+MOTOR_INERTIA, SCREW_INERTIA, MASS, TRAVEL, TORSION, TORSION_DAMPING, AXIAL, AXIAL_DAMPING = range(8)
+SCREW_DAMPING, GUIDE_DAMPING, COULOMB_UP, EXCESS_UP, COULOMB_DOWN, EXCESS_DOWN, STRIBECK_SPEED = range(8, 15)
+STRIBECK_EXPONENT, OFFSET, SCREW_COULOMB, BRISTLE, BRISTLE_DAMPING, FADING, HALF_GAP = range(15, 22)
+PITCH_AMPLITUDE, PITCH_RATE, PITCH_PHASE, PITCH_SLOPE, SHAFT, LENGTH, ORIGIN, RIPPLE_RATE = range(22, 30)
+POSITION_GAIN, VELOCITY_GAIN, INTEGRAL_GAIN, ACTUATOR_GAIN, COMMAND_LIMIT, SPEED_LIMIT = range(30, 36)
+SPEED_AHEAD, ACCELERATION_AHEAD, SAMPLE, MOTOR_RESOLUTION, SCALE_RESOLUTION = range(36, 41)
+PERIOD, STEP, DELAY_PART, NUMBERS = range(41, 45)
 
-# switches; those from GUIDE on are the modes, which change while the axis moves
-(
-    RIGID,
-    CONTROL,
-    DRY,
-    SCREW_DRY,
-    LUGRE,
-    BACKLASH,
-    VARYING_AXIAL,
-    VARYING_GUIDE,
-    PITCH,
-    PITCH_POINTS,
-    COMPLIANCE_POINTS,
-    BOTH_ENDS,
-    RIPPLES,
-    TABLE_FEEDBACK,
-    SPEED_FROM_ENCODER,
-    SPEED_SAMPLES,
-    PERIOD_STEPS,
-    SAMPLE_STEPS,
-    DELAY_STEPS,
-    MOST_EVENTS,
-    PITCH_AT,
-    COMPLIANCE_AT,
-    RIPPLE_AT,
-    CORNERS,
-    LIMITS,
-    GUIDE,
-    SCREW,
-    CONTACT,
-    SEGMENT,
-    AT_CORNER,
-    SPEED_MODE,
-    COMMAND_MODE,
-    SWITCHES,
-) = range(33)
+# switches: what there is, how many, and where its table begins
+RIGID, CONTROL, DRY, SCREW_DRY, LUGRE, BACKLASH, VARYING_AXIAL, VARYING_GUIDE, PITCH, PITCH_POINTS = range(10)
+COMPLIANCE_POINTS, BOTH_ENDS, RIPPLES, TABLE_FEEDBACK, SPEED_FROM_ENCODER, SPEED_SAMPLES, PERIOD_STEPS = range(10, 17)
+SAMPLE_STEPS, DELAY_STEPS, MOST_EVENTS, PITCH_AT, COMPLIANCE_AT, RIPPLE_AT, CORNERS, LIMITS = range(17, 25)
+# modes, which change while the axis moves
+GUIDE, SCREW, CONTACT, SEGMENT, AT_CORNER, SPEED_MODE, COMMAND_MODE, SWITCHES = range(25, 33)
 
 # what drives the actuator
 NOTHING, CONTINUOUS, SAMPLED, GIVEN = range(4)

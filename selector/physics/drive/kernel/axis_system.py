@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 from scipy import interpolate, optimize
 
 from selector.errors import InputError
-from selector.physics.drive.motion import ParameterCourse, Reference
-from selector.physics.drive.parts.axis import Axis, AxisState, Sensing, Servo, pitch_error_m
-from selector.physics.drive.parts.mechanics import AxialCompliance, RigidMechanics, ThreeMassMechanics
+from selector.physics.drive.parts.axis import (
+    AxialCompliance,
+    Axis,
+    AxisState,
+    RigidMechanics,
+    Sensing,
+    Servo,
+    ThreeMassMechanics,
+    pitch_error_m,
+)
+from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.system import linearise
 from selector.types import Vector
 

@@ -13,17 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.closed_loop import plant, servo_of, small_signal_mechanics
-from selector.physics.drive.loop.loop_response import (
+from selector.physics.drive.loop.closed_loop import (
     Response,
     growing_poles,
     loop_poles,
     loop_response,
     nyquist_rad_per_s,
+    plant,
+    servo_of,
+    small_signal_mechanics,
 )
-from selector.physics.drive.motion import ParameterCourse
-from selector.physics.drive.parts.axis import Axis
-from selector.physics.drive.parts.mechanics import Mechanics, RigidMechanics
+from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics
+from selector.physics.drive.trajectory import COURSES, ParameterCourse
 from selector.types import Vector
 
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
@@ -199,15 +200,8 @@ def loop_figures(axis: Axis) -> LoopFigures:
     rad = 2.0 * math.pi * frequency_hz
     opened = control.frd(loop_response(axis, rad).opened_position_loop(axis), rad, smooth=True)
     _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
-    return LoopFigures(
-        bandwidth_hz=bandwidth_hz,
-        peak=peak,
-        peak_hz=peak_hz,
-        gain_margin_db=gain_db,
-        phase_margin_deg=float(phase),
-        gain_margin_hz=gain_hz,
-        phase_margin_hz=float(phase_rad) / (2.0 * math.pi),
-    )
+    phase_hz = float(phase_rad) / (2.0 * math.pi)
+    return LoopFigures(bandwidth_hz, peak, peak_hz, gain_db, float(phase), gain_hz, phase_hz)
 
 
 def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
@@ -217,7 +211,7 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
     """
     mechanics: Mechanics = axis.mechanics
     values: dict[str, float] = {}
-    for name in ("axial_stiffness_n_per_m", "guide_damping_ns_per_m"):
+    for name in COURSES:
         samples = getattr(course, name)
         if samples is None:
             continue

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from selector.errors import InputError
 from selector.physics.checks import require_not_negative, require_positive
-from selector.physics.drive.parts.axis import Servo
-from selector.physics.drive.parts.mechanics import (
+from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
     Force,
     Inertia,
+    Servo,
     Torque,
     TorsionalDamping,
     TorsionalStiffness,
@@ -51,6 +51,15 @@ class Motor:
 
     def __post_init__(self) -> None:
         require_positive(self, "inertia_kg_m2", "torque_constant_nm_per_a", "peak_torque_nm", "top_speed_rpm")
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """Gain of the actuator, and limits of current and speed, of a `Servo` of this motor."""
+        return {
+            "actuator_gain": self.torque_constant_nm_per_a,
+            "command_limit": self.peak_torque_nm / self.torque_constant_nm_per_a,
+            "speed_limit": self.top_speed_rpm * math.pi / 30.0,
+        }
 
 
 @dataclass(frozen=True)
@@ -208,15 +217,7 @@ def thc6350_x_axis() -> Parts:
 
 def thc6350_servo() -> Servo:
     """Continuous cascade control for `thc6350_x_axis`: Kv 40/s, velocity loop of about 40 Hz, limits of the motor."""
-    motor = Motor()
-    return Servo(
-        position_gain_per_s=40.0,
-        velocity_gain=6.0,
-        velocity_integral_gain=300.0,
-        actuator_gain=motor.torque_constant_nm_per_a,
-        command_limit=motor.peak_torque_nm / motor.torque_constant_nm_per_a,
-        speed_limit=motor.top_speed_rpm * math.pi / 30.0,
-    )
+    return Servo(40.0, 6.0, 300.0, **Motor().limits)
 
 
 def _require_contact(part: Nut | Bearings) -> None:

@@ -100,15 +100,9 @@ class Excitation:
 
     def only(self, rows: Indices) -> Excitation:
         """The excitation by these rows alone."""
-        return Excitation(
-            self.sources,
-            self.frequency_hz[rows],
-            self.force_n[rows],
-            self.source[rows],
-            self.line[rows],
-            tuple(self.order[row] for row in rows),
-            tuple(self.shaft[row] for row in rows),
-        )
+        order, shaft = tuple(self.order[row] for row in rows), tuple(self.shaft[row] for row in rows)
+        picked = self.frequency_hz[rows], self.force_n[rows], self.source[rows], self.line[rows]
+        return Excitation(self.sources, *picked, order, shaft)
 
 
 def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Excitation:

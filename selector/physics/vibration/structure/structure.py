@@ -1,4 +1,4 @@
-"""What vibrates, and how the whole structure answers to forces, every member reacting back on its neighbours."""
+"""What vibrates: how the whole structure answers to forces, in which modes it rings, and which one carries a line."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
 from selector.physics.checks import require_not_negative, require_positive
+from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
 GROUND = "ground"
@@ -171,31 +174,12 @@ def scaled_stiffness_matrix(structure: Structure) -> Complex:
     return scaled
 
 
-def response(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
-    """Motion of every member [m], complex, shape (n_freq, n_members), by solving at every frequency.
-
-    `frequency_hz` has the shape (n_freq,) [Hz], 0 is the static limit; `force_n`, complex amplitudes of the forces on
-    the members [N], (n_freq, n_members), or (n_members,) for all frequencies.
-
-    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
-    """
-    frequency = checked_frequencies(frequency_hz)
-    force = np.asarray(force_n, dtype=np.complex128)
-    shape = (len(frequency), len(structure.members))
-    if force.shape not in (shape, shape[1:]) or not np.isfinite(force).all():
-        raise InputError(
-            f"forces of shape {force.shape}" + ("" if np.isfinite(force).all() else " with missing values"),
-            expected=f"a number for every frequency and member, shape {shape}",
-            where="force_n",
-            advice="give the force on every member, 0 where none acts",
-        )
-    return _solved(structure, frequency, np.broadcast_to(force, shape)[:, :, None])[:, :, 0]
-
-
 def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
     """Motions [m] in several cases of force at once, complex, shape (n_cases, n_freq, n_members).
 
-    `force_n` has the shape (n_cases, n_members) and is the same at every frequency. Errors: as `response`.
+    `force_n` has the shape (n_cases, n_members) and is the same at every frequency; at 0 Hz it is the static limit.
+
+    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
     """
     frequency = checked_frequencies(frequency_hz)
     force = np.asarray(force_n, dtype=np.complex128)
@@ -208,7 +192,7 @@ def receptance(
 ) -> Complex:
     """Motion of the member `of` per unit force on the member `at` [m/N], complex, shape (n_freq,).
 
-    The opposite force acts on `against`, by default on the ground. Errors: as `response`, and for unknown members.
+    The opposite force acts on `against`, by default on the ground. Errors: as `receptances`, and for unknown members.
     """
     force = unit_force(structure, at, against)
     return receptances(structure, frequency_hz, force[None])[0][:, known_place(structure, of, "of")]
@@ -307,13 +291,177 @@ def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Com
     return motion
 
 
-def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
-    """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
-    eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
-    shape = vectors[:, np.argmin(np.abs(eigenvalues - square))] / np.sqrt(_masses_kg(structure))
+def strained_joint(structure: Structure, shape: Complex) -> Joint:
+    """The joint that holds most of the energy of a motion of the members, shape (n_members,)."""
     motion = {**dict(zip(structure.names, shape, strict=True)), GROUND: 0.0}
-    strained = max(
+    return max(
         structure.joints,
         key=lambda joint: joint.stiffness_n_per_m * abs(motion[joint.between[0]] - motion[joint.between[1]]) ** 2,
     )
-    return structure.names[int(np.argmax(np.abs(shape)))], strained.between
+
+
+def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, str]]:
+    """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
+    eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
+    near: Complex = vectors[:, np.argmin(np.abs(eigenvalues - square))].astype(np.complex128)
+    shape = near / np.sqrt(_masses_kg(structure))
+    return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
+
+
+ORTHOGONAL = 1e-10
+"""Modes whose product φᵀ·M·φ is above this share of their lengths are not told apart by their eigenvalues."""
+COMPLETE = 1e-10
+"""How exactly the shapes of all modes must give back every motion to be used as coordinates."""
+
+
+@dataclass(frozen=True)
+class StructureModes:
+    """Modes of a structure, lowest frequency first."""
+
+    frequency_hz: NDArray[np.float64]  #: (n,): Damped eigenfrequencies Re √λ / 2π [Hz]
+    loss_factor: NDArray[np.float64]  #: (n,): η = Im λ / Re λ; ψ of the mode is 2π·η
+    #: (n_members, n): One mode a column, φᵀ·M·φ = 1 (no conjugation), the largest motion with a positive real part
+    #: [kg^−½]. If not `complete`: modes for which that is impossible have φᴴ·M·φ = 1.
+    shapes: Complex
+    eigenvalues_per_s2: Complex  #: (n,): λ [1/s²]
+    members: tuple[str, ...]  #: Names of the rows of `shapes`
+    complete: bool  #: Whether the shapes span all motions, to rounding
+
+    def __post_init__(self) -> None:
+        for values in (self.frequency_hz, self.loss_factor, self.shapes, self.eigenvalues_per_s2):
+            values.setflags(write=False)
+
+
+def structure_modes(structure: Structure) -> StructureModes:
+    """All modes of a structure.
+
+    InputError if stiffnesses over masses lie so far apart that rounding decides the lowest modes.
+    """
+    refuse_unresolved(structure, np.zeros(1))
+    eigenvalues, vectors = _eigenpairs(structure)
+    order = np.argsort(np.sqrt(eigenvalues).real, kind="stable")
+    eigenvalues, vectors = eigenvalues[order], vectors[:, order]
+    vectors = _normalised(vectors)
+    largest = vectors[np.argmax(np.abs(vectors), axis=0), np.arange(len(eigenvalues))]
+    vectors = vectors * np.where(largest.real < 0.0, -1.0, 1.0)
+    lost = np.abs(vectors @ vectors.T - np.eye(len(eigenvalues))).max()
+    return StructureModes(
+        frequency_hz=np.sqrt(eigenvalues).real / (2.0 * math.pi),
+        loss_factor=eigenvalues.imag / eigenvalues.real,
+        shapes=vectors / np.sqrt(np.diag(mass_matrix(structure)))[:, None],
+        eigenvalues_per_s2=eigenvalues,
+        members=structure.names,
+        complete=bool(lost <= COMPLETE),
+    )
+
+
+def receptance_by_modes(
+    structure: Structure,
+    frequency_hz: ArrayLike,
+    *,
+    of: str,
+    at: str,
+    against: str | None = None,
+    modes: StructureModes | None = None,
+) -> Complex:
+    """Motion of `of` per unit force on `at` [m/N], shape (n_freq,): Σ φ_of·φ_at / (λ − ω²) over all modes.
+
+    The opposite force acts on `against`, by default on the ground. `modes` are those of the structure, where they are
+    known already. Where modes are not complete, by the triangular form of Schur instead.
+
+    InputError at a resonance that nothing damps, and for unknown members.
+    """
+    frequency = checked_frequencies(frequency_hz)
+    modes = structure_modes(structure) if modes is None else modes
+    refuse_unresolved(structure, frequency)
+    force, place = unit_force(structure, at, against), known_place(structure, of, "of")
+    square = (2.0 * math.pi * frequency) ** 2
+    if not modes.complete:
+        return _by_schur(structure, square, force, place)
+    weight = modes.shapes[place] * (modes.shapes.T @ force)
+    return np.asarray((weight / (modes.eigenvalues_per_s2 - square[:, None])).sum(axis=1))
+
+
+def _eigenpairs(structure: Structure) -> tuple[Complex, Complex]:
+    """Eigenvalues and vectors of length 1; real shapes where every joint takes the same share of energy.
+
+    Those of the inverse, a compliance: so the low modes, which move most, have the most digits.
+    """
+    scaled = scaled_stiffness_matrix(structure)
+    losses = {joint.loss_factor for joint in structure.joints}
+    if len(losses) == 1:
+        inverses, vectors = linalg.eigh(linalg.inv(scaled.real))
+        return np.asarray(complex(1.0, losses.pop()) / inverses, np.complex128), vectors.astype(np.complex128)
+    inverses, vectors = linalg.eig(linalg.inv(scaled))
+    return np.asarray(1.0 / inverses, dtype=np.complex128), np.asarray(vectors, dtype=np.complex128)
+
+
+def _normalised(vectors: Complex) -> Complex:
+    """The vectors with vᵀ·v = 1 and 0 between different ones; as they are where vᵀ·v vanishes."""
+    normalised = vectors.copy()
+    products = vectors.T @ vectors
+    # eigenvalues that are equal, or nearly so, leave it open which of their vectors are found
+    _, group = connected_components(np.abs(products) > ORTHOGONAL, directed=False)
+    for number in range(group.max() + 1):
+        together = np.flatnonzero(group == number)
+        block = products[np.ix_(together, together)]
+        if np.linalg.svd(block, compute_uv=False).min() > 1e-6:
+            # the root of a symmetric matrix is a polynomial of it, hence symmetric too
+            root = linalg.sqrtm(block)
+            normalised[:, together] = vectors[:, together] @ np.linalg.inv(root)
+    return normalised
+
+
+def _by_schur(structure: Structure, square: NDArray[np.float64], force: NDArray[np.float64], place: int) -> Complex:
+    """Receptance by back substitution in the triangular form T of the inverse, all frequencies at once.
+
+    (K − ω²)⁻¹ = T·(1 − ω²·T)⁻¹ between unitary matrices; needs no complete modes.
+    """
+    root = np.sqrt(np.diag(mass_matrix(structure)))
+    triangle, unitary = linalg.schur(linalg.inv(scaled_stiffness_matrix(structure)), output="complex")
+    load = unitary.conj().T @ (force / root)
+    found = np.zeros((len(load), len(square)), dtype=np.complex128)
+    for row in range(len(load) - 1, -1, -1):
+        rest = load[row] + square * (triangle[row, row + 1 :] @ found[row + 1 :])
+        found[row] = rest / (1.0 - square * triangle[row, row])
+    return np.asarray((unitary[place] @ triangle) @ found / root[place])
+
+
+@dataclass(frozen=True)
+class CarryingMode:
+    """The mode that has the largest part in the motion of the tool against the workpiece by one line."""
+
+    mode: int  #: Its position among the modes
+    #: frequency_hz and loss_factor: Of the mode [Hz], η
+    frequency_hz: float
+    loss_factor: float
+    member: str  #: Member that moves most in it
+    amplification: float  #: |λ/(λ − ω²)|: its motion at the line over that by a force that does not change
+
+
+def carrying_mode(
+    structure: Structure, modes: StructureModes, source: Source, frequency_hz: float, *, tool: str, workpiece: str
+) -> CarryingMode | None:
+    """The mode whose part in X_tool − X_workpiece is the largest; None where modes do not span all motions."""
+    if not modes.complete:
+        return None
+    parts = np.abs(relative_parts(structure, modes, source, frequency_hz, tool=tool, workpiece=workpiece))
+    k = int(np.argmax(parts))
+    square, eigenvalue = (2.0 * math.pi * frequency_hz) ** 2, complex(modes.eigenvalues_per_s2[k])
+    return CarryingMode(
+        mode=k,
+        frequency_hz=float(modes.frequency_hz[k]),
+        loss_factor=float(modes.loss_factor[k]),
+        member=modes.members[int(np.argmax(np.abs(modes.shapes[:, k])))],
+        amplification=abs(eigenvalue / (eigenvalue - square)),
+    )
+
+
+def relative_parts(
+    structure: Structure, modes: StructureModes, source: Source, frequency_hz: float, *, tool: str, workpiece: str
+) -> NDArray[np.complex128]:
+    """Part of every mode in (X_tool − X_workpiece)/F of one source [m/N], shape (n_modes,); their sum is all of it."""
+    force = unit_force(structure, source.member, source.against)
+    relative = modes.shapes[structure.position(tool)] - modes.shapes[structure.position(workpiece)]
+    square = (2.0 * math.pi * frequency_hz) ** 2
+    return np.asarray(relative * (modes.shapes.T @ force) / (modes.eigenvalues_per_s2 - square))

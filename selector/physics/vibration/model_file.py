@@ -1,9 +1,10 @@
-"""What does the model file of a vibration say: TOML text → checked values, or an error that names the key."""
+"""What does the model file of a vibration say: TOML text → checked values, numbers to be fitted, or an error."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal
@@ -12,7 +13,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from selector.errors import InputError
-from selector.physics.model_fields import Fit, Unit, Usual
+from selector.physics.model_fields import Fit, Number, Parameter, Unit, Usual, file_with, numbers_of, parameters_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Contradiction,
@@ -29,8 +30,7 @@ from selector.physics.model_text import (
     unknown_name,
 )
 from selector.physics.model_values import refusals
-from selector.physics.vibration.chain.chain import Chain, chain_links, force_sign
-from selector.physics.vibration.motion.periodic_error import Cutting, Surface
+from selector.physics.vibration.chains import Chain, chain_links, force_sign
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 
@@ -227,21 +227,6 @@ def source_of(name: str, section: SourceSection) -> Source:
     return Source(name, section.member, lines, section.against, section.shaft)
 
 
-def file_sources(file: VibrationFile) -> tuple[Source, ...]:
-    """The sources of a file."""
-    return tuple(source_of(name, section) for name, section in file.sources.items())
-
-
-def chain_of(section: ChainSection) -> Chain:
-    """The chain that a section describes."""
-    return Chain(**dict(section))
-
-
-def file_chains(file: VibrationFile) -> tuple[Chain, ...]:
-    """The chains of a file."""
-    return tuple(chain_of(section) for section in file.chains)
-
-
 def file_shafts(file: VibrationFile, replaced: Mapping[str, ShaftCourse] | None = None) -> dict[str, ShaftCourse]:
     """Shaft → its course, or what replaces it; one that follows another has that one's course times the ratio."""
 
@@ -250,23 +235,18 @@ def file_shafts(file: VibrationFile, replaced: Mapping[str, ShaftCourse] | None 
         if replaced is not None and name in replaced:
             return replaced[name]
         if shaft.of is None:
-            return own_course(shaft)
-        return scaled_course(course(shaft.of), 1.0 if shaft.ratio is None else shaft.ratio)
+            return _own_course(shaft)
+        led, ratio = course(shaft.of), 1.0 if shaft.ratio is None else shaft.ratio
+        return led if ratio == 1.0 else ShaftCourse(led.time_s, ratio * led.rpm)
 
     return {name: course(name) for name in file.shafts}
 
 
-def own_course(shaft: ShaftSection) -> ShaftCourse:
-    """The course of a shaft with a speed of its own."""
+def _own_course(shaft: ShaftSection) -> ShaftCourse:
     if isinstance(shaft.rpm, tuple):
         time_s, rpm = np.array(shaft.rpm).T
         return ShaftCourse(time_s, rpm)
     return ShaftCourse(np.zeros(1), np.array([shaft.rpm or 0.0]))
-
-
-def scaled_course(course: ShaftCourse, ratio: float) -> ShaftCourse:
-    """The course of what turns `ratio` times as fast."""
-    return course if ratio == 1.0 else ShaftCourse(course.time_s, ratio * course.rpm)
 
 
 def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
@@ -275,18 +255,6 @@ def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
         return float(course.rpm[0])
     first, last = course.turns_at(np.array([from_s, to_s]))
     return float(60.0 * (last - first) / (to_s - from_s))
-
-
-def file_cutting(file: VibrationFile, workpiece_rpm: float) -> Cutting | None:
-    """The cut at this speed of its shaft [r/min]; None without ``[cutting]``."""
-    if file.cutting is None:
-        return None
-    return Cutting(workpiece_rpm=workpiece_rpm, **file.cutting.model_dump(exclude={"shaft"}))
-
-
-def file_surface(file: VibrationFile) -> Surface:
-    """Where one kind of periodic error ends and the next begins."""
-    return Surface(**dict(file.surface))
 
 
 FEWEST_SAMPLES = 4
@@ -336,7 +304,7 @@ def _of_shafts(file: VibrationFile) -> Iterator[Contradiction]:
             if times[0] != 0.0 or any(b <= a for a, b in pairwise(times)):
                 found, expected = f"corners at {times[:6]} s", "times that begin with 0 and increase"
                 yield (*key, "rpm"), found, expected, "begin with [0, …] and sort the corners; one speed a time"
-            elif own_course(shaft).range_rpm(0.0, file.run.duration_s)[1] == 0:
+            elif _own_course(shaft).range_rpm(0.0, file.run.duration_s)[1] == 0:
                 yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
         elif shaft.rpm == 0:
             yield (*key, "rpm"), "a shaft that stands", "a speed above 0", "leave the shaft and its lines out"
@@ -405,8 +373,8 @@ def _of_chains(file: VibrationFile) -> Iterator[Contradiction]:
         if section.name in names[:number]:
             yield (*key, "name"), f"a second chain {section.name!r}", "every name once", "give it another name"
         yield from _unknown_in_chain(file, section, key)
-        yield from refusals(partial(chain_of, section), key, section)
-        chain = chain_of(section)
+        yield from refusals(partial(Chain, **dict(section)), key, section)
+        chain = Chain(**dict(section))
         yield from _in_chain(partial(chain_links, structure, chain), key)
         for name in section.sources:
             yield from _in_chain(partial(force_sign, chain, source_of(name, file.sources[name])), key)
@@ -476,15 +444,69 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[VibrationFile] = ModelFamily(
     "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
 
 
-def parsed_model_file(text: str, *, where: str = "model file") -> VibrationFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
+_TIMES = 10.0
+_SMALLEST = 1e-3
+"""Of a force that is there: a line without any is refused."""
 
 
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> VibrationFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+def parameters(file: VibrationFile) -> dict[str, Parameter]:
+    """The physics of a structure and its sources as named numbers, those that are switched off included.
+
+    Names are the keys of the file, arrays counted from 1: ``members.tool.mass_kg``, ``joints.3.dissipation``,
+    ``sources.IK2.lines.1.force_n``. Masses and stiffnesses may be a tenth to ten times what they are, ψ from 0 to 2.
+    A force that is there may be a thousandth to ten times; one that is 0 from 0 to ten times what the unbalance of its
+    line makes at the highest speed, and the other way round; phases −π to π. Always around the value, unless
+    ``[bounds]`` says otherwise. Errors as `parameters_of`.
+    """
+    return parameters_of(file, _numbers(file))
+
+
+def with_parameters(file: VibrationFile, values: Mapping[str, float]) -> VibrationFile:
+    """The model file with other values of some parameters, see `file_with`."""
+    return file_with(file, values, _numbers(file), checked_model_file)
+
+
+def _numbers(file: VibrationFile) -> Iterator[Number]:
+    for name, member in file.members.items():
+        yield from _of_section(member, ("members", name))
+    for number, joint in enumerate(file.joints):
+        yield from _of_section(joint, ("joints", number))
+    courses = file_shafts(file)
+    for name, source in file.sources.items():
+        course = courses[source.shaft] if source.shaft is not None else None
+        for number, line in enumerate(source.lines):
+            yield from _of_line(("sources", name, "lines", number), line, course, file.run.duration_s)
+
+
+def _of_section(section: Entry, path: Key) -> Iterator[Number]:
+    """Its numbers, whose bounds may not pass what their keys may have."""
+    for one in numbers_of(section, path):
+        said = type(section).model_fields[str(one.path[-1])].metadata
+        least, most = (
+            float(next(getattr(limit, end) for limit in said if hasattr(limit, end))) for end in ("ge", "le")
+        )
+        yield replace(one, limits=(least, most))
+
+
+def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_s: float) -> Iterator[Number]:
+    frequency = line.frequency_hz
+    if frequency is None and course is not None:
+        frequency = (line.order or 0.0) * course.range_rpm(0.0, duration_s)[1] / 60.0
+    square = (2.0 * math.pi * (frequency or 0.0)) ** 2
+    instead = {
+        "force_n": line.unbalance_kg_m * square,
+        "unbalance_kg_m": line.force_n / square if square > 0 else 0.0,
+    }
+    for one in _of_section(line, path):
+        key = str(one.path[-1])
+        if key not in instead:
+            yield one
+        elif one.value > 0:
+            yield replace(one, low=_SMALLEST * one.value, high=_TIMES * one.value)
+        elif line.order is not None or key == "force_n":
+            # what keeps its frequency is no unbalance: that follows a shaft
+            yield replace(one, low=0.0, high=_TIMES * instead[key])

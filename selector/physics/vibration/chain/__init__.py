@@ -1,1 +1,0 @@
-"""The published chain method, and where it is good."""

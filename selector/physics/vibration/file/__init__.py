@@ -1,1 +1,0 @@
-"""The model file of a vibration, and its parameters."""

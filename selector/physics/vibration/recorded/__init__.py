@@ -1,1 +1,0 @@
-"""Recorded speeds and forces that drive a model."""
