@@ -62,6 +62,16 @@ class RunSource(Protocol):
         """(time_s, values) pieces of a run, in order; values of shape (n_samples, n_names)."""
 
 
+def no_channel(name: str, names: Iterable[str]) -> RecordingError:
+    """That there is no channel of this name; the message lists those that there are."""
+    return RecordingError(
+        f"no channel {name!r}",
+        expected="one of " + ", ".join(names),
+        where="recording",
+        advice="correct the name, or list the channels with `selector describe`",
+    )
+
+
 @dataclass(frozen=True)
 class Recording:
     """One or more runs on a common set of channels.
@@ -151,18 +161,10 @@ class Recording:
     def channel(self, name: str) -> Channel:
         """The channel of this name.
 
-        Raises
-        ------
-        RecordingError
-            If there is none; the message lists those that there are.
+        Raises RecordingError: there is none; the message lists those that there are.
         """
         if name not in self._column:
-            raise RecordingError(
-                f"no channel {name!r}",
-                expected="one of " + ", ".join(self.names),
-                where="recording",
-                advice="correct the name, or list the channels with `selector describe`",
-            )
+            raise no_channel(name, self.names)
         return self.channels[self._column[name]]
 
     def with_role(self, *roles: str) -> tuple[str, ...]:

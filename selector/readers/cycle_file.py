@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from selector.errors import ReadError
+from selector.readers.cells import is_time_name
 from selector.readers.clock.stamps import time_unit
-from selector.readers.layout import is_time_name
-from selector.readers.roles.inferred import role_guess
-from selector.readers.roles.names import name_and_unit, printable_name
+from selector.readers.roles.names import name_and_unit, printable_name, role_guess
 from selector.readers.text.encodings import decoded
 from selector.readers.text.lines import cells_of
 from selector.types import Vector

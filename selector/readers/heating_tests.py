@@ -24,10 +24,7 @@ def heating_tests(
     `response` are the displacements or temperatures to be predicted; default: all displacements there are. Faults of
     temperatures around the machine are left out, too.
 
-    Raises
-    ------
-    OptionError
-        There is no displacement, one is faulty in every run, or a unit was guessed.
+    Raises OptionError: There is no displacement, one is faulty in every run, or a unit was guessed.
     """
     recording = reading.recording
     responses = tuple(dict.fromkeys(response)) if response else recording.with_role("displacement")

@@ -86,8 +86,7 @@ class ChannelSection(_Entry):
 
 _Second = Annotated[float, Field(ge=0.0, strict=False)]
 Stretch = Annotated[tuple[_Second, _Second], Field(strict=False)]
-WHOLE: tuple[Stretch, ...] = ((0.0, float("inf")),)
-"""The stretch of a whole run; ``"all"`` in the file."""
+WHOLE: tuple[Stretch, ...] = ((0.0, float("inf")),)  #: The stretch of a whole run; ``"all"`` in the file.
 
 
 class RunChannelSection(_Entry):
@@ -150,15 +149,9 @@ class Machine(_Entry):
 def machine(path: Path) -> Machine:
     """The machine file at `path`.
 
-    Raises
-    ------
-    ReadError
-        The file cannot be read, is not TOML, has an unknown key, or a value of the wrong kind; the message names the
-        line and, for a key, the nearest one that is valid.
-    UnitError
-        The unit of a channel is unknown or does not fit its role.
-    RecordingError
-        Two channels are read from the same column.
+    Raises ReadError: The file cannot be read, is not TOML, has an unknown key, or a value of the wrong kind; the
+    message names the line and, for a key, the nearest one that is valid. Raises UnitError: The unit of a channel is
+    unknown or does not fit its role. Raises RecordingError: Two channels are read from the same column.
     """
     where = str(path)
     text = text_of(

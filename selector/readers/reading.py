@@ -36,13 +36,11 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
     parts: list[Vector] = []
     provenance: dict[str, Any] = {}
     for run in runs:
-        by_header = {column.header: column.values for column in run.columns}
         values = np.full((len(run.time_s), len(channels)), np.nan)
         for k, channel in enumerate(planned.channels):
-            header = channel.headers.get(run.name)
-            if header is None:
-                continue
-            values[:, k] = channel.canonical(by_header[header], run.name, run.time_s)
+            if run.name in channel.headers:
+                column = run.by_header[channel.headers[run.name]]
+                values[:, k] = channel.canonical(column.values, run.name, run.time_s)
         values[~np.isfinite(values)] = np.nan
         empty = np.isnan(values).all(axis=0)
         if empty.all():
@@ -66,7 +64,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
             if nothing and run.name in channel.headers and run.name not in channel.left_out
         ]
         parts.append(values)
-        provenance[run.name] = _provenance(run)
+        provenance[run.name] = provenance_of(run)
     frame = pd.DataFrame(
         np.concatenate(parts),
         columns=names,
@@ -88,7 +86,8 @@ def channel_of(planned: Planned) -> Channel:
     )
 
 
-def _provenance(run: TimedRun) -> dict[str, Any]:
+def provenance_of(run: TimedRun) -> dict[str, Any]:
+    """Where a run comes from and how it was read, as `Recording.provenance` holds it."""
     return {
         "file": str(run.file),
         "sha256": run.sha256,
@@ -188,23 +187,12 @@ class ChannelInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form: what is not known is not there."""
-        told: dict[str, Any] = {
-            "name": self.name,
-            "column": self.column,
-            "role": self.role,
-            "unit": self.unit,
-            "unit_in_file": self.unit_in_file,
-            "guessed": list(self.guessed),
-        }
+        always = ("name", "column", "role", "unit", "unit_in_file")
+        told = {name: getattr(self, name) for name in always} | {"guessed": list(self.guessed)}
         if self.units_of_runs:
             told["unit_per_run"] = dict(self.units_of_runs)
-        if self.place is not None:
-            told["place"] = self.place
-        if self.axis is not None:
-            told["axis"] = self.axis
-        if self.xyz_m is not None:
-            told["xyz"] = list(self.xyz_m)
-        return told
+        known = {"place": self.place, "axis": self.axis, "xyz": None if self.xyz_m is None else list(self.xyz_m)}
+        return told | {name: value for name, value in known.items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -243,10 +231,8 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     A run is called after its file. Without a machine file, ``machine.toml`` of a folder in `paths` is taken, if there
     is one; otherwise roles and units are inferred.
 
-    Raises
-    ------
-    ReadError, RecordingError, UnitError, OptionError
-        The input is unusable; the message says what was found, what was expected, where, and what to do.
+    Raises ReadError, RecordingError, UnitError, OptionError: The input is unusable; the message says what was found,
+    what was expected, where, and what to do.
     """
     overrides = overrides or Overrides()
     found = recording_files([Path(path) for path in paths])
@@ -270,14 +256,11 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
                 timed += [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
-        runs, renamed = uniquely_named(timed)
-        runs, unused = used_runs(runs, declared)
-        planned = repaired(plan(runs, declared, overrides), declared, runs)
+        runs, planned, noticed = settled(timed, declared, overrides)
         recording, told = assembled(runs, planned)
-    findings += [*renamed, *unused, *placed(runs, planned), *planned.findings, *told]
     return Reading(
         recording,
-        condensed(findings),
+        condensed([*findings, *noticed, *told]),
         tuple(_run_info(run) for run in runs),
         tuple(_channel_info(planned, runs)),
         _how(runs),
@@ -285,6 +268,16 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         planned.undeclared,
         machine_file,
     )
+
+
+def settled(
+    timed: Sequence[TimedRun], declared: Machine | None, overrides: Overrides
+) -> tuple[list[TimedRun], Plan, list[Finding]]:
+    """The runs that are used under their own names, what their columns are, and what was noticed of both."""
+    runs, renamed = uniquely_named(timed)
+    runs, unused = used_runs(runs, declared)
+    planned = repaired(plan(runs, declared, overrides), declared, runs)
+    return runs, planned, [*renamed, *unused, *placed(runs, planned), *planned.findings]
 
 
 def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
@@ -351,7 +344,10 @@ def machine_of(reading: Reading) -> Machine:
     """
     time = reading.reading["time"]
     columns = tuple(time["columns"])
-    unit = time["unit"] if _is_clock_said(reading) else None
+    times = _times(reading)
+    # said: every run is in the same unit of time, and none of them only by a guess
+    is_said = len({one["unit"] for one in times}) == 1 and not any("unit" in one["guessed"] for one in times)
+    unit = time["unit"] if is_said else None
     section = TimeSection(
         column=None if not columns else columns[0] if len(columns) == 1 else columns,
         unit=unit if unit == "datetime" else time_unit(unit),
@@ -382,12 +378,6 @@ def guessed_clock(reading: Reading) -> str | None:
     if others or not is_guessed:
         return None
     return f"period_s = {reading.runs[0].period_s!r}" if unit == "sample" else f'unit = "{time_unit(unit) or unit}"'
-
-
-def _is_clock_said(reading: Reading) -> bool:
-    """Whether every run is in the same unit of time, and none of them only by a guess."""
-    times = _times(reading)
-    return len({time["unit"] for time in times}) == 1 and not any("unit" in time["guessed"] for time in times)
 
 
 def _times(reading: Reading) -> list[Mapping[str, Any]]:

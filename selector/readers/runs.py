@@ -54,10 +54,7 @@ class TimedRun:
 def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     """The run of a table.
 
-    Raises
-    ------
-    ReadError
-        It has fewer than two samples, or a time column that was named is missing.
+    Raises ReadError: It has fewer than two samples, or a time column that was named is missing.
     """
     if len(table) == 0:
         raise _too_short(table, 0)
@@ -68,9 +65,10 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     in_words = any(c.header in told.columns and c.kind != "number" for c in table.columns)
     local = told.base_s if told.zone_s is None and in_words else None
     result = ticks(seconds, table, matrix, told.time_of_day, local)
-    if len(result.time_s) < 2:
-        raise _too_short(table, len(result.time_s))
-    values = _averaged(matrix[result.rows], result.groups, len(result.time_s))
+    time_s = result.time_s
+    if len(time_s) < 2:
+        raise _too_short(table, len(time_s))
+    values = _averaged(matrix[result.rows], result.groups, len(time_s))
     # what is wrong with cells of the time column is told by the rows that have no time
     own = [f for f in table.findings if not (f.id == UNREADABLE_CELLS and f.where.channel in told.columns)]
     findings = [*own, *told.findings, *result.findings]
@@ -79,24 +77,14 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     columns: list[Column] = []
     for k, column in enumerate(numeric):
         columns.append(Column(column.header, values[:, k], column.unit, (), column.description))
-        findings += _breaks(column, sample_of_row, result.time_s, table)
+        findings += _breaks(column, sample_of_row, time_s, table)
     first_s = result.first_s
     start = None
     if told.base_s is not None:
         start, first_s = _iso(told.base_s + first_s, told.zone_s), 0.0
     texts = tuple(c.header for c in table.columns if c.kind != "number" and c.header not in told.columns)
     return TimedRun(
-        table.name,
-        table.file,
-        sha256,
-        result.time_s,
-        tuple(columns),
-        texts,
-        told,
-        first_s,
-        start,
-        table,
-        tuple(findings),
+        table.name, table.file, sha256, time_s, tuple(columns), texts, told, first_s, start, table, tuple(findings)
     )
 
 

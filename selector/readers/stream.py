@@ -20,17 +20,15 @@ from selector.readers.files import recording_files
 from selector.readers.finding_table import FINDINGS, MISSING_STAMPS, REPEATED_STAMPS
 from selector.readers.machine_file import Machine
 from selector.readers.machine_file import machine as machine_at
-from selector.readers.reading import channel_of, condensed, placed, time_options
-from selector.readers.roles.plan import Planned, plan
-from selector.readers.roles.repairs import repaired, used_runs
-from selector.readers.runs import TimedRun, timed_run, uniquely_named
+from selector.readers.reading import channel_of, condensed, provenance_of, settled, time_options
+from selector.readers.roles.plan import Planned
+from selector.readers.runs import TimedRun, timed_run
 from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
-from selector.recording import Channel
+from selector.recording import Channel, no_channel
 from selector.types import Mask, Vector
 from selector.units import convert
 
-LARGE_BYTES = 400_000_000
-"""Size of the float64 table beyond which reading piece by piece pays."""
+LARGE_BYTES = 400_000_000  #: Size of the float64 table beyond which reading piece by piece pays.
 
 CHUNK_ROWS = 65_536
 _HEAD_ROWS = 5_000
@@ -67,16 +65,8 @@ class ParquetSource:
         self._findings = list(findings)
         self._told: set[tuple[str, str]] = set()
         self.channels: tuple[Channel, ...] = tuple(channel_of(p) for p in planned)
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of the runs."""
-        return tuple(self._runs)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the channels."""
-        return tuple(self._planned)
+        self.runs = tuple(self._runs)  #: Names of the runs
+        self.names = tuple(self._planned)  #: Names of the channels
 
     @property
     def findings(self) -> tuple[Finding, ...]:
@@ -85,38 +75,8 @@ class ParquetSource:
 
     @cached_property
     def provenance(self) -> Mapping[str, Any]:
-        """File, SHA-256 (the files are read once for it) and absolute start of every run."""
-        return {
-            "runs": {
-                name: {
-                    "file": str(run.file),
-                    "sha256": _sha256(run.file),
-                    "start": run.start,
-                    "first_stamp_s": run.first_s,
-                    "time_columns": list(run.clock.columns),
-                    "time_unit": run.clock.unit,
-                }
-                for name, run in self._runs.items()
-            }
-        }
-
-    def channel(self, name: str) -> Channel:
-        """The channel of this name.
-
-        Raises
-        ------
-        RecordingError
-            If there is none; the message lists those that there are.
-        """
-        for channel in self.channels:
-            if channel.name == name:
-                return channel
-        raise RecordingError(
-            f"no channel {name!r}",
-            expected="one of " + ", ".join(self.names),
-            where="recording",
-            advice="correct the name, or list the channels with `selector describe`",
-        )
+        """As `Recording.provenance`; the files are read once for their SHA-256."""
+        return {"runs": {name: provenance_of(run) | {"sha256": _sha256(run.file)} for name, run in self._runs.items()}}
 
     def rows(self, run: str) -> int:
         """Number of rows in the file of a run."""
@@ -125,15 +85,14 @@ class ParquetSource:
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Vector, Vector]]:
         """(time_s, values) pieces of a run in order, at most `CHUNK_ROWS` rows each, canonical units, NaN = missing.
 
-        Raises
-        ------
-        RecordingError
-            The time runs backwards: such a file has to be sorted first.
-        ReadError
-            The file is damaged.
+        Raises RecordingError: The time runs backwards: such a file has to be sorted first. Raises ReadError: The file
+        is damaged.
         """
         timed = self._runs[run]
-        wanted = [self.channel(name).name for name in names]
+        wanted = list(names)
+        for name in wanted:
+            if name not in self._planned:
+                raise no_channel(name, self.names)
         headers = {name: self._planned[name].headers.get(run) for name in wanted}
         positions: dict[str, str] = timed.table.reading["positions"]
         asked = [*timed.clock.columns, *dict.fromkeys(h for h in headers.values() if h is not None)]
@@ -245,10 +204,8 @@ def stream_parquet(
 ) -> ParquetSource:
     """A source over Parquet files, one per run; roles and units are settled on the first rows of each.
 
-    Raises
-    ------
-    ReadError, RecordingError, UnitError, OptionError
-        As `selector.readers.read`; also if a file is not Parquet or its time is text.
+    Raises ReadError, RecordingError, UnitError, OptionError: As `selector.readers.read`; also if a file is not Parquet
+    or its time is text.
     """
     overrides = overrides or Overrides()
     found = recording_files([Path(path) for path in paths])
@@ -258,14 +215,11 @@ def stream_parquet(
     options = time_options(declared, overrides)
     with quiet(), np.errstate(all="ignore"):
         heads = [timed_run(_head(path), "", options) for path in found.files]
-        runs, renamed = uniquely_named(heads)
-        runs, unused = used_runs(runs, declared)
-        planned = repaired(plan(runs, declared, overrides), declared, runs)
+        runs, planned, noticed = settled(heads, declared, overrides)
     for run in runs:
         if len(run.clock.columns) > 1 or run.clock.time_of_day or run.clock.unit not in _streamable(run):
             raise _no_stream_clock(run)
-    told = [*found.findings, *renamed, *unused, *placed(runs, planned), *planned.findings]
-    return ParquetSource(runs, planned.channels, condensed(told))
+    return ParquetSource(runs, planned.channels, condensed([*found.findings, *noticed]))
 
 
 def _streamable(run: TimedRun) -> set[str]:

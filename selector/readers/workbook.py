@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError
 from selector.findings import Finding
-from selector.readers.cells import column_findings, no_header_finding, numbers_or_text
+from selector.readers.cells import column_findings, column_kinds, layout, no_header_finding, numbers_or_text
 from selector.readers.finding_table import FINDINGS
-from selector.readers.layout import column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 
 MAX_ROWS = 1_048_576
@@ -141,8 +140,7 @@ def _check(rows: int, columns: int, where: str) -> None:
         )
 
 
-MAX_UNPACKED_BYTES = 1_500_000_000
-"""Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb."""
+MAX_UNPACKED_BYTES = 1_500_000_000  #: Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb.
 _MOST_TIMES, _MOST_TIMES_ODS, _ALWAYS_BYTES = 60, 200, 30_000_000
 """An xlsx unpacks to 5 to 20 times its size, an ods to 20 to 175 times where most of its columns never change."""
 

@@ -28,10 +28,7 @@ def write_machine_file(
 ) -> Path:
     """Write a machine file (UTF-8); reading it back gives an equal `Machine`. What is a comment: see `machine_text`.
 
-    Raises
-    ------
-    OptionError
-        The path cannot be written.
+    Raises OptionError: The path cannot be written.
     """
     text = machine_text(machine, undeclared, guessed_clock)
     _write_whole({path: lambda target: target.write_text(text, encoding="utf-8", newline="\n")})
@@ -46,10 +43,8 @@ def convert(reading: Reading, out_dir: Path, format: str = "csv") -> list[Path]:
     an apostrophe in front (`selector.csv_text.defused`), which is dropped when it is read. The recordings are named in
     the result, then the machine file.
 
-    Raises
-    ------
-    OptionError
-        The format is unknown, a file to be written is one of the inputs, or the folder cannot be written.
+    Raises OptionError: The format is unknown, a file to be written is one of the inputs, or the folder cannot be
+    written.
     """
     if format not in ("csv", "parquet"):
         raise OptionError(
@@ -94,7 +89,19 @@ def write_recording(
 
 def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Path]:
     """Run → file in `folder`: called after the run, as every file system takes it, different even without case."""
-    return {run: folder / f"{stem}.{ending}" for run, stem in _stems(runs).items()}
+    files: dict[str, Path] = {}
+    taken: set[str] = set()
+    for run in runs:
+        stem = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", run).strip(" .")[:150] or "run"
+        if _RESERVED.fullmatch(stem) or stem.startswith("~$") or stem.casefold() == "machine":
+            stem = f"run_{stem}"
+        base, count = stem, 1
+        while stem.casefold() in taken:
+            count += 1
+            stem = f"{base}_{count}"
+        taken.add(stem.casefold())
+        files[run] = folder / f"{stem}.{ending}"
+    return files
 
 
 def _machine(recording: Recording, headers: list[str], name: str | None) -> Machine:
@@ -110,23 +117,6 @@ def _machine(recording: Recording, headers: list[str], name: str | None) -> Mach
         for channel, header in zip(recording.channels, headers, strict=True)
     }
     return Machine(machine=MachineSection(name=name), time=TimeSection(column="time_s", unit="s"), channels=channels)
-
-
-def _stems(runs: tuple[str, ...]) -> dict[str, str]:
-    """File names without ending that every file system takes, different even where case does not count."""
-    stems: dict[str, str] = {}
-    taken: set[str] = set()
-    for run in runs:
-        stem = re.sub(r'[<>:"/\\|?*\x00-\x1f]', "_", run).strip(" .")[:150] or "run"
-        if _RESERVED.fullmatch(stem) or stem.startswith("~$") or stem.casefold() == "machine":
-            stem = f"run_{stem}"
-        base, count = stem, 1
-        while stem.casefold() in taken:
-            count += 1
-            stem = f"{base}_{count}"
-        taken.add(stem.casefold())
-        stems[run] = stem
-    return stems
 
 
 def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -> Callable[[Path], None]:

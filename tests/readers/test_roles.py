@@ -5,8 +5,7 @@ import pytest
 
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.readers.machine_file import machine_from_text
-from selector.readers.roles.inferred import known_unit, role_guess
-from selector.readers.roles.names import name_and_unit
+from selector.readers.roles.names import known_unit, name_and_unit, role_guess
 
 WARM = np.linspace(20, 30, 50)
 

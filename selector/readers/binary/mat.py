@@ -351,7 +351,9 @@ def _tables(content: dict[str, Any], opaque: list[str], form: str, path: Path, o
             where=path.name,
             advice="store one vector per channel with the same number of samples, and the time as another vector",
         )
-    first, *others = _alike(tables)
+    # the largest table and those with the same columns are runs; others (parameters, settings) are not
+    wanted = [c.header for c in max(tables, key=lambda t: len(t) * len(t.columns)).columns]
+    first, *others = (t for t in tables if [c.header for c in t.columns] == wanted)
     if not others:
         first = replace(first, name=path.stem)
     if opaque:
@@ -362,13 +364,6 @@ def _tables(content: dict[str, Any], opaque: list[str], form: str, path: Path, o
         )
         first = replace(first, findings=(*first.findings, told))
     return [first, *others]
-
-
-def _alike(tables: list[Table]) -> list[Table]:
-    """The largest table and those with the same columns: runs; others (parameters, settings) are not."""
-    best = max(tables, key=lambda t: len(t) * len(t.columns))
-    wanted = [c.header for c in best.columns]
-    return [t for t in tables if [c.header for c in t.columns] == wanted]
 
 
 def _sets(content: dict[str, Any], name: str, depth: int) -> Iterator[tuple[str, dict[str, Any]]]:

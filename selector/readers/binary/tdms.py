@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -93,26 +94,24 @@ def _table(channels: list[Any], path: Path, group: str) -> Table | None:
     if clocked:
         time_s, columns, told = one_clock(clocked, path)
         same = by_length.pop(len(time_s), [])
-        left = [c.header for rest in by_length.values() for c in rest]
-        extra = [_left_out(left, path)] if left else []
-        return Table(path.stem, path, (*columns, *same), reading, (*findings, *told, *extra), None, time_s, start)
+        findings += [*told, *_left_out(by_length.values(), path)]
+        return Table(path.stem, path, (*columns, *same), reading, tuple(findings), None, time_s, start)
     if not by_length:
         return None
-    best = max(by_length.values(), key=lambda columns: (len(columns), len(columns[0].values)))
-    left = [c.header for columns in by_length.values() if columns is not best for c in columns]
-    extra = [_left_out(left, path)] if left else []
-    return Table(path.stem, path, tuple(best), reading, (*findings, *extra))
+    best = by_length.pop(max(by_length, key=lambda n: (len(by_length[n]), n)))
+    return Table(path.stem, path, tuple(best), reading, (*findings, *_left_out(by_length.values(), path)))
 
 
-def _left_out(names: list[str], path: Path) -> Finding:
-    return FINDINGS.finding(
-        "other-length",
-        f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were left "
-        "out.",
-        evidence={"channels": names},
-        action="leave-out-channel",
-        level="warning",
-    )
+def _left_out(columns: Iterable[list[Column]], path: Path) -> Iterator[Finding]:
+    if names := [column.header for alike in columns for column in alike]:
+        yield FINDINGS.finding(
+            "other-length",
+            f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were "
+            "left out.",
+            evidence={"channels": names},
+            action="leave-out-channel",
+            level="warning",
+        )
 
 
 def column_values(values: Any) -> Any:

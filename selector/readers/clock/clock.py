@@ -11,11 +11,10 @@ import numpy as np
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
+from selector.readers.cells import is_counter_name, is_time_name
 from selector.readers.clock.stamps import Stamps, numeric_clock, stamps, time_unit
 from selector.readers.finding_table import AMBIGUOUS_TIME, FINDINGS, TIME_UNIT_GUESSED
-from selector.readers.layout import is_counter_name, is_time_name
-from selector.readers.roles.inferred import known_unit, role_guess
-from selector.readers.roles.names import closest, found_column, name_and_unit
+from selector.readers.roles.names import closest, found_column, known_unit, name_and_unit, role_guess
 from selector.readers.tables import Column, Table, listed
 from selector.types import Vector
 
@@ -214,25 +213,27 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
         read = _text_stamps(column, table, options, known)
         if read is None:
             return None
-        base_s_or_none = None if read.kind == "time" else read.base_s
         seconds = read.seconds + _milliseconds(table, read)
         if read.two_parts and minutes:
             return Clock(seconds / 60.0, None, None, headers, "min", False, (), ())
         if minutes:
             conflict = (_unit_conflict(table, column, "'min'", "dates or times of day"),)
         known_s = seconds[np.isfinite(seconds)]
+        guessed: tuple[str, ...] = ()
         if read.two_parts and wanted is None and len(known_s) and known_s[0] < 3600:
-            conflict = (_ambiguous_parts(table, column),)
-        return Clock(
-            seconds,
-            base_s_or_none,
-            read.zone_s,
-            headers,
-            "datetime",
-            read.kind == "time",
-            ("unit",) if any(one.id == AMBIGUOUS_TIME for one in conflict) else (),
-            (*read.findings, *conflict),
-        )
+            guessed, example = ("unit",), next((str(v) for v in column.values if v), "")
+            conflict = (
+                FINDINGS.finding(
+                    AMBIGUOUS_TIME,
+                    f"Times such as {example!r} in column {column.header!r} of {table.file.name} were read as "
+                    "hours:minutes; they could be minutes:seconds.",
+                    Where(channel=column.header),
+                    {"read_as": "hh:mm", "alternative": "mm:ss"},
+                ),
+            )
+        findings = (*read.findings, *conflict)
+        zero_s = None if read.kind == "time" else read.base_s
+        return Clock(seconds, zero_s, read.zone_s, headers, "datetime", read.kind == "time", guessed, findings)
     return _numeric(table, column, wanted)
 
 
@@ -277,16 +278,6 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
         )
     unit = "datetime" if read.base_s is not None else read.unit
     return Clock(read.seconds, read.base_s, None, (column.header,), unit, read.unit == "day", guessed, tuple(findings))
-
-
-def _ambiguous_parts(table: Table, column: Column) -> Finding:
-    return FINDINGS.finding(
-        "ambiguous-time",
-        f"Times such as {next((str(v) for v in column.values if v), '')!r} in column {column.header!r} of "
-        f"{table.file.name} were read as hours:minutes; they could be minutes:seconds.",
-        Where(channel=column.header),
-        {"read_as": "hh:mm", "alternative": "mm:ss"},
-    )
 
 
 def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Finding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,7 +76,7 @@ def _missing_stamps(seconds: Vector, table: Table) -> Finding:
     )
 
 
-def _unwrapped(t: Vector, rows: Indices, table: Table) -> list[Finding]:
+def _unwrapped(t: Vector, rows: Indices, table: Table) -> Iterator[Finding]:
     """Add a day (or twelve hours) from every step back over midnight on; `t` is changed in place."""
     steps = np.diff(t)
     wraps = np.flatnonzero(steps < -0.5 * _DAY_S)
@@ -84,13 +84,11 @@ def _unwrapped(t: Vector, rows: Indices, table: Table) -> list[Finding]:
     level: Level = "info"
     if len(wraps) == 0 and t.max() < 13 * 3600 + 3600 and np.any(steps < -11 * 3600):
         wraps, period, level = np.flatnonzero(steps < -11 * 3600), 0.5 * _DAY_S, "warning"
-    if len(wraps) == 0:
-        return []
     for wrap in wraps:
         t[wrap + 1 :] += period
     name = "midnight" if period == _DAY_S else "12 o'clock (no AM or PM is written)"
-    return [
-        FINDINGS.finding(
+    if len(wraps):
+        yield FINDINGS.finding(
             "midnight-wrap",
             f"The time of day in {table.file.name} passes {name} {len(wraps)} time(s) "
             f"({_places(rows[wraps + 1], table)}); the run goes on behind it.",
@@ -98,7 +96,6 @@ def _unwrapped(t: Vector, rows: Indices, table: Table) -> list[Finding]:
             {"count": len(wraps), "period_s": period},
             level=level,
         )
-    ]
 
 
 def _in_order(
@@ -168,9 +165,8 @@ def _overlapping(t: Vector, back: Indices) -> bool:
     return any(left[1] >= right[0] for left, right in itertools.pairwise(spans))
 
 
-def _summer_time(t: Vector, usual: float, rows: Indices, table: Table, local_base_s: float) -> list[Finding]:
+def _summer_time(t: Vector, usual: float, rows: Indices, table: Table, local_base_s: float) -> Iterator[Finding]:
     """A step of one hour more than usual, in the small hours of a Sunday in spring: the clock was put forward."""
-    findings: list[Finding] = []
     for i in np.flatnonzero(np.abs(np.diff(t) - usual - 3600.0) < 0.02 * usual + 1e-6):
         moment = np.datetime64(int(local_base_s + t[i]), "s")
         hour = int((moment - moment.astype("datetime64[D]")).astype(int)) // 3600
@@ -179,16 +175,13 @@ def _summer_time(t: Vector, usual: float, rows: Indices, table: Table, local_bas
         if not (sunday and hour <= 3 and month in (3, 4, 9, 10, 11)) or usual > 900:
             continue
         t[i + 1 :] -= 3600.0
-        findings.append(
-            FINDINGS.finding(
-                "clock-jump-forward",
-                f"The clock of {table.file.name} jumps forward by one hour at {table.line(int(rows[i + 1]))}, in "
-                "the night when summer time begins; the hour was taken out.",
-                Where(from_s=float(t[i + 1] - t[0])),
-                {"jump_s": 3600.0, "row": table.line(int(rows[i + 1]))},
-            )
+        yield FINDINGS.finding(
+            "clock-jump-forward",
+            f"The clock of {table.file.name} jumps forward by one hour at {table.line(int(rows[i + 1]))}, in "
+            "the night when summer time begins; the hour was taken out.",
+            Where(from_s=float(t[i + 1] - t[0])),
+            {"jump_s": 3600.0, "row": table.line(int(rows[i + 1]))},
         )
-    return findings
 
 
 def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> tuple[Vector, Indices, list[Finding]]:

@@ -1,4 +1,4 @@
-"""The name and the unit in a header cell, and which column a name means."""
+"""The name and the unit in a header cell, which column a name means, and what the column measures."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import functools
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import islice
 
+import numpy as np
+from numpy.typing import NDArray
+
 from selector.csv_text import as_written
-from selector.readers.layout import is_time_name
+from selector.readers.cells import is_time_name
 from selector.readers.tables import Column
-from selector.units import parse_unit
+from selector.units import CANONICAL_UNITS, parse_unit, same_dimension
 
 _BRACKETED = re.compile(r"[\[(（【{<](?P<unit>[^\[\](){}（）]{0,20})[\])）】}>]")
 _TRAILING = (
@@ -135,3 +139,200 @@ def printable_name(text: str) -> str:
     """
     marked = "".join("?" if "\ud800" <= c <= "\udfff" else c if c.isprintable() else " " for c in text)
     return " ".join(marked.split())[:_LONGEST_NAME].strip() or "run"
+
+
+_WORDS: tuple[tuple[str, str], ...] = (
+    (
+        "state",
+        r"(coolant|k[üu]hlmittel|kss|mist|air|pump|pumpe)[ _-]?(on|off|state|status|open|ein|an|aktiv|active)\b|"
+        r"(door|t[üu]r|valve|ventil|fan|l[üu]fter|chiller|heater)[ _-]?(on|off|state|status|open|ein|an|active)\b",
+    ),
+    (
+        "state",
+        r"(^|[ _-])(on|off|state|status|flag|mode|enable[d]?|alarm|program|prog|m0?[789])$|状态|狀態|状態|開關|开关|"
+        r"冷却液开|состояние",
+    ),
+    (
+        "ambient",
+        r"amb(ient)?(?![a-z])|ambient|hall|umgeb|raum|room|workshop|environ|surround|shop|outdoor|luft|"
+        r"^t_?(inf|env|air|room|u)\b|\bair\b|环境|環境|室温|周囲|外気|车间|车間|气温|окруж|цех|воздух|помещен|okol|"
+        r"prost[řr]ed|otoczen|ambi(ante|ente)|környezet",
+    ),
+    (
+        "position_command",
+        r"(cmd|command|soll|setpoint|set_?pos|target|reference|demand|指令|目标|目標|задан).*|"
+        r".*(?:^|[ _-])(cmd|soll|ref|set)$",
+    ),
+    (
+        "temperature",
+        r"temp|^(t|pt|tc|rtd|th|tk|ntc|ni|pt100|pt1000|tmp|ts|theta|θ|ϑ)[ _.#-]?\d+[a-z]?$|"
+        r"^(t|tc|pt|temp|tmp)[ _.-][a-z].*|^t$|^[Δδd]t[ _]?\d*$|thermo|温|темп|teplot|hőm|^°c$|"
+        r"^ch(annel)?[ _]?\d+[ _]?°c",
+    ),
+    (
+        "spindle_speed",
+        r"rpm|spindle[ _-]*(speed|rev|n\b)|speed|drehzahl|spindeldreh|^n([ _-]?(ist|soll|act|sp|spindle|s))?$|"
+        r"^s$|^s[ _-]?(act|ist|cmd|actual|speed)$|转速|轉速|回転|оборот|част.*вращ|^об|ot[áa][čc]k|obrot|"
+        r"vitesse.*(broche|rotation)|velocidad.*husillo|r/min|^u/min$",
+    ),
+    ("feed_rate", r"feed|vorschub|进给|進給|送り|подач|avance|posuv"),
+    ("velocity", r"^v$|veloc|geschw|скорост|速度|^v[ _]?[xyz]$|vel[ _.]?[xyz]?$"),
+    (
+        "displacement",
+        r"disp|drift|err(or)?(?![a-z])|error|verlag|verschieb|abweich|deform|growth|dehnung|ausdehn|expansion|"
+        r"deviation|gap|probe|gauge|dial|tool[ _-]?(point|centre|center|tip)|tcp|位移|变形|變形|変位|误差|誤差|热伸长|"
+        r"смещ|перемещ|деформ|погреш|удлин|d[ée]placement|posun|przemieszcz|elmozd|"
+        r"^(d|delta|Δ|δ|Δ ?l|e|eps|u)[ _]?[xyz]\d?$|^[xyz]\d?$|^l?vdt|^eddy|^cap(acitive)?[ _]?\d|^laser",
+    ),
+    ("acceleration", r"^acc|accel|beschl|ускор|加速度|vibration|振动"),
+    ("force", r"force|kraft|сила|усили|^f[ _]?[xyz]?$|切削力|力$"),
+    ("current", r"current|strom|^i([ _]?[quvwdxyz0-9]?)$|ток|电流|電流|^amp(ere)?s?$"),
+    ("voltage", r"volt|spannung|^u[ _]?\d*$|^v[ _]?\d+$|напряж|电压|電圧"),
+    ("flow", r"flow|durchfluss|volumenstrom|расход|流量"),
+    ("frequency", r"freq|частота|频率|周波数|^f[ _]?hz"),
+    ("position", r"pos(ition)?(?![a-z])|position|actual|^ist|位置|координ|coord|stroke|travel|行程"),
+    ("amplitude", r"ampl|振幅|амплит"),
+    ("size", r"^(size|ma[ßs]s?|diameter|durchmesser|dia|直径|尺寸|размер|диаметр)"),
+)
+"""Role and a regular expression; where it is found in the name it speaks for the role."""
+
+_PATTERNS = tuple((role, re.compile(words, re.IGNORECASE)) for role, words in _WORDS)
+_PLACES = re.compile(
+    r"spindle|spindel|bearing|lager|column|st[äa]nder|s[äa]ule|bed|bett|table|tisch|motor|coolant|k[üu]hl|oil|[öo]l\b|nut|mutter|"
+    r"screw|housing|geh[äa]use|head(stock)?|nose|front|rear|vorn|hinten|wall|gear|getriebe|tank|hydraul|chiller|guide|"
+    r"saddle|carriage|ram|turret|transf|cabinet|ref|主轴|轴承|床身|立柱|电机|丝杠|螺母|前|后|油|冷却|主軸|軸受|шпинд|подшип|станин|"
+    r"стойк|двигат|масл|vřeten|ložis|wrzec|łożys|palier|broche|b[âa]ti|arri[èe]re|avant|moteur|huile|cojinete|husillo|mandrino|cuscinetto",
+    re.IGNORECASE,
+)
+_UNIT_ROLES: tuple[tuple[str, str], ...] = (
+    ("degC", "temperature"), ("rpm", "spindle_speed"), ("mm/min", "feed_rate"), ("N", "force"), ("A", "current"),
+    ("V", "voltage"), ("m/s^2", "acceleration"), ("liter/min", "flow"), ("Hz", "frequency"),
+)  # fmt: skip
+_AXIS = re.compile(
+    r"(?<![A-Za-z])(?:[dDeEuU]|delta|Delta|Δ|δ|disp|err|pos)?[ _.-]?(?P<axis>[XYZABCUVWxyz])(?:[ _-]?\d)?(?![A-Za-z])"
+)
+
+_ALONG_AN_AXIS = ("displacement", "position", "position_command", "velocity", "acceleration", "force")
+
+
+@dataclass(frozen=True)
+class RoleGuess:
+    """A role and where it came from."""
+
+    role: str | None  #: None when nothing speaks for any role
+    unit: str  #: pint name of the unit of the values in the file
+    axis: str | None  #: Machine axis in the name
+    guessed: tuple[str, ...]  #: Which of "role", "unit", "axis" are not written in so many words
+    doubt: str | None  #: What else it could be, in words, when the guess is uncertain
+
+
+def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: str | None = None) -> RoleGuess:
+    """The role of a column; with `role` given, only its unit and axis are judged.
+
+    `name` is the header without its unit, `unit` a pint name; the numbers tell a position in mm from an error in mm.
+    """
+    # "T1.2" is the second column called T1
+    folded = re.sub(r"(?<=\w)\.\d{1,3}$", "", unicodedata.normalize("NFKC", name).strip())
+    if role is not None:
+        return _with_unit(role, folded, unit, None, ())
+    named = [r for r, pattern in _PATTERNS if pattern.search(folded)]
+    if unit is not None and unit != "1":
+        return _by_unit(named, folded, unit, values)
+    if not named:
+        if _PLACES.search(folded) and _like_temperature(values):
+            place = "the name says where, not what; the numbers look like temperatures"
+            return _with_unit("temperature", folded, unit, place, ("role",))
+        if _two_valued(values):
+            only = None if unit == "1" else "nothing but its two values 0 and 1 says so"
+            return _with_unit("state", folded, "1", only, ("role",))
+        return RoleGuess(None, unit or "1", None, ("role",), None)
+    first = named[0]
+    doubt: str | None = None
+    if unit == "1" and not same_dimension("1", CANONICAL_UNITS[first]):
+        return _with_unit("state", folded, "1", f"its name could also mean {first}", ("role",))
+    if first in ("temperature", "ambient") and not _like_temperature(values):
+        rest = [r for r in named if r not in ("temperature", "ambient")]
+        doubt = "its numbers are no usual temperatures"
+        first = rest[0] if rest else first
+    if len(folded) <= 2 and first in ("displacement", "spindle_speed", "velocity", "current", "voltage", "force"):
+        doubt = f"a name of {len(folded)} letter(s) and no unit say little"
+    if first == "spindle_speed" and _like_temperature(values) and _PLACES.search(folded) and not _is_speed_word(folded):
+        return _with_unit("temperature", folded, unit, "the name says where, not what", ("role",))
+    return _with_unit(first, folded, None, doubt, ("role",))
+
+
+def role_of_numbers(values: NDArray[np.float64]) -> str:
+    """The role that numbers alone speak for; to be told as a guess."""
+    known = values[np.isfinite(values)]
+    if _two_valued(values):
+        return "state"
+    return "temperature" if len(known) and known.min() >= 5 and known.max() <= 150 else "displacement"
+
+
+def _is_speed_word(name: str) -> bool:
+    return re.search(r"speed|rpm|dreh|速|оборот|^[ns]$", name, re.IGNORECASE) is not None
+
+
+def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]) -> RoleGuess:
+    fitting = [role for role in named if _fits(unit, role)]
+    if fitting:
+        role = fitting[0]
+        if role == "displacement" and unit != "um":
+            return _length(name, unit, values, named)
+        return _with_unit(role, name, unit, None, ("role",))
+    if same_dimension(unit, "m"):
+        return _length(name, unit, values, named)
+    for typical, role in _UNIT_ROLES:
+        if same_dimension(unit, typical):
+            if role == "feed_rate" and unit in ("m/s", "mm/s"):
+                role = "velocity"
+            return _with_unit(role, name, unit, None, ("role",))
+    return RoleGuess(None, unit, None, ("role",), None)
+
+
+def _fits(unit: str, role: str) -> bool:
+    if role == "state":
+        return unit == "1"
+    return same_dimension(unit, CANONICAL_UNITS[role])
+
+
+def _length(name: str, unit: str, values: NDArray[np.float64], named: list[str]) -> RoleGuess:
+    """A length is an error when it is in µm or small, a position when it is large."""
+    per_mm = {"um": 1e-3, "mm": 1.0, "nm": 1e-6, "m": 1e3, "cm": 10.0, "inch": 25.4, "thou": 0.0254, "decimicron": 1e-4}
+    known = values[np.isfinite(values)]
+    span_mm = float(np.ptp(known)) * per_mm.get(unit, 1.0) if len(known) else 0.0
+    small = unit in ("um", "nm", "thou", "decimicron") or span_mm < 1.5
+    spoken = [r for r in named if r in ("displacement", "position", "position_command", "size", "amplitude")]
+    if small and (not spoken or spoken[0] == "displacement"):
+        plain = re.fullmatch(r"[XYZxyz]\d?", name) is not None and unit not in ("um", "nm", "thou", "decimicron")
+        doubt = f"an axis letter in {unit} could also be a position; its span is {span_mm:.3g} mm" if plain else None
+        return _with_unit("displacement", name, unit, doubt, ("role",))
+    if spoken and spoken[0] != "displacement":
+        return _with_unit(spoken[0], name, unit, None, ("role",))
+    doubt = f"its span of {span_mm:.3g} mm is that of a position, its name could mean an error" if spoken else None
+    return _with_unit("position", name, unit, doubt, ("role",))
+
+
+def _with_unit(role: str, name: str, unit: str | None, doubt: str | None, guessed: tuple[str, ...]) -> RoleGuess:
+    if unit is None or (unit == "1" and CANONICAL_UNITS[role] != "1"):
+        unit = CANONICAL_UNITS[role]
+        if role != "state":
+            guessed = (*guessed, "unit")
+    match = _AXIS.search(name) if role in _ALONG_AN_AXIS else None
+    axis = match["axis"].upper() if match else None
+    return RoleGuess(role, unit, axis, (*guessed, *(("axis",) if axis else ())), doubt)
+
+
+def _like_temperature(values: NDArray[np.float64]) -> bool:
+    known = values[np.isfinite(values) & (np.abs(values) < 800)]
+    return len(known) == 0 or (-40 <= float(np.median(known)) <= 250)
+
+
+def _two_valued(values: NDArray[np.float64]) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(len(known)) and bool(np.isin(known, (0.0, 1.0)).all())
+
+
+def known_unit(text: str | None) -> str | None:
+    """The pint name of a unit written in a file; ``-`` and the like mean dimensionless."""
+    return parse_unit(text) if text is not None and text.strip() else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError, RecordingError
 from selector.findings import Finding, Where
+from selector.readers.cells import is_counter_name, is_time_name
 from selector.readers.finding_table import FINDINGS
-from selector.readers.layout import is_counter_name, is_time_name
 from selector.readers.machine_file import ChannelSection, Machine
-from selector.readers.roles.inferred import RoleGuess, known_unit, role_guess, role_of_numbers
-from selector.readers.roles.names import closest, found_header, name_and_unit
+from selector.readers.roles.names import closest, found_header, known_unit, name_and_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
 from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
@@ -61,15 +60,8 @@ def believed(
     return {**units, **other}, other, "header"
 
 
-def unit_findings(disputes: Iterable[Dispute]) -> list[Finding]:
+def _unit_finding(members: Sequence[Dispute]) -> Finding:
     """One finding for all channels about which the same is to be said of the same runs."""
-    alike: dict[tuple[object, ...], list[Dispute]] = {}
-    for one in disputes:
-        alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
-    return [_finding(members) for members in alike.values()]
-
-
-def _finding(members: Sequence[Dispute]) -> Finding:
     first = members[0]
     names = [one.channel for one in members]
     what = _named(names, {one.role for one in members})
@@ -124,17 +116,6 @@ def _named(names: Sequence[str], roles: set[str]) -> str:
         return f"channel {names[0]!r}"
     kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
     return f"{len(names)} {kind}channels ({listed(names, 6)})"
-
-
-def doubtful_role(name: str, guess: RoleGuess) -> Finding:
-    """A role that something speaks against."""
-    return FINDINGS.finding(
-        "ambiguous-role",
-        f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
-        Where(channel=name),
-        {"role": guess.role, "unit": guess.unit},
-        "say what it is in a machine file: role and unit of this channel",
-    )
 
 
 def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
@@ -217,14 +198,9 @@ class Plan:
 def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> Plan:
     """The channels of the recording.
 
-    Raises
-    ------
-    RecordingError
-        A channel of the machine file is in no file, or no column is a channel.
-    UnitError
-        A unit is unknown or does not fit the role.
-    OptionError
-        An override names a channel or role that does not exist.
+    Raises RecordingError: A channel of the machine file is in no file, or no column is a channel. Raises UnitError: A
+    unit is unknown or does not fit the role. Raises OptionError: An override names a channel or role that does not
+    exist.
     """
     check_overrides(runs, machine, overrides)
     result = (
@@ -245,8 +221,10 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
             where=runs[0].file.name,
             advice="say what the columns are in a machine file: [channels.NAME] with role and unit",
         )
-    told = unit_findings(channel.dispute for channel in result.channels if channel.dispute is not None)
-    return replace(result, findings=(*result.findings, *told))
+    alike: dict[tuple[object, ...], list[Dispute]] = {}
+    for one in (channel.dispute for channel in result.channels if channel.dispute is not None):
+        alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
+    return replace(result, findings=(*result.findings, *map(_unit_finding, alike.values())))
 
 
 def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
@@ -421,7 +399,15 @@ def _planned(
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     if guess.doubt is not None:
-        findings.append(doubtful_role(name, guess))
+        findings.append(
+            FINDINGS.finding(
+                "ambiguous-role",
+                f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
+                Where(channel=name),
+                {"role": guess.role, "unit": guess.unit},
+                "say what it is in a machine file: role and unit of this channel",
+            )
+        )
     units: dict[str, str] = {}
     dispute = None
     unit_guessed = False

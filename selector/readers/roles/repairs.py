@@ -23,10 +23,7 @@ from selector.units import unit_for_role
 def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[TimedRun], list[Finding]]:
     """The runs that are to be used, and what there is to say about the others.
 
-    Raises
-    ------
-    RecordingError
-        No run is left.
+    Raises RecordingError: No run is left.
     """
     repairs = {} if machine is None else dict(machine.runs)
     names = [run.name for run in runs]
@@ -38,7 +35,13 @@ def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[T
             where="[runs] of the machine file",
             advice="take `use = false` away from the runs that are good",
         )
-    findings = [_left_out(run.name) for run in runs if run not in kept]
+    findings = [
+        FINDINGS.finding(
+            "run-not-used", f"Run {name!r} is left out: the machine file says use = false.", Where(run=name)
+        )
+        for name in names
+        if not repairs.get(name, RunSection()).use
+    ]
     unknown = [name for name in repairs if name not in names]
     if unknown:
         findings.append(
@@ -52,21 +55,11 @@ def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[T
     return kept, findings
 
 
-def _left_out(name: str) -> Finding:
-    return FINDINGS.finding(
-        "run-not-used", f"Run {name!r} is left out: the machine file says use = false.", Where(run=name)
-    )
-
-
 def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -> Plan:
     """The plan with exchanged cables, units and left-out stretches of the runs that the machine file repairs.
 
-    Raises
-    ------
-    RecordingError
-        A channel is none of the recording, or not in that run.
-    UnitError
-        The unit does not fit the role of the channel.
+    Raises RecordingError: A channel is none of the recording, or not in that run. Raises UnitError: The unit does not
+    fit the role of the channel.
     """
     if machine is None:
         return planned

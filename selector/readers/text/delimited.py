@@ -6,20 +6,19 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as arrow_csv
-from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.cells import column_findings, no_header_finding, numbers_or_text
+from selector.readers.cells import Layout, column_findings, column_kinds, layout, no_header_finding, numbers_or_text
 from selector.readers.clock.stamps import numeric_clock
 from selector.readers.clock.ticking import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
-from selector.readers.layout import Layout, column_kinds, layout
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 from selector.readers.text.encodings import decoded
 from selector.readers.text.lines import Dialect, body, cells_of, decimal_doubts, dialect, is_comment
@@ -123,11 +122,11 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     for position in range(len(cells)):
         values, notes = numbers_or_text(cells[position], sheet.dialect.decimal)
         if position >= n_columns:
-            if not _says_nothing(values):
+            if not pd.isna(values).all():
                 unnamed.append(position)
             continue
         header = headers[position]
-        if header == f"col{position + 1}" and sheet.layout.names is not None and _says_nothing(values):
+        if header == f"col{position + 1}" and sheet.layout.names is not None and pd.isna(values).all():
             continue  # neither a name nor a value: a separator at the beginning of every line
         findings += column_findings(header, notes, samples.lines, where)
         columns.append(Column(header, values, units[position] or notes.unit, notes.breaks, descriptions[position]))
@@ -412,12 +411,6 @@ def _cells(text: bytes, separator: str, chosen: Dialect, where: str) -> list[pa.
             advice="check the quotation marks in the file, or export it again",
         ) from error
     return list(table.columns)
-
-
-def _says_nothing(values: NDArray[Any]) -> bool:
-    if values.dtype.kind == "f":
-        return bool(np.isnan(values).all())
-    return all(value is None for value in values)
 
 
 def _unnamed_columns(sheet: _Sheet, named: int, unnamed: list[int], where: str) -> ReadError:

@@ -6,12 +6,12 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from selector.errors import ReadError
-from selector.findings import Finding
+from selector.findings import Action, Finding
 from selector.readers.cells import cell_kind, is_grouped_number
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import MAX_COLUMNS, checked_width, shown_lines
@@ -224,15 +224,16 @@ class Body:
     findings: tuple[Finding, ...]  #: Ragged, repeated and cut lines
 
 
-@dataclass(frozen=True)
-class _SetAside:
-    """Numbers of the lines that are not plain samples."""
-
-    ragged: list[int] = field(default_factory=list)
-    too_long: list[int] = field(default_factory=list)
-    repeated: list[int] = field(default_factory=list)
-    comments: list[int] = field(default_factory=list)
-    remarks: list[int] = field(default_factory=list)
+_ASIDE = {
+    "ragged-rows": "{count} line(s) of {where} have fewer than {n_columns} cells ({lines}); the cells that are not "
+    "there are missing values.",
+    "overlong-rows": "{count} line(s) of {where} have more than {n_columns} cells ({lines}) and were left out, because "
+    "it is not known which cell belongs to which channel.",
+    "repeated-header": "The header of {where} is repeated at {lines}; these lines were left out.",
+    "text-lines": "{count} line(s) of {where} are text, no samples ({lines}); they are left out.",
+    "comment-lines": "{count} comment line(s) between the samples of {where} were left out ({lines}).",
+}
+"""What is said of the lines that are not plain samples."""
 
 
 def body(
@@ -276,17 +277,14 @@ def body(
     suspect &= ~empty
     keep = ~empty & ~suspect
     replaced: dict[int, bytes] = {}
-    aside = _SetAside()
+    aside: dict[str, list[int]] = {kind: [] for kind in _ASIDE}
     n_filled = int((~empty).sum())
     for i in np.flatnonzero(suspect):
         line = text[starts[i] : ends[i]].decode("utf-8", "replace")
         if not line.strip() or not line.strip(separator + " \t"):
             continue
-        if line.strip() in heading_set:
-            aside.repeated.append(int(numbers[i]))
-            continue
-        if is_comment(line):
-            aside.comments.append(int(numbers[i]))
+        if line.strip() in heading_set or is_comment(line):
+            aside["repeated-header" if line.strip() in heading_set else "comment-lines"].append(int(numbers[i]))
             continue
         if unbalanced[i]:
             line = line.replace('"', "")
@@ -299,20 +297,20 @@ def body(
         if len(cells) > n_columns and remarks_last:
             cells = [*cells[: n_columns - 1], " ".join(cells[n_columns - 1 :])]
         if len(cells) > n_columns:
-            aside.too_long.append(int(numbers[i]))
+            aside["overlong-rows"].append(int(numbers[i]))
             continue
         if len(cells) == 1 and n_columns > 1 and cell_kind(cells[0], dialect.decimal) == "text":
-            aside.remarks.append(int(numbers[i]))
+            aside["text-lines"].append(int(numbers[i]))
             continue
         if len(cells) < n_columns:
-            aside.ragged.append(int(numbers[i]))
+            aside["ragged-rows"].append(int(numbers[i]))
             if cut_off and i == len(ends) - 1:
                 continue
         replaced[int(i)] = separator.join(
             _quoted(cell, separator) if dialect.quoted else cell for cell in cells + [""] * (n_columns - len(cells))
         ).encode()
         keep[i] = True
-    wrong = aside.ragged + aside.too_long
+    wrong = aside["ragged-rows"] + aside["overlong-rows"]
     if len(wrong) > 0.5 * n_filled and n_filled > 3:
         raise ReadError(
             f"{len(wrong)} of {n_filled} lines do not have {n_columns} cells (first: line {wrong[0]})",
@@ -344,44 +342,13 @@ def _joined(text: bytes, starts: Indices, ends: Indices, kept: Indices, replaced
     return b"".join(pieces)
 
 
-def _told(where: str, n_columns: int, aside: _SetAside, last_cut: bool) -> Iterator[Finding]:
-    def evidence(lines: list[int]) -> dict[str, object]:
-        return {"lines": lines[:50], "count": len(lines)}
-
-    if lines := aside.ragged:
-        yield FINDINGS.finding(
-            "ragged-rows",
-            f"{len(lines)} line(s) of {where} have fewer than {n_columns} cells ({shown_lines(lines)}); the cells "
-            "that are not there are missing values."
-            + (" The last line is cut off and was left out." if last_cut else ""),
-            evidence=evidence(lines),
-        )
-    if lines := aside.too_long:
-        yield FINDINGS.finding(
-            "overlong-rows",
-            f"{len(lines)} line(s) of {where} have more than {n_columns} cells ({shown_lines(lines)}) and were left "
-            "out, because it is not known which cell belongs to which channel.",
-            evidence=evidence(lines),
-            action="leave-out-stretch",
-        )
-    if lines := aside.repeated:
-        yield FINDINGS.finding(
-            "repeated-header",
-            f"The header of {where} is repeated at {shown_lines(lines)}; these lines were left out.",
-            evidence=evidence(lines),
-        )
-    if lines := aside.remarks:
-        yield FINDINGS.finding(
-            "text-lines",
-            f"{len(lines)} line(s) of {where} are text, no samples ({shown_lines(lines)}); they are left out.",
-            evidence=evidence(lines),
-        )
-    if lines := aside.comments:
-        yield FINDINGS.finding(
-            "comment-lines",
-            f"{len(lines)} comment line(s) between the samples of {where} were left out ({shown_lines(lines)}).",
-            evidence=evidence(lines),
-        )
+def _told(where: str, n_columns: int, aside: dict[str, list[int]], last_cut: bool) -> Iterator[Finding]:
+    for kind, lines in aside.items():
+        if lines:
+            told = _ASIDE[kind].format(count=len(lines), where=where, n_columns=n_columns, lines=shown_lines(lines))
+            told += " The last line is cut off and was left out." if last_cut and kind == "ragged-rows" else ""
+            action: Action = "leave-out-stretch" if kind == "overlong-rows" else "none"
+            yield FINDINGS.finding(kind, told, evidence={"lines": lines[:50], "count": len(lines)}, action=action)
 
 
 def _tabbed(text: bytes, separator: str) -> bytes:
