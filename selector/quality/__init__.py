@@ -12,15 +12,21 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
-from selector.quality.break_codes import agreed, broken_sensors, out_of_range
-from selector.quality.extent import empty_channels, few_values, file_copies, short_runs, starts
-from selector.quality.frozen import frozen
-from selector.quality.gaps_and_clock import clock_jumps, gaps, pace_changes
+from selector.quality.broken_sensors import agreed, broken_sensors, frozen, out_of_range
+from selector.quality.completeness import (
+    clock_jumps,
+    empty_channels,
+    few_values,
+    file_copies,
+    gaps,
+    pace_changes,
+    short_runs,
+    starts,
+)
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
-from selector.quality.relations import Relations
-from selector.quality.siblings import leaving_group, stuck_beside_siblings
+from selector.quality.siblings import Relations, leaving_group, stuck_beside_siblings
 from selector.quality.survey import Survey
 from selector.quality.wrong_units import wrong_length_units, wrong_temperature_units
 from selector.recording import Recording

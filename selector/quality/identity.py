@@ -9,13 +9,11 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
-from selector.quality.relations import Relations
+from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 
-_ALIKE = 1.0 - 2e-4
-"""Correlation of block means from which two channels are compared sample by sample."""
-_LEAST = {"degC": 0.6, "um": 4.0}
-"""A mismatch below this does not prove a swap [K, µm]."""
+_ALIKE = 1.0 - 2e-4  #: Correlation of block means from which two channels are compared sample by sample.
+_LEAST = {"degC": 0.6, "um": 4.0}  #: A mismatch below this does not prove a swap [K, µm].
 _TIMES, _TIMES_ALONE = 2.5, 5.0
 """By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places."""
 
@@ -30,7 +28,9 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
     """
     alike = np.zeros((len(relations.columns), len(relations.columns)), dtype=np.bool_)
     for r in range(len(relations.runs)):
-        alike |= _correlation(relations.movement(r)) > _ALIKE
+        movement = relations.movement(r)
+        size = np.sqrt(np.maximum((movement * movement).sum(axis=1), 1e-300))
+        alike |= np.abs(movement @ movement.T) / np.outer(size, size) > _ALIKE
     for i, j in np.argwhere(np.triu(alike, 1)).tolist():
         if _kind(relations, i) != _kind(relations, j):
             continue
@@ -227,12 +227,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterato
 
 
 def _mismatch(
-    relations: Relations,
-    siblings: Sequence[int],
-    weights: Floats,
-    r: int,
-    column: int,
-    share: float = 1.0,
+    relations: Relations, siblings: Sequence[int], weights: Floats, r: int, column: int, share: float = 1.0
 ) -> float:
     """Standard deviation of a column minus what a channel's siblings say, in the first part of a run."""
     off = relations.movement(r)[column] - relations.prediction(siblings, weights, r)
@@ -262,11 +257,6 @@ def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | Non
     if abs(moves) < 0.9:
         return None
     return gain, offset
-
-
-def _correlation(movement: Floats) -> Floats:
-    size = np.sqrt(np.maximum((movement * movement).sum(axis=1), 1e-300))
-    return np.asarray(np.abs(movement @ movement.T) / np.outer(size, size), dtype=np.float64)
 
 
 def _kind(relations: Relations, i: int) -> bool:

@@ -9,7 +9,7 @@ from statistics import NormalDist
 import numpy as np
 
 from selector.findings import Finding, Where
-from selector.quality.break_codes import told
+from selector.quality.broken_sensors import told
 from selector.quality.finding_table import FINDINGS
 from selector.quality.survey import (
     COMMAND_ROLES,
@@ -24,20 +24,15 @@ from selector.quality.survey import (
     reading,
 )
 
-_NEAR_PERIODS = 2.5
-"""A cause and its effect are this close [sampling periods]."""
-_KINK_PERIODS = 1.2
-"""So close to a jump two lines must meet to be bent by the same event; kinks are frequent."""
+_NEAR_PERIODS = 2.5  #: A cause and its effect are this close [sampling periods].
+_KINK_PERIODS = 1.2  #: So close to a jump two lines must meet to be bent by the same event; kinks are frequent.
 _COINCIDENCE_REACH, _SEARCHED = 20, 6
 """Samples on each side from which the slopes beside a kink are taken, and among which it is placed."""
-_BY_CHANCE = 1e-3
-"""How often noise alone may look like a kink in any of the other channels."""
+_BY_CHANCE = 1e-3  #: How often noise alone may look like a kink in any of the other channels.
 _CARRIED, _OF_JUMP = 2.0, 1.0 / 3.0
 """A kink explains a jump when it amounts to this share of it after so many sampling periods."""
-_FOLLOWED = 0.2
-"""Share of a command's changes that a channel must follow at once for the command to be a cause, ..."""
-_MUCH = 0.35
-"""... by this share of the jump in question."""
+_FOLLOWED = 0.2  #: Share of a command's changes that a channel must follow at once for the command to be a cause, ...
+_MUCH = 0.35  #: ... by this share of the jump in question.
 
 
 def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, float], height: float) -> str:
@@ -111,16 +106,14 @@ def kink_elsewhere(survey: Survey, column: int, run: str, moment_s: tuple[float,
     others = [other for other in survey.columns(*MEASURED_ROLES) if other != column]
     asked = _OF_JUMP * abs(height) / max(survey.scale(run, column).span, abs(height))
     carried = _CARRIED * _period(survey, run)
-    for other, turn in _kinks(survey, run, others, 0.5 * sum(moment_s)):
-        if abs(turn) * carried >= asked * survey.scale(run, other).span:
-            return f"{survey.channels[other].name} changes its course at that moment"
-    return ""
+    kinks = _kinks(survey, run, others, 0.5 * sum(moment_s))
+    bent = (other for other, turn in kinks if abs(turn) * carried >= asked * survey.scale(run, other).span)
+    return next((f"{survey.channels[other].name} changes its course at that moment" for other in bent), "")
 
 
 def _rows_near(survey: Survey, run: str, moment_s: tuple[float, float], periods: float) -> tuple[int, int]:
     time, near = survey.time[run], periods * _period(survey, run)
-    first, last = np.searchsorted(time, moment_s[0] - near, "left"), np.searchsorted(time, moment_s[1] + near, "right")
-    return int(first), int(last)
+    return int(np.searchsorted(time, moment_s[0] - near)), int(np.searchsorted(time, moment_s[1] + near, "right"))
 
 
 def _period(survey: Survey, run: str) -> float:
@@ -197,19 +190,13 @@ def _kinks(survey: Survey, run: str, columns: list[int], at: float) -> list[tupl
 
 _SHARP = 5.0
 """A jump is looked at when it exceeds so many standard deviations of single differences (6e-7 in normal noise)."""
-_CLEAR = 6.0
-"""A step is believed when it exceeds so many standard errors of the levels on its two sides."""
-_SMALLEST = {"degC": 0.5, "um": 4.0}
-"""Smaller jumps do no harm to a thermal model [K, µm]."""
-_STEPS = 3.5
-"""A jump spans more than so many steps of the resolution."""
+_CLEAR = 6.0  #: A step is believed when it exceeds so many standard errors of the levels on its two sides.
+_SMALLEST = {"degC": 0.5, "um": 4.0}  #: Smaller jumps do no harm to a thermal model [K, µm].
+_STEPS = 3.5  #: A jump spans more than so many steps of the resolution.
 _LONGEST_SPIKE = 3
-_BRIEF_S = 25.0
-"""From the first to the last sample of a spike; a burst of coolant on a thin sensor is longer."""
-_REACH = 12
-"""Samples on each side from which the levels beside a jump are taken."""
-_MOST = 400
-"""Jumps looked at per channel and run; a channel with more is not a measurement with jumps in it."""
+_BRIEF_S = 25.0  #: From the first to the last sample of a spike; a burst of coolant on a thin sensor is longer.
+_REACH = 12  #: Samples on each side from which the levels beside a jump are taken.
+_MOST = 400  #: Jumps looked at per channel and run; a channel with more is not a measurement with jumps in it.
 _REST = 0.35
 """Share of a jump that other differences nearby may reach; a lag of one sampling period leaves 0.37 for the next."""
 
@@ -440,8 +427,8 @@ def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
         if time[i + 1] - time[i] > 3.5 * period:
             continue  # behind a gap a level may be another one
         middle = 0.5 * (time[i] + time[i + 1])
-        before, error_before, slope_before = _line_at(time[left], x[left], float(middle))
-        after, error_after, slope_after = _line_at(time[right], x[right], float(middle))
+        before, error_before, slope_before = line_at(time[left], x[left], float(middle))
+        after, error_after, slope_after = line_at(time[right], x[right], float(middle))
         # a sensor that slips goes on as before, at another level; what bends is a process
         bend = abs(slope_after - slope_before) * 0.5 * _REACH * period
         bends = bend > max(0.25 * abs(after - before), 3.0 * (error_before + error_after))
@@ -463,7 +450,7 @@ def _level_shifts(series: Series, candidates: Ints, noise: float) -> list[Jump]:
     return found
 
 
-def _line_at(time: Floats, x: Floats, at: float) -> tuple[float, float, float]:
+def line_at(time: Floats, x: Floats, at: float) -> tuple[float, float, float]:
     """(value at a moment, its standard error, slope) of a straight line."""
     centre = float(time.mean())
     dt = time - centre

@@ -13,8 +13,7 @@ from selector.errors import RecordingError
 from selector.findings import Finding
 from selector.recording import Channel, Recording, RunSource
 
-WINDOWS = "windows_s"
-"""Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s)."""
+WINDOWS = "windows_s"  #: Key in the evidence of a finding that speaks of several stretches: a list of (from_s, to_s).
 
 
 def stretches(finding: Finding) -> list[tuple[float, float]]:

@@ -1,30 +1,188 @@
-"""Channels that part from their siblings, and what else than a broken sensor could make them."""
+"""How a channel follows its siblings, learned on some runs and applied to another; and channels that part from them.
+
+Works on means over blocks of samples, so noise and resolution matter little and the cost hardly depends on the length
+of the runs. Every run is centred: only movement counts, not the level of the day.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
+from selector.quality.broken_sensors import still_stretches
 from selector.quality.finding_table import FINDINGS
-from selector.quality.frozen import still_stretches
-from selector.quality.relations import Relations
 from selector.quality.survey import Floats, Survey, difference, duration, moment, present_median, reading, stretch
+
+_BLOCKS = 240
+_PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
+_RIDGE = {"degC": 0.05, "um": 0.5}
+"""What a block mean may be off without being wrong [K, µm]: keeps weights of near-identical siblings small."""
+_SAME = 1e-7  #: 1 - correlation below which a sibling is a copy, from which nothing can be learned.
+
+
+class Relations:
+    """Linear relations between the thermal and displacement channels of a survey."""
+
+    def __init__(self, survey: Survey, predictors: int = 5) -> None:
+        self.survey = survey
+        self.columns = survey.columns("temperature", "ambient", "displacement")
+        self.roles = [survey.channels[c].role for c in self.columns]
+        self.runs = survey.runs
+        self.most = predictors
+        self._blocks = [block_means(survey, run, self.columns) for run in survey.runs]
+        self.present: NDArray[np.bool_] = np.array(
+            [[bool(np.isfinite(row).any()) for row in b] for b, _ in self._blocks]
+        )
+        self.present = self.present.reshape(len(self.runs), len(self.columns)).T
+        ridge = np.array([_RIDGE[survey.channels[c].unit] ** 2 for c in self.columns])
+        self._ridge = ridge
+        self._movement = [np.nan_to_num(means) for means, _ in self._blocks]
+        self._sums: dict[bytes, tuple[Floats, int, NDArray[np.bool_]]] = {}
+        self._chosen: dict[tuple[int, frozenset[int]], list[int]] = {}
+
+    def movement(self, r: int) -> Floats:
+        """Block means of a run, centred, shape (n_channels, n_blocks); 0 where a channel is absent."""
+        return self._movement[r]
+
+    def time_s(self, r: int) -> Floats:
+        """Start of each block of a run and the end of the last [s], shape (n_blocks + 1,)."""
+        return self._blocks[r][1]
+
+    @cached_property
+    def _grams(self) -> Floats:
+        return np.array([self.movement(r) @ self.movement(r).T for r in range(len(self.runs))])
+
+    @cached_property
+    def _counts(self) -> NDArray[np.intp]:
+        return np.array([b.shape[1] for b, _ in self._blocks])
+
+    def siblings(self, i: int, without: Sequence[int] = ()) -> list[int]:
+        """The channels that together follow channel `i` best, chosen forward on all runs; thermal for thermal.
+
+        Chosen once: leaving out channels that would not have been chosen changes nothing.
+        """
+        if (i, frozenset()) not in self._chosen:
+            self._chosen[i, frozenset()] = self._forward(i, frozenset())
+        hit = frozenset(without).intersection(self._chosen[i, frozenset()])
+        # two or more left out: the second may come in only when the first is gone
+        key = (i, frozenset(without) if hit else hit)
+        if key not in self._chosen:
+            self._chosen[key] = self._forward(*key)
+        return list(self._chosen[key])
+
+    def _forward(self, i: int, without: frozenset[int]) -> list[int]:
+        thermal = self.roles[i] != "displacement"
+        gram, count, whole = self._sum_with(i)
+        pool = [
+            j
+            for j in np.flatnonzero(whole).tolist()
+            if j != i and j not in without and not (thermal and self.roles[j] == "displacement")
+        ]
+        if not self.present[i].any() or not pool:
+            return []
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        unlike = 1.0 - np.abs(gram[i] / size / size[i])
+        pool = [j for j in pool if unlike[j] > _SAME]
+        chosen: list[int] = []
+        while pool and len(chosen) < self.most:
+            # with what is chosen so far taken out, the next is the one most like the rest
+            w = _solved(gram, self._ridge, i, chosen, count)
+            rest = gram[i, pool] - (gram[np.ix_(pool, chosen)] @ w if chosen else 0.0)
+            gain = np.abs(rest) / size[pool]
+            best = int(np.argmax(gain))
+            if gain[best] < 1e-3 * size[i]:
+                break
+            chosen.append(pool.pop(best))
+        return chosen
+
+    def weights(self, i: int, siblings: Sequence[int], training: Sequence[int]) -> Floats:
+        """Least-squares weights of the siblings for channel `i`, learned on these runs."""
+        return self.weights_without(i, siblings, np.setdiff1d(np.arange(len(self.runs)), training).tolist())
+
+    def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Floats:
+        """The same, learned on all runs but these; the cost does not depend on the number of runs."""
+        apart = [r for r in apart if self.present[i, r]]
+        # the sum over all runs less the few that are left out
+        gram, count, _ = self._sum_with(i)
+        part = np.ix_([*siblings, i], [*siblings, i])
+        inner = gram[part]
+        for r in apart:
+            inner = inner - self._grams[r][part]
+        last = len(siblings)
+        ridge = self._ridge[[*siblings, i]]
+        count -= int(self._counts[np.asarray(apart, dtype=np.intp)].sum())
+        return _solved(inner, ridge, last, list(range(last)), count)
+
+    def weights_on(self, i: int, siblings: Sequence[int], r: int, blocks: NDArray[np.bool_]) -> Floats:
+        """The same, learned on some blocks of one run."""
+        part = self.movement(r)[:, blocks]
+        part = part - part.mean(axis=1, keepdims=True)
+        return _solved(part @ part.T, self._ridge, i, list(siblings), int(blocks.sum()))
+
+    def prediction(self, siblings: Sequence[int], weights: Floats, r: int) -> Floats:
+        """Course of a channel in run `r` as its siblings have it, centred, shape (n_blocks,)."""
+        return np.asarray(weights @ self.movement(r)[list(siblings)], dtype=np.float64)
+
+    def departure(self, i: int, siblings: Sequence[int], weights: Floats, r: int) -> Floats:
+        """Channel `i` in run `r` minus what its siblings say, zero at the start, shape (n_blocks,)."""
+        off = self.movement(r)[i] - self.prediction(siblings, weights, r)
+        return np.asarray(off - np.median(off[: max(3, off.size // 10)]), dtype=np.float64)
+
+    def _sum_with(self, i: int) -> tuple[Floats, int, NDArray[np.bool_]]:
+        """(Gram matrix, number of blocks, channels present) over the runs in which channel `i` is present."""
+        key = self.present[i].tobytes()
+        if key not in self._sums:
+            runs = np.flatnonzero(self.present[i])
+            whole = np.asarray(self.present[:, runs].all(axis=1), dtype=np.bool_)
+            self._sums[key] = self._grams[runs].sum(axis=0), int(self._counts[runs].sum()), whole
+        return self._sums[key]
+
+
+def _solved(gram: Floats, ridge: Floats, i: int, siblings: list[int], count: int) -> Floats:
+    if not siblings:
+        return np.empty(0)
+    inner = gram[np.ix_(siblings, siblings)] + np.diag(ridge[siblings] * max(count, 1))
+    return np.asarray(np.linalg.solve(inner, gram[siblings, i]), dtype=np.float64)
+
+
+def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Floats, Floats]:
+    """Centred means over up to 240 blocks of a run, shape (n_columns, n_blocks), and the blocks' borders [s].
+
+    A channel of which too much is missing is NaN throughout.
+    """
+    time, values = survey.time[run], survey.values[run]
+    count = min(_BLOCKS, time.size)
+    borders = np.linspace(0, time.size, count + 1).astype(np.intp)
+    means = np.full((len(columns), count), np.nan)
+    for k, column in enumerate(columns):
+        x = values[column]
+        present = np.isfinite(x)
+        sums = np.add.reduceat(np.where(present, x, 0.0), borders[:-1])
+        held = np.add.reduceat(present.astype(np.float64), borders[:-1])
+        whole = held > 0
+        if whole.mean() < _PRESENT:
+            continue
+        row = sums[whole] / held[whole]
+        if not whole.all():
+            row = np.interp(np.arange(count), np.flatnonzero(whole), row)
+        means[k] = row - row.mean()
+    return means, np.r_[time[borders[:-1]], time[-1]]
+
 
 _BEYOND = 0.25
 """The siblings may go beyond their range in the other runs by this share of it: further, the relation is a guess."""
 _OTHERS_QUIET = 1.5
 """When another channel is off by more than so many times what is usual for it, the run is one of another kind."""
-_TESTED = 0.5
-"""The channel must have followed its siblings over a movement of this share of the departure at least."""
+_TESTED = 0.5  #: The channel must have followed its siblings over a movement of this share of the departure at least.
 _WARM_K = 2.0
 """A run in which a channel starts so far from its place among the others does not start like the other runs [K]."""
 _OWN_SOURCE_K = 3.0
 """A place with a source of heat of its own, a tank or a pump, may leave the others by as much when it is used [K]."""
-_SHARE = 0.1
-"""A switch or flow may be on for this share of the run more or less than in any of the other runs."""
+_SHARE = 0.1  #: A switch or flow may be on for this share of the run more or less than in any of the other runs.
 
 
 def other_cause(
@@ -91,18 +249,15 @@ def _name(relations: Relations, i: int) -> str:
     return relations.survey.channels[relations.columns[i]].name
 
 
-_LEAST_K = 1.5
-"""A departure below this is within what lags and duty do to a linear relation [K]."""
+_LEAST_K = 1.5  #: A departure below this is within what lags and duty do to a linear relation [K].
 _TIMES_USUAL = 3.5
 """A departure is a fault when it exceeds so many times the largest one of the channel in the other runs, ..."""
 _TIMES_OTHERS, _OTHERS_USUAL = 1.8, 2.2
 """... and this excess is so many times that of every other channel in the same run, none of which is beyond this
 limit when measured without the suspect: a new regime parts many."""
-_LEAST_OTHERS = 3
-"""Other runs from which it can be known what is usual, well enough to leave something out."""
+_LEAST_OTHERS = 3  #: Other runs from which it can be known what is usual, well enough to leave something out.
 _SUSPECTS = 6
-_WELL_KNOWN = 0.3
-"""The relation must have held in the other runs to within this share of the channel's movement."""
+_WELL_KNOWN = 0.3  #: The relation must have held in the other runs to within this share of the channel's movement.
 _REFERENCES = 10
 _FLOOR_K = 0.15
 

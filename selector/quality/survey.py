@@ -31,8 +31,7 @@ COMMAND_ROLES = (
 )
 """Roles whose change is a reason for a measured channel to jump."""
 
-IMPLAUSIBLE = 1e12
-"""No role has values of this size in its canonical unit; larger ones would only overflow."""
+IMPLAUSIBLE = 1e12  #: No role has values of this size in its canonical unit; larger ones would only overflow.
 
 _NOISE_BLOCK = 48
 """Samples per block in which the noise is estimated: enough for a mean, short enough for changing conditions."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
-from selector.quality.relations import Relations
+from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, reading
 
 
@@ -21,8 +21,7 @@ class Mistake:
     gain: float
     offset: float
     remedy: str
-    unit: str | None = None
-    """The unit that the numbers are in, where the mistake is one of units."""
+    unit: str | None = None  #: The unit that the numbers are in, where the mistake is one of units.
 
     def undone(self, value: float) -> float:
         """The true value behind a recorded one."""
@@ -57,12 +56,10 @@ _LENGTH = (
 )
 _OFF_K = 12.0
 """Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
-_NEAR_K = 8.0
-"""A level that is right again agrees this well with the other runs or channels at the start [K]."""
+_NEAR_K = 8.0  #: A level that is right again agrees this well with the other runs or channels at the start [K].
 _SAME_START_K = 1.0
 """Cold channels of a machine start within this [K]; a hot part does so, seen through a mistake, by chance only."""
-_ROOM_C = (0.0, 50.0)
-"""Where a machine starts [°C]; what starts elsewhere is no reference."""
+_ROOM_C = (0.0, 50.0)  #: Where a machine starts [°C]; what starts elsewhere is no reference.
 _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
 """Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it."""
 
@@ -173,7 +170,8 @@ def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> flo
 
 def wrong_length_units(survey: Survey) -> Iterator[Finding]:
     """Findings ``wrong-unit`` for displacements, by span and noise of each run. O(channels · runs)."""
-    warmed = {run: _largest_rise(survey, run) for run in survey.runs}
+    thermal = survey.columns(*THERMAL_ROLES)
+    warmed = {run: max((survey.scale(run, c).span for c in thermal), default=0.0) for run in survey.runs}
     for column in survey.columns("displacement"):
         channel = survey.channels[column]
         scales = {run: survey.scale(run, column) for run in survey.runs}
@@ -199,7 +197,17 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                 # of two runs that differ, the implausible one is wrong
                 if fits and (len(others) > 1 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
                     told = True
-                    yield _length_finding(channel.name, run, mistake, here.span, span, difference(span, channel))
+                    yield FINDINGS.finding(
+                        "wrong-unit",
+                        f"{channel.name} in run {run} moves by {here.span:.3g} µm, in the other runs by "
+                        f"{difference(span, channel)}, and its noise is smaller or larger by the same factor: this "
+                        f"looks like {mistake.name} (factor {mistake.gain:.3g}).",
+                        Where(channel.name, run),
+                        {"span_um": here.span, "usual_span_um": span, "gain": mistake.gain, "mistake": mistake.name},
+                        f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run.",
+                        "leave-out-channel",
+                        level="error",
+                    )
                     break
         if told or not usable:
             continue
@@ -222,29 +230,12 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
         )
 
 
-def _length_finding(name: str, run: str, mistake: Mistake, span: float, usual: float, said: str) -> Finding:
-    return FINDINGS.finding(
-        "wrong-unit",
-        f"{name} in run {run} moves by {span:.3g} µm, in the other runs by {said}, and its noise is smaller or larger "
-        f"by the same factor: this looks like {mistake.name} (factor {mistake.gain:.3g}).",
-        Where(name, run),
-        {"span_um": span, "usual_span_um": usual, "gain": mistake.gain, "mistake": mistake.name},
-        f"{mistake.remedy_in_one_run(name, run)} The channel is left out of this run.",
-        "leave-out-channel",
-        level="error",
-    )
-
-
 def _explaining(value: float, reference: float, mistakes: tuple[Mistake, ...]) -> Mistake | None:
     """The mistake that takes a far-off level back to its reference, or None."""
     if not np.isfinite(value) or abs(value - reference) < _OFF_K:
         return None
     best = min(mistakes, key=lambda mistake: abs(mistake.undone(value) - reference))
     return best if abs(best.undone(value) - reference) < _NEAR_K else None
-
-
-def _largest_rise(survey: Survey, run: str) -> float:
-    return max((survey.scale(run, c).span for c in survey.columns(*THERMAL_ROLES)), default=0.0)
 
 
 def _finite(values: Floats) -> Floats:

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.quality import relations as relations_module
+from selector.quality import siblings as relations_module
 from selector.quality.identity import swapped
-from selector.quality.relations import Relations
+from selector.quality.siblings import Relations
 from selector.quality.survey import Survey
 from selector.recording import Channel, Recording
 from tests.quality.workshop import plain_recording, plain_tables

@@ -14,7 +14,7 @@ from selector.diagnosis.finding_table import BEYOND_MEASURE, FINDINGS, NOT_COMPA
 from selector.diagnosis.matching.runs import rms
 from selector.errors import InputError
 from selector.findings import Finding, Level, Where
-from selector.quality.break_codes import broken_sensors, out_of_range
+from selector.quality.broken_sensors import broken_sensors, out_of_range
 from selector.quality.finding_table import OUT_OF_RANGE, SENSOR_BREAK
 from selector.quality.leave_out import left_out_rows
 from selector.quality.survey import Survey
