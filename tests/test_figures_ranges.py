@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from selector.figures import style
-from selector.figures.errors import SetError, set_error_changes, set_errors_picture
 from selector.figures.loops import MOST_SENSORS, POINTS, LoopShown, displacement_loops, loop_width_um, validity_pairs
+from selector.figures.proof import SetError, set_error_changes, set_errors_picture
 from selector.figures.style import changed
 from selector.models.least_squares import validity_hull
 from selector.number_text import number_text

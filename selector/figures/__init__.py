@@ -4,13 +4,11 @@ The visual language is in `selector.figures.style`: one colour a role, safe for 
 axis.
 """
 
-from selector.figures.errors import errors_per_run
-from selector.figures.grouping import lambda_scan, similarity_and_closure
+from selector.figures.grouping import lambda_scan, sensor_tree, similarity_and_closure
 from selector.figures.loops import displacement_loops, validity_pairs
 from selector.figures.model import coefficient_intervals, fault_table
 from selector.figures.places import sensor_places
-from selector.figures.proof import error_against_sensors, measured_and_predicted
-from selector.figures.sensor_tree import sensor_tree
+from selector.figures.proof import error_against_sensors, errors_per_run, measured_and_predicted
 
 __all__ = [
     "coefficient_intervals",

@@ -18,8 +18,7 @@ from selector.number_text import number_text
 MOST_SENSORS = 6
 _COLUMNS = 3
 _PANEL_PX = 320
-_HEAD = 0.16
-"""Share of a panel's height for its two lines of text, on paper too, where it is lower."""
+_HEAD = 0.16  #: Share of a panel's height for its two lines of text, on paper too, where it is lower.
 _LONGEST_NAME = 20
 _STEPS = 30
 

@@ -202,11 +202,7 @@ def term_label(selection: Selection, term: Term) -> str:
         is_rise = selection.options.reference == "rise" and source in selection.chosen
         text = ("Δ" if is_rise else "") + style.label(source, _LONGEST_FACTOR)
         if lag:
-            text += f" lagged {_duration(lag.tau_s)}"
+            unit, size = style.time_unit(lag.tau_s)
+            text += f" lagged {number_text(lag.tau_s / size, 2)} {unit}"
         parts.append(text + ("" if power == 1 else "²³"[power - 2]))
     return "·".join(parts)
-
-
-def _duration(seconds: float) -> str:
-    unit, size = style.time_unit(seconds)
-    return f"{number_text(seconds / size, 2)} {unit}"

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from selector.figures import style
 from selector.types import Vector
 
-POINTS = 900
-"""Points of a line, about one a pixel."""
+POINTS = 900  #: Points of a line, about one a pixel.
 
 _GAP_PX = 16
 _LABEL_PX = 17
@@ -24,8 +23,7 @@ _LONGEST_NAME, _LETTER_PX, _BESIDE_PX = 24, 7.3, 14
 """Letters of a name at the end of a line, the width of one, and what stands beside it."""
 
 _ROOM = 0.08
-_FEWEST_TICKS = 5
-"""At most so many: with steps of 1, 2 or 5 an axis then has two at least."""
+_FEWEST_TICKS = 5  #: At most so many: with steps of 1, 2 or 5 an axis then has two at least.
 
 _NARROW = 0.01
 _SPAN_OPACITY, _NARROW_OPACITY = 0.15, 0.6
@@ -53,8 +51,7 @@ class Panel:
     lines: Sequence[Line]
     height_px: int = 160
     band: tuple[float, float] | None = None
-    least: float | None = None
-    """A value that the axis shows in any case."""
+    least: float | None = None  #: A value that the axis shows in any case.
 
 
 def stacked(
@@ -72,11 +69,9 @@ def stacked(
     inside = sum(heights) + _GAP_PX * (len(panels) - 1)
     drawn = style.figure(title, inside)
     top = int(drawn.layout.margin.t)
-    drawn.update_layout(
-        height=top + inside + _BOTTOM_PX,
-        margin={"b": _BOTTOM_PX, "r": _right_px(panels)},
-        showlegend=False,
-    )
+    letters = max((min(len(line.name), _LONGEST_NAME) for panel in panels for line in panel.lines), default=0)
+    right = max(_MARGIN_RIGHT_PX, _BESIDE_PX + _LETTER_PX * letters)
+    drawn.update_layout(height=top + inside + _BOTTOM_PX, margin={"b": _BOTTOM_PX, "r": right}, showlegend=False)
     unit, seconds = style.time_unit(end_s)
     edge = inside
     for number, (panel, height) in enumerate(zip(panels, heights, strict=True), start=1):
@@ -137,12 +132,6 @@ def stacked(
     return drawn
 
 
-def _right_px(panels: Sequence[Panel]) -> float:
-    """Room for the longest name."""
-    letters = max((min(len(line.name), _LONGEST_NAME) for panel in panels for line in panel.lines), default=0)
-    return max(_MARGIN_RIGHT_PX, _BESIDE_PX + _LETTER_PX * letters)
-
-
 def shown_samples(time_s: Vector, values: Vector, steps: bool = False, points: int = POINTS) -> NDArray[np.int64]:
     """Positions of the samples that draw a course: of each stretch the ends, the lowest and the highest; all steps."""
     n = len(values)
@@ -178,14 +167,7 @@ def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int,
     ends = [float(line.values[np.isfinite(line.values)][-1]) for line in named]
     order = sorted(range(len(named)), key=lambda k: ends[k])
     wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
-    placed: list[float] = []
-    for want in wanted:
-        placed.append(max(want, placed[-1] + _LABEL_PX if placed else _LABEL_PX / 2))
-    ceiling = height_px - _LABEL_PX / 2
-    for k in reversed(range(len(placed))):
-        placed[k] = min(placed[k], ceiling)
-        ceiling = placed[k] - _LABEL_PX
-    for k, at in zip(order, placed, strict=True):
+    for k, at in zip(order, style.spaced(wanted, _LABEL_PX, height_px), strict=True):
         drawn.add_annotation(
             text=style.label(named[k].name, _LONGEST_NAME), font={"color": named[k].colour, "size": 12},
             x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + at) / inside_px, yref="paper",

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.sensor_tree import cut_of, group_colours
+from selector.figures.grouping import cut_of, group_colours
 from selector.figures.style import Changes, changed
 from selector.selection import Selection
 from selector.sensors.groups import dendrogram
@@ -22,8 +22,7 @@ _ROOM = 0.08
 _UNSEEN = "rgba(0,0,0,0)"
 _BESIDE = 0.25
 _SIDES = ("middle right", "middle left", "bottom center", "top center")
-_LABEL = np.array([0.12, 0.035])
-"""Width and height of a label as shares of the picture."""
+_LABEL = np.array([0.12, 0.035])  #: Width and height of a label as shares of the picture.
 
 
 def sensor_places(
@@ -83,36 +82,22 @@ def machine_picture(
     for axis, view, _, across in VIEWS:
         body = lines[:0] if view in photos else lines
         drawn.add_scatter(
-            x=body[:, across],
-            y=body[:, 2],
-            xaxis=axis,
-            mode="lines",
-            line={"color": style.BEFORE, "width": 1},
-            hoverinfo="skip",
-            showlegend=False,
-        )
+            x=body[:, across], y=body[:, 2], xaxis=axis, mode="lines", line={"color": style.BEFORE, "width": 1},
+            hoverinfo="skip", showlegend=False,
+        )  # fmt: skip
+        at = {"x": points_m[:, across], "y": points_m[:, 2], "xaxis": axis, "showlegend": axis == "x"}
         drawn.add_scatter(
-            x=points_m[:, across],
-            y=points_m[:, 2],
-            xaxis=axis,
-            mode="markers",
-            marker={"size": 9},
-            text=shown,
-            hovertemplate="%{text}<extra></extra>",
+            **at, mode="markers", marker={"size": 9}, text=shown, hovertemplate="%{text}<extra></extra>",
             name="sensor, coloured as its group (grey: alone)",
-            showlegend=axis == "x",
-        )
+        )  # fmt: skip
         drawn.add_scatter(
-            x=points_m[:, across],
-            y=points_m[:, 2],
-            xaxis=axis,
+            **at,
             mode="markers+text",
             marker={"size": 17, "symbol": "circle-open", "color": style.INK, "line": {"width": 2.5}},
             text=[f"<b>{style.label(name, longest)}</b>" for name in names],
             textposition=_label_sides(points_m[:, [across, 2]], float((high - low).max())),
             hoverinfo="skip",
             name="kept",
-            showlegend=axis == "x",
         )
         if view in photos:
             drawn.add_layout_image(

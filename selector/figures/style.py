@@ -28,8 +28,7 @@ LIKENESS_SCALE = ((0.0, "#f7fbff"), (0.35, "#b5d4e9"), (0.7, "#3787c0"), (1.0, "
 HARM_SCALE = ((0.0, "#fffaf5"), (0.4, "#f9c08a"), (0.75, "#e0702a"), (1.0, "#8a3600"))
 
 WIDTH = 1000
-TITLE_MARGIN = 40
-"""Margin above the plot that a figure without its title needs [px]: for a legend."""
+TITLE_MARGIN = 40  #: Margin above the plot that a figure without its title needs [px]: for a legend.
 LONGEST_LABEL = 28
 _TITLE_WIDTH = 95
 _MOST_NINES = 7.0
@@ -221,8 +220,7 @@ def log_axis(low: float, high: float) -> dict[str, Any]:
     }
 
 
-_MOST_DECADES = 3.7
-"""Above so many powers of ten there is room for these alone."""
+_MOST_DECADES = 3.7  #: Above so many powers of ten there is room for these alone.
 
 _POWERS = range(-9, 10)
 _STEPS = (1, 2, 5)

@@ -15,8 +15,7 @@ from selector.figures import style
 from selector.types import Vector
 
 _ROW_PX = 290
-_HEAD_PX = 42
-"""For the two lines above a panel, on paper too, where a row is lower."""
+_HEAD_PX = 42  #: For the two lines above a panel, on paper too, where a row is lower.
 
 
 @dataclass(frozen=True)

@@ -239,8 +239,7 @@ def f_of_scatter(total: float, within: float, n_sensors: int, n_groups: int) -> 
     return FStatistic(float(value), p_value, n_groups - 1, n_sensors - n_groups)
 
 
-CHAIN_RATIO = 2.0
-"""How many times farther apart than λ allows to neighbours the ends of a chain are."""
+CHAIN_RATIO = 2.0  #: How many times farther apart than λ allows to neighbours the ends of a chain are.
 
 
 def chaining_findings(similarity: ArrayLike, partition: Partition) -> tuple[Finding, ...]:

@@ -19,8 +19,7 @@ digits of a float64, fewer than 7 would be left to correlate, and no thermometer
 DUPLICATE_TOLERANCE = 1e-12
 """Two sensors are duplicates up to scale when |r| is this close to 1: unit conversion and summation stay below it."""
 
-ANTICORRELATED_LIMIT = -0.9
-"""Sensors whose correlation is at or below this are reported as anti-correlated."""
+ANTICORRELATED_LIMIT = -0.9  #: Sensors whose correlation is at or below this are reported as anti-correlated.
 
 # Sums over 1e7 samples lose at most 1e7 * 2**-53 = 1e-9 of s_i s_j; beyond ten times that it is not a rounding error.
 _ROUNDING = 1e-8

@@ -120,10 +120,7 @@ def export_section(
 
 
 def require_diagnose(study: Study, *, where: str = "study file") -> DiagnoseSection:
-    """``[diagnose]``.
-
-    Raises StudyError: there is no such table, or it names nothing to compare with.
-    """
+    """``[diagnose]``. Raises StudyError: there is no such table, or it names nothing to compare with."""
     if study.diagnose is None:
         raise _without("diagnose", study, where)
     return study.diagnose

@@ -186,8 +186,7 @@ def study_json_schema() -> dict[str, Any]:
 
 
 STUDY_FILE = "study.toml"
-LARGEST_FILE_BYTES = 16_000_000
-"""Ten thousand recordings with long paths take half of it."""
+LARGEST_FILE_BYTES = 16_000_000  #: Ten thousand recordings with long paths take half of it.
 
 _HEAD = (
     "# What was asked of which recordings; `selector select --study` or `selector diagnose --study` does it again.\n"
@@ -252,10 +251,7 @@ def study_text(study: Study) -> str:
 
 
 def write_study(study: Study, path: str | Path) -> None:
-    """Write a study file, whole or not at all.
-
-    Raises OptionError: nothing can be written at this path.
-    """
+    """Write a study file, whole or not at all. Raises OptionError: nothing can be written at this path."""
     write_whole(Path(path), study_text(study).encode("utf-8"))
 
 

@@ -107,11 +107,9 @@ def guard(server: Flask, access: Access, scripts: Sequence[str] = ()) -> None:
         return answer
 
 
-MOST_REQUEST_BYTES = 10_000_000
-"""Of requests that carry no file; what a page sends is far less."""
+MOST_REQUEST_BYTES = 10_000_000  #: Of requests that carry no file; what a page sends is far less.
 
-UPLOAD = "/upload/"
-"""Where files are sent to; they are not held in memory, and have a limit of their own."""
+UPLOAD = "/upload/"  #: Where files are sent to; they are not held in memory, and have a limit of their own.
 
 _LOG = logging.getLogger("selector.workbench")
 

@@ -15,15 +15,13 @@ from typing import Any
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.study import DiagnoseSection, diagnose_section
 from selector.workbench import commands
-from selector.workbench.corrections import placed
 from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Live
-from selector.workbench.readable import Loaded, Material, as_far_as_readable, inspected
+from selector.workbench.readable import Loaded, Material, as_far_as_readable, inspected, placed
 from selector.workbench.saved_study import Asked, asked_in, save
 from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
 
-MODEL_ENDINGS = (".toml", ".fmu")
-"""Of models that a diagnosis runs itself."""
+MODEL_ENDINGS = (".toml", ".fmu")  #: Of models that a diagnosis runs itself.
 
 _COMPARED = {"simulation", "model"}
 

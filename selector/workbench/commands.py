@@ -5,17 +5,17 @@ from __future__ import annotations
 import os
 import shlex
 import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import DiagnoseSection
 
-SELECTION, DIAGNOSIS = "selection", "diagnosis"
-"""Folders of the answers in the study folder."""
+SELECTION, DIAGNOSIS = "selection", "diagnosis"  #: Folders of the answers in the study folder.
 
 
 @dataclass(frozen=True)
@@ -65,71 +65,58 @@ def source_arguments(
     return (*(told_path(folder, path) for path in paths), *_reading_words(folder, machine, overrides))
 
 
-def _reading_words(folder: Path, machine: Path | None, overrides: Overrides) -> Iterator[str]:
-    if machine is not None:
-        yield from ("--machine", told_path(folder, machine))
+def _each(option: str, values: Iterable[str]) -> list[str]:
+    """The option before each of its values."""
+    return [word for value in values for word in (option, value)]
+
+
+def _of_names(option: str, values: Mapping[str, Any], form: str = "") -> list[str]:
+    return _each(option, (f"{name}={value:{form}}" for name, value in values.items()))
+
+
+def _changed(asked: Any, default: Any, names: Sequence[str]) -> list[str]:
+    """Options that are called like these fields, where their values are not the defaults."""
+    now = {name: getattr(asked, name) for name in names if getattr(asked, name) != getattr(default, name)}
+    told = {name: repr(value) if isinstance(value, float) else str(value) for name, value in now.items()}
+    return [word for name, value in told.items() for word in (option_of(name), value)]
+
+
+def _reading_words(folder: Path, machine: Path | None, overrides: Overrides) -> list[str]:
+    words = [] if machine is None else ["--machine", told_path(folder, machine)]
     for name in _READING:
         value = getattr(overrides, name)
         if value is not None:
-            yield from (option_of(name), f"{value:.12g}" if isinstance(value, float) else str(value))
-    for name, unit in overrides.units.items():
-        yield from ("--unit", f"{name}={unit}")
-    for name, role in overrides.roles.items():
-        yield from ("--role", f"{name}={role}")
+            words += [option_of(name), f"{value:.12g}" if isinstance(value, float) else str(value)]
+    return words + _of_names("--unit", overrides.units) + _of_names("--role", overrides.roles)
 
 
 def option_arguments(options: Options) -> tuple[str, ...]:
     """What is asked of a selection; what is left at its default is not said."""
-    return tuple(_option_words(options))
-
-
-def _option_words(options: Options) -> Iterator[str]:
-    default = Options()
-    for name in options.responses:
-        yield from ("--response", name)
-    for level in options.levels or ():
-        yield from ("--lambda", repr(level))
-    if options.rounds > max(1, len(options.levels or ())):
-        yield from ("--rounds", str(options.rounds))
-    for name in _VALUES:
-        value = getattr(options, name)
-        if value != getattr(default, name):
-            yield from (option_of(name), repr(value) if isinstance(value, float) else str(value))
-    yield from (option_of(name) for name in _FLAGS if getattr(options, name))
-    for name in options.must:
-        yield from ("--must", name)
-    for name in options.never:
-        yield from ("--never", name)
-    for name, cost in options.cost.items():
-        yield from ("--cost", f"{name}={cost:g}")
-    for run, condition in options.conditions.items():
-        yield from ("--condition", f"{run}={condition}")
+    levels = options.levels or ()
+    words = [*_each("--response", options.responses), *_each("--lambda", map(repr, levels))]
+    words += ["--rounds", str(options.rounds)] if options.rounds > max(1, len(levels)) else []
+    words += _changed(options, Options(), _VALUES)
+    words += [option_of(name) for name in _FLAGS if getattr(options, name)]
+    words += [*_each("--must", options.must), *_each("--never", options.never)]
+    return (*words, *_of_names("--cost", options.cost, "g"), *_of_names("--condition", options.conditions))
 
 
 def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
     """What is asked of a diagnosis; what is left at its default is not said."""
-    default = DiagnoseSection()
-    words = [word for path in asked.simulation for word in ("--simulation", path)]
-    words += [] if asked.model is None else ["--model", asked.model]
-    words += [word for name in asked.responses for word in ("--response", name)]
-    for name in ("simulation_time_unit", "holdout", "seed"):
-        if getattr(asked, name) != getattr(default, name):
-            words += [option_of(name), str(getattr(asked, name))]
-    if asked.false_alarm != default.false_alarm:
-        words += ["--false-alarm", repr(asked.false_alarm)]
-    return tuple(words)
+    words = _each("--simulation", asked.simulation) + ([] if asked.model is None else ["--model", asked.model])
+    words += _each("--response", asked.responses)
+    return (*words, *_changed(asked, DiagnoseSection(), ("simulation_time_unit", "holdout", "seed", "false_alarm")))
 
 
 def export_command(folder: Path, asked: Export, machine: Path | None, overrides: Overrides) -> tuple[str, ...]:
     """`selector export`, which reads as all other commands do; paths in `folder` are told from there."""
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
-    words += [word for path in asked.replayed for word in ("--replay", told_path(folder, path))]
-    words += _reading_words(folder, machine, overrides) if asked.replayed else ()
+    words += _each("--replay", (told_path(folder, path) for path in asked.replayed))
+    words += _reading_words(folder, machine, overrides) if asked.replayed else []
     # a control without a guard refuses limits
-    limits = (("--clamp", asked.clamp_um), ("--slew", asked.slew_um_per_s)) if TARGETS[asked.target].has_guard else ()
-    for option, values in limits:
-        words += [word for name, value in values.items() for word in (option, f"{name}={value:.12g}")]
-    words += [word for name in asked.inverted for word in ("--invert", name)]
+    if TARGETS[asked.target].has_guard:
+        words += _of_names("--clamp", asked.clamp_um, ".12g") + _of_names("--slew", asked.slew_um_per_s, ".12g")
+    words += _each("--invert", asked.inverted)
     if asked.is_sign_verified:
         words += ["--sign-verified", *(["--tested", asked.tested] if asked.tested else [])]
     return tuple(words)

@@ -24,8 +24,7 @@ from selector.workbench.study_folder import trouble_with
 
 State = Literal["queued", "running", "done", "failed", "cancelled"]
 
-GRACE_S = 4.0
-"""How long a command that was asked to end may take for it before it is ended."""
+GRACE_S = 4.0  #: How long a command that was asked to end may take for it before it is ended.
 
 _KEPT_LINES = 200
 _IS_WINDOWS = os.name == "nt"

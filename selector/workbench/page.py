@@ -26,12 +26,10 @@ from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored,
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)
 """The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
 
-_LOOK = "/look.css"
-"""The style sheet of the reports, which the page begins with."""
+_LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
 
 _LOOK_MS = 700
-_NOTICED = "noticed"
-"""Store: the revision of the bench at which the notice was said; a later one takes it away."""
+_NOTICED = "noticed"  #: Store: the revision of the bench at which the notice was said; a later one takes it away.
 
 _SHOWN_RESULTS = (".html", ".json", ".toml", ".csv", ".txt")
 

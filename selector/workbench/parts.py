@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
+from urllib.parse import quote
 
 import dash
 import flask
@@ -16,7 +17,7 @@ from dash.development.base_component import Component
 from dash.exceptions import PreventUpdate
 
 from selector.csv_text import csv_text
-from selector.errors import InputError
+from selector.errors import InputError, OptionError
 from selector.figures import style
 from selector.findings import Finding
 from selector.workbench.access import checked
@@ -35,9 +36,9 @@ GRAPH: Any = {
 """How figures behave."""
 
 _MOST_SEEN = 6
+_Read = TypeVar("_Read")
 
-NOTICE = "notice"
-"""Place of the frame for what a callback could not do."""
+NOTICE = "notice"  #: Place of the frame for what a callback could not do.
 
 
 def tell(bench: Bench) -> None:
@@ -114,15 +115,14 @@ def table(
     return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
 
 
-def graph(drawn: go.Figure, name: str = "", note: str = "") -> Component:
+def graph(drawn: go.Figure) -> Component:
     """A figure with its title as a heading, as wide as the page."""
     title = style.title_text(drawn)
     top = drawn.layout.margin.t or 0
     lifted = max(0, int(top) - style.TITLE_MARGIN)
     drawn.update_layout(title=None, width=None, height=drawn.layout.height - lifted, margin={"t": top - lifted})
-    own: dict[str, Any] = {"id": name} if name else {}
-    shown = dcc.Graph(figure=drawn, responsive=True, config=GRAPH, style={"height": drawn.layout.height}, **own)
-    return html.Figure([html.Figcaption([html.H3(title), html.P(note)]), html.Div(shown, className="plot")])
+    shown = dcc.Graph(figure=drawn, responsive=True, config=GRAPH, style={"height": drawn.layout.height})
+    return html.Figure([html.Figcaption([html.H3(title), html.P("")]), html.Div(shown, className="plot")])
 
 
 def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) -> Component:
@@ -167,21 +167,36 @@ def framed(relative: str, title: str, stamp: str = "") -> Component:
 
     It is loaded again when `stamp` is another one.
     """
-    address = f"{result_address(relative)}?{stamp}"
+    address = f"/results/{quote(relative)}?{stamp}"
     return html.Iframe(src=address, title=title, sandbox="allow-scripts allow-downloads", className="sheet")
 
 
 def download(relative: str, text: str) -> Component:
     """A link that saves a file of the study folder."""
-    return html.A(text, href=f"{result_address(relative)}?download=1", download=relative.rpartition("/")[2])
+    return html.A(text, href=f"/results/{quote(relative)}?download=1", download=relative.rpartition("/")[2])
 
 
 @contextmanager
-def showing_what_counts(
+def typed_over(
     boxes: Sequence[Any], sent: Sequence[str | None], counts: Callable[[], Sequence[str]]
-) -> Iterator[None]:
-    """Around what takes typed texts over: afterwards the fields show what counts; what was refused stays there."""
-    yield
+) -> Iterator[Callable[[Callable[[], _Read], _Read], _Read]]:
+    """Around what takes typed texts over: afterwards the fields show what counts; what was refused stays there.
+
+    Gives a function that reads a field, or gives its second argument where the field is refused. Raises OptionError at
+    the end, the first refusal: what stands in the other fields could be taken.
+    """
+    refused: list[OptionError] = []
+
+    def read(reading: Callable[[], _Read], otherwise: _Read) -> _Read:
+        try:
+            return reading()
+        except OptionError as error:
+            refused.append(error)
+            return otherwise
+
+    yield read
+    if refused:
+        raise refused[0]
     follow(boxes, sent, [None] * len(boxes), counts())
 
 
@@ -192,8 +207,7 @@ def follow(boxes: Sequence[Any], shown: Sequence[Any], before: Sequence[Any], no
             set_props(box, {"value": counts})
 
 
-Place = tuple[Any, str]
-"""Id of a component, and one of its properties."""
+Place = tuple[Any, str]  #: Id of a component, and one of its properties.
 
 
 @dataclass(frozen=True)
@@ -211,6 +225,11 @@ class Form:
         app.callback(*heard, *(State(*place) for place in self.beside), prevent_initial_call=True)(self.take)
 
 
+def no_recordings(where: str) -> OptionError:
+    """That there is nothing to work on yet."""
+    return OptionError("no recordings", expected="recordings that can be read", where=where, advice="load some first")
+
+
 def register_start(
     app: dash.Dash,
     bench: Bench,
@@ -218,14 +237,14 @@ def register_start(
     title: str,
     command: Callable[[], Sequence[str] | None],
     folder: Callable[[], str],
-    missing: Callable[[], InputError],
+    missing: InputError,
     forms: Sequence[Form],
 ) -> None:
     """The button ``{page}-start`` puts the page's command, which writes `folder`, into the queue.
 
     It first takes over what stands in the page's fields: the browser sends the end of typing and the click together,
-    and what was refused is refused again instead of what counted before being started. Where there is no command,
-    `missing` says what is missing.
+    and what was refused is refused again instead of what counted before being started. `missing` says what is missing
+    where there is no command.
     """
     places = [place for form in forms for place in (*form.fields, *form.beside)]
 
@@ -236,7 +255,7 @@ def register_start(
             checked(form.take)(*islice(stands, len(form.fields) + len(form.beside)))
         asked = command()
         if asked is None:
-            raise missing()
+            raise missing.with_traceback(None)
         bench.start(title, asked, bench.folder / folder())
         tell(bench)
 
@@ -292,13 +311,6 @@ def register_table(
 
     server: flask.Flask = app.server
     server.add_url_rule(f"/tables/{name}.csv", name, given)
-
-
-def result_address(relative: str) -> str:
-    """Where the server gives a result of the study folder."""
-    from urllib.parse import quote
-
-    return f"/results/{quote(relative)}"
 
 
 def job_answer(job: Job, is_open: bool = False) -> Component:

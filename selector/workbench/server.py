@@ -6,6 +6,7 @@ import logging
 import signal
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from flask import Flask
@@ -48,7 +49,9 @@ def serve(
         _serve_until_stopped(started(bench, port), when_ready)
     finally:
         if folder is None:
-            _remove_if_empty(own)
+            # a study folder in which nothing was done
+            with suppress(OSError):
+                own.rmdir()
 
 
 def _serve_until_stopped(server: Served, when_ready: Callable[[str], None]) -> None:
@@ -85,10 +88,7 @@ class Served:
 
 
 def started(bench: Bench, port: int = 0) -> Served:
-    """The page of a bench, served at this port.
-
-    Raises OptionError: the port is in use.
-    """
+    """The page of a bench, served at this port. Raises OptionError: the port is in use."""
     # it says every request, the token in the first one
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     try:
@@ -106,11 +106,3 @@ def started(bench: Bench, port: int = 0) -> Served:
     if bench.loaded:
         bench.read()
     return Served(server, access, bench)
-
-
-def _remove_if_empty(folder: Path) -> None:
-    """Removes a study folder in which nothing was done."""
-    try:
-        folder.rmdir()
-    except OSError:
-        return

@@ -7,6 +7,7 @@ import re
 import secrets
 import unicodedata
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from selector.errors import OptionError, ReadError
@@ -95,25 +96,11 @@ def stored(folder: Path, said: str, read: Callable[[int], bytes], length: int | 
     name = safe_name(said)
     if length is not None and length > MOST_UPLOADED_BYTES:
         raise _too_large(name)
-    try:
-        return _stored(folder, name, read, length)
-    except ConnectionError:
-        raise
-    except OSError as error:
-        raise OptionError(
-            f"{name} cannot be stored ({error.strerror or error})",
-            expected="a study folder that is there, and that takes files of this size",
-            where=str(folder),
-            advice="make room on the disk, or let the folder be written to, and send the file again",
-        ) from error
-
-
-def _stored(folder: Path, name: str, read: Callable[[int], bytes], length: int | None) -> Path:
-    # a study folder that was removed is not made again behind the user's back
-    folder.mkdir(exist_ok=True)
     part = folder / f".{secrets.token_hex(8)}.part"
     received = 0
     try:
+        # a study folder that was removed is not made again behind the user's back
+        folder.mkdir(exist_ok=True)
         with part.open("xb") as stream:
             while piece := read(_PIECE_BYTES):
                 received += len(piece)
@@ -137,8 +124,19 @@ def _stored(folder: Path, name: str, read: Callable[[int], bytes], length: int |
             except OSError:
                 part.rename(path)
             return path
+    except ConnectionError:
+        raise
+    except OSError as error:
+        raise OptionError(
+            f"{name} cannot be stored ({error.strerror or error})",
+            expected="a study folder that is there, and that takes files of this size",
+            where=str(folder),
+            advice="make room on the disk, or let the folder be written to, and send the file again",
+        ) from error
     finally:
-        part.unlink(missing_ok=True)
+        # where the folder is, or is none
+        with suppress(OSError):
+            part.unlink()
 
 
 def _too_large(name: str) -> ReadError:
@@ -173,10 +171,7 @@ def trouble_with(folder: Path) -> OptionError | None:
 
 
 def require_usable(folder: Path) -> Path:
-    """The folder, made if it is missing.
-
-    Raises OptionError: it is a file, or cannot be written to.
-    """
+    """The folder, made if it is missing. Raises OptionError: it is a file, or cannot be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         _probe(folder)

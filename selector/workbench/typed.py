@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TypeVar
+from collections.abc import Iterator
 
 from selector.errors import OptionError
 
@@ -27,7 +25,6 @@ FIELDS = {
 """Option of the command line → title of the field that does the same."""
 
 _AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"
-_Read = TypeVar("_Read")
 _OPTION = re.compile(r"(?P<mark>`?)(?P<option>--[a-z][a-z-]*[a-z])(?P=mark)")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 
@@ -41,33 +38,10 @@ def in_words_of_fields(text: str) -> str:
     return _OPTION.sub(lambda of: f"“{FIELDS[of['option']]}”" if of["option"] in FIELDS else of[0], text)
 
 
-@contextmanager
-def judged() -> Iterator[Callable[[Callable[[], _Read], _Read], _Read]]:
-    """Gives a function that reads a field, or gives its second argument where the field is refused.
-
-    Raises OptionError at the end, the first refusal: what stands in the other fields could be taken.
-    """
-    refused: list[OptionError] = []
-
-    def read(reading: Callable[[], _Read], otherwise: _Read) -> _Read:
-        try:
-            return reading()
-        except OptionError as error:
-            refused.append(error)
-            return otherwise
-
-    yield read
-    if refused:
-        raise refused[0]
-
-
 def number(text: str | None, where: str, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
     """The number that was typed, with a point or a comma, alone or with the unit of the field.
 
-    Raises
-    ------
-    OptionError
-        It is none, or not within the limits.
+    Raises OptionError: It is none, or not within the limits.
 
     >>> number("0,98", "λ"), number(" 1e-3 ", "cost"), number("0,5 um/s", "fastest change", unit="µm/s")
     (0.98, 0.001, 0.5)
@@ -79,10 +53,7 @@ def number(text: str | None, where: str, low: float = -math.inf, high: float = m
 
 
 def whole(text: str | None, where: str, least: int = 1) -> int:
-    """The whole number that was typed.
-
-    Raises OptionError: it is none, or too small.
-    """
+    """The whole number that was typed. Raises OptionError: it is none, or too small."""
     value = _value(text or "")
     if value is None or value != int(value) or value < least:
         raise _refused(text, f"a whole number of at least {least}", where)
@@ -94,10 +65,8 @@ def numbers(
 ) -> tuple[float, ...]:
     """The numbers that were typed, apart by blanks, semicolons, or commas where these are no decimal marks.
 
-    Raises
-    ------
-    OptionError
-        One of them is no number or not within the limits, or it cannot be told which commas are decimal marks.
+    Raises OptionError: One of them is no number or not within the limits, or it cannot be told which commas are decimal
+    marks.
 
     >>> numbers("0,99 0,95", "λ"), numbers("0.99,0.95", "λ"), numbers("0,99; 0,95", "λ"), numbers("1, 0,95", "λ")
     ((0.99, 0.95), (0.99, 0.95), (0.99, 0.95), (1.0, 0.95))

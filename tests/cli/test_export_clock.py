@@ -10,7 +10,7 @@ from selector.cli import exit_status
 from selector.readers import Overrides, read
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
-from selector.workbench.corrections import corrected, rows_of
+from selector.workbench.readable import corrected, rows_of
 from tests.selection.machines import PERIOD_S, machine
 
 MEMORY = ["--memory", "--max-sensors", "2", "--never", "T1", "--never", "T4"]

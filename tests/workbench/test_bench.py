@@ -15,7 +15,7 @@ from selector.shipped import shipped
 from selector.workbench import readable as material_module
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
-from selector.workbench.corrections import corrected, rows_of
+from selector.workbench.readable import corrected, rows_of
 from tests.patience import wait_for
 
 VMC = shipped("vmc37")

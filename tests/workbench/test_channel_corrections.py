@@ -8,7 +8,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.readers import machine_of, read
-from selector.workbench.corrections import NO_CHANNEL, corrected, row_of, rows_of
+from selector.workbench.readable import NO_CHANNEL, corrected, row_of, rows_of
 
 
 @pytest.fixture

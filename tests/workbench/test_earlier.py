@@ -5,7 +5,7 @@ from __future__ import annotations
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import STUDY_FILE, study_of, write_study
-from selector.workbench.asked_again import other_than_asked
+from selector.workbench.saved_study import other_than_asked
 
 
 def test_what_was_chosen_since_the_answer(tmp_path):

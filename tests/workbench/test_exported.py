@@ -12,10 +12,10 @@ from selector.cli import app
 from selector.controllers import read_model, write_model
 from selector.readers import Overrides
 from selector.shipped import shipped
-from selector.workbench.asked_again import other_than_exported
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
 from selector.workbench.pages import export
+from selector.workbench.saved_study import other_than_exported
 
 PATENT = shipped("patent8")
 ASKED = Export("selection/model.json", clamp_um={"Z": 40.0}, inverted=("Z",))

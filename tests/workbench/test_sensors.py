@@ -12,7 +12,7 @@ import pytest
 
 from selector.errors import OptionError
 from selector.figures import style
-from selector.figures.errors import RunError
+from selector.figures.proof import RunError
 from selector.readers import machine as machine_file
 from selector.recording import Channel
 from selector.selection import Exploration, Options

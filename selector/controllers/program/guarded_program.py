@@ -150,7 +150,10 @@ class _Guarded:
         w, guard = self._w, self._model.guard
         w.remark("the control was off: memory goes on, the correction begins at zero")
         off = w.variable("off_s")
-        _duration(w, off, self._standstill)
+        w.assign(off, 0.0)
+        with w.when(self._standstill > 0.0):
+            w.assign(off, self._standstill)
+        w.at_most(off, LONGEST_S)
         for sensor in self._sensors.values():
             sensor.passed(off)
         anew: Expression | None = None
@@ -264,10 +267,3 @@ class _Guarded:
             w.assign(z[state.name], (self._levels[state.source, state.tau_s] - state.centre) / state.scale)
         for one, output in zip(self._outputs, of.outputs, strict=True):
             one.aimed(output, z)
-
-
-def _duration(w: Writing, to: Variable, of: Variable) -> None:
-    w.assign(to, 0.0)
-    with w.when(of > 0.0):
-        w.assign(to, of)
-    w.at_most(to, LONGEST_S)

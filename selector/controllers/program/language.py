@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -14,38 +14,16 @@ Place = Literal["input", "output", "kept", "retained", "temporary"]
 """Outputs are kept from call to call, too; what is retained outlives a restart of the control."""
 
 
+def _joined(sign: str) -> Callable[[Expression, Expression | float], Operation]:
+    return lambda left, right: Operation(sign, left, expression(right))
+
+
 class Expression:
     """A real number, a code or a condition; built with the operators of Python."""
 
-    def __add__(self, other: Expression | float) -> Operation:
-        return Operation("+", self, expression(other))
-
-    def __sub__(self, other: Expression | float) -> Operation:
-        return Operation("-", self, expression(other))
-
-    def __mul__(self, other: Expression | float) -> Operation:
-        return Operation("*", self, expression(other))
-
-    def __truediv__(self, other: Expression | float) -> Operation:
-        return Operation("/", self, expression(other))
-
-    def __lt__(self, other: Expression | float) -> Operation:
-        return Operation("<", self, expression(other))
-
-    def __le__(self, other: Expression | float) -> Operation:
-        return Operation("<=", self, expression(other))
-
-    def __gt__(self, other: Expression | float) -> Operation:
-        return Operation(">", self, expression(other))
-
-    def __ge__(self, other: Expression | float) -> Operation:
-        return Operation(">=", self, expression(other))
-
-    def __and__(self, other: Expression) -> Operation:
-        return Operation("and", self, other)
-
-    def __or__(self, other: Expression) -> Operation:
-        return Operation("or", self, other)
+    __add__, __sub__, __mul__, __truediv__ = _joined("+"), _joined("-"), _joined("*"), _joined("/")
+    __lt__, __le__, __gt__, __ge__ = _joined("<"), _joined("<="), _joined(">"), _joined(">=")
+    __and__, __or__ = _joined("and"), _joined("or")
 
     def __neg__(self) -> Negative:
         return Negative(self)

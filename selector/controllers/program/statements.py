@@ -20,8 +20,7 @@ from selector.controllers.guard.decided import (
 from selector.controllers.model_file import Guard, Input, Output, PositionPart, Term
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
 
-NO_READING = 1e30
-"""What an input holds that nobody has wired or read yet: missing, never a temperature of 0."""
+NO_READING = 1e30  #: What an input holds that nobody has wired or read yet: missing, never a temperature of 0.
 
 
 class WatchedSensor:
@@ -112,7 +111,11 @@ class WatchedSensor:
             with w.when(self._good_for < self._guard.recover_after_s):
                 w.assign(self.code, SensorCode.RECOVERING)
             with w.otherwise():
-                self._believe()
+                if item.reference == "rise":
+                    w.assign(self._has_start, True)
+                x = self._take_x()
+                with w.when(self._is_outside(x)):
+                    w.assign(self.code, SensorCode.LIMITED)
         with w.otherwise():
             w.assign(self._good_for, -1.0)
 
@@ -146,13 +149,11 @@ class WatchedSensor:
             slack = CODE_SLACK * abs(value)
             with w.when(is_code(code, SensorCode.OK) & (r >= value - slack) & (r <= value + slack)):
                 w.assign(code, SensorCode.BREAK_CODE)
-        low_limit, high_limit = self._item.reading_min, self._item.reading_max
-        if low_limit is not None:
-            with w.when(is_code(code, SensorCode.OK) & (r < low_limit)):
-                w.assign(code, SensorCode.OUT_OF_LIMITS)
-        if high_limit is not None:
-            with w.when(is_code(code, SensorCode.OK) & (r > high_limit)):
-                w.assign(code, SensorCode.OUT_OF_LIMITS)
+        low, high = self._item.reading_min, self._item.reading_max
+        for is_beyond in (None if low is None else r < low, None if high is None else r > high):
+            if is_beyond is not None:
+                with w.when(is_code(code, SensorCode.OK) & is_beyond):
+                    w.assign(code, SensorCode.OUT_OF_LIMITS)
         if self._item.rate_limit_per_min is not None:
             with w.when(is_code(code, SensorCode.OK)):
                 self._jump(self._item.rate_limit_per_min / 60.0)
@@ -211,14 +212,6 @@ class WatchedSensor:
         slack = RANGE_SLACK * (self._item.valid_max - self._item.valid_min)
         return (x < self._item.valid_min - slack) | (x > self._item.valid_max + slack)
 
-    def _believe(self) -> None:
-        w = self._w
-        if self._item.reference == "rise":
-            w.assign(self._has_start, True)
-        x = self._take_x()
-        with w.when(self._is_outside(x)):
-            w.assign(self.code, SensorCode.LIMITED)
-
     def _take_x(self) -> Variable:
         """What the model gets, inside its valid range; before that it is returned."""
         w, item = self._w, self._item
@@ -257,12 +250,6 @@ class SlewedCorrection:
         self._aim = w.variable(f"aim_{k}", "real", "kept", "where it moves to [um]")
         self._rest = w.variable(f"rest_{k}", "real", "kept", "what rounding left of its last step [um]")
         self._along = None if output.position is None else _Along(w, output.position, k)
-
-    @property
-    def _moving(self) -> tuple[Variable, ...]:
-        """What is 0 while the axis is not ready."""
-        own, along = (self._k0, self._rest, self._correction), self._along
-        return own if along is None else (*own, along.slope, along.rest, along.back_rest)
 
     def stopped(self) -> None:
         """The control was off: the correction begins at zero."""
@@ -347,10 +334,12 @@ class SlewedCorrection:
                 w.assign(self._correction, to)
 
     def _off(self) -> None:
-        for variable in self._moving:
+        """What moves is 0 while the axis is not ready."""
+        own, along = (self._k0, self._rest, self._correction), self._along
+        for variable in own if along is None else (*own, along.slope, along.rest, along.back_rest):
             self._w.assign(variable, 0.0)
-        if self._along is not None:
-            self._w.assign(self._along.is_back, False)
+        if along is not None:
+            self._w.assign(along.is_back, False)
 
     def _carried(self, along: _Along, at: Variable, back: Variable) -> None:
         """The correction moves with its axis; after its position was lost, no faster than the slew limit."""

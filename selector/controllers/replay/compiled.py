@@ -175,11 +175,9 @@ def python_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None
 
 
 INSTALL = "apt-get install -y --no-install-recommends linuxcnc-uspace linuxcnc-uspace-dev"
-RESOLUTION_UM = 1e-6
-"""halsampler prints so many digits."""
+RESOLUTION_UM = 1e-6  #: halsampler prints so many digits.
 
-LARGEST_REPLAY = 1_000_000
-"""Rows of one session: all of them wait in shared memory."""
+LARGEST_REPLAY = 1_000_000  #: Rows of one session: all of them wait in shared memory.
 
 _NAME = "thermcorr_replay"
 _PERIOD_NS = 50_000

@@ -43,8 +43,7 @@ _COMPARED: dict[str, Callable[[float, float], bool]] = {
 _JOINED: dict[str, Callable[[float, float], float]] = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
 }  # fmt: skip
-_Read = Callable[[int], float | None]
-"""From the number of a variable to what it holds; None: it is vacant."""
+_Read = Callable[[int], float | None]  #: From the number of a variable to what it holds; None: it is vacant.
 _Value = Callable[[_Read], float | None]
 
 

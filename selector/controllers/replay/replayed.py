@@ -47,13 +47,8 @@ class PartDifference:
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.parts` of `selector.export/1`."""
-        return {
-            "file": self.file,
-            "output": self.output,
-            "executed_by": self.executed_by,
-            "max_abs_difference_um": self.max_abs_difference_um,
-            "allowed_um": self.allowed_um,
-        }
+        told = ("file", "output", "executed_by", "max_abs_difference_um", "allowed_um")
+        return {name: getattr(self, name) for name in told}
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +129,8 @@ class Replay:
 
     def as_dict(self) -> dict[str, object]:
         """The part of `selector.export/1`."""
-        return {
-            "rows": self.rows,
-            "max_abs_difference_um": self.max_abs_difference_um,
-            "executed_by": self.executed_by,
-            "parts": [part.as_dict() for part in self.parts],
-        }
+        told = {name: getattr(self, name) for name in ("rows", "max_abs_difference_um", "executed_by")}
+        return told | {"parts": [part.as_dict() for part in self.parts]}
 
 
 def replayed(
@@ -209,7 +200,8 @@ def _run(
         for k, output in enumerate(model.outputs)
     }
     time_s, faulty = recording.time_s(run), faulty_share(telling, whole)
-    beyond = tuple(_beyond_valid(model, whole))
+    limited = np.mean(whole.sensors == SensorCode.LIMITED, axis=0) if len(time_s) else np.zeros(len(model.inputs))
+    beyond = tuple(BeyondValid(of, share) for of, share in zip(model.inputs, limited.tolist(), strict=True) if share)
     begins_s = _begins_s(time_s, main, whole)
     return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty, beyond, begins_s)
 
@@ -221,13 +213,6 @@ def _begins_s(time_s: Array, main: ExecutedPart, whole: Answers) -> float:
         return 0.0
     first = len(waits) - 1 if waits.all() else int(np.argmin(waits))
     return float(time_s[first] - time_s[0])
-
-
-def _beyond_valid(model: ModelFile, whole: Answers) -> Iterator[BeyondValid]:
-    for item, codes in zip(model.inputs, whole.sensors.T, strict=True):
-        share = float(np.mean(codes == SensorCode.LIMITED)) if len(codes) else 0.0
-        if share > 0.0:
-            yield BeyondValid(item, share)
 
 
 def faulty_share(telling: Answers, whole: Answers) -> float:
@@ -264,8 +249,7 @@ def _over_runs(differences: Sequence[PartDifference]) -> tuple[PartDifference, .
     return tuple(found.values())
 
 
-SEEN_UM = 0.01
-"""What a smaller guard costs less is not told."""
+SEEN_UM = 0.01  #: What a smaller guard costs less is not told.
 
 
 def replay_findings(proof: Replay, *, has_guard: bool) -> tuple[Finding, ...]:
@@ -273,7 +257,7 @@ def replay_findings(proof: Replay, *, has_guard: bool) -> tuple[Finding, ...]:
 
     `has_guard`: the control takes the end of the valid range for what is beyond it.
     """
-    return *_of_runs(proof, has_guard=has_guard), *_of_parts(proof)
+    return *_of_runs(proof, has_guard), *_of_parts(proof)
 
 
 def _of_parts(proof: Replay) -> Iterator[Finding]:
@@ -281,24 +265,14 @@ def _of_parts(proof: Replay) -> Iterator[Finding]:
     for part in proof.parts:
         evidence = {"file": part.file, "output": part.output}
         if not part.is_explained:
+            single = ", and the reference in single precision, which it has to be to the last bit, by "
+            single = f"{single}{part.in_single_um:.3g} µm" if part.in_single_um > 0.0 else ""
+            sizes = ("max_abs_difference_um", "allowed_um", "in_single_um")
             yield FINDINGS.finding(
                 "replay-differs",
                 f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
-                f"{part.allowed_um:.3g} µm is what its numbers explain"
-                + (
-                    f", and the reference in single precision, which it has to be to the last bit, by "
-                    f"{part.in_single_um:.3g} µm."
-                    if part.in_single_um > 0.0
-                    else "."
-                ),
-                evidence=(
-                    evidence
-                    | {
-                        "max_abs_difference_um": part.max_abs_difference_um,
-                        "allowed_um": part.allowed_um,
-                        "in_single_um": part.in_single_um,
-                    }
-                ),
+                f"{part.allowed_um:.3g} µm is what its numbers explain{single}.",
+                evidence=evidence | {name: getattr(part, name) for name in sizes},
             )
         if part.lacks and part.guard_difference_um > max(part.allowed_um, SEEN_UM):
             yield FINDINGS.finding(
@@ -309,7 +283,7 @@ def _of_parts(proof: Replay) -> Iterator[Finding]:
             )
 
 
-def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
+def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
     """Runs in which the program did not follow the whole model, or made the error larger."""
     for run in proof.runs:
         if run.faulty_share > 0.0:
@@ -322,7 +296,19 @@ def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
                 Where(run=run.run),
                 {"share_of_samples": run.faulty_share},
             )
-        yield from (_beyond(run.run, one, has_guard=has_guard) for one in run.beyond_valid)
+        for one in run.beyond_valid:
+            item, is_rise = one.input, one.input.reference == "rise"
+            unit = unit_of_difference(item) if is_rise else item.unit
+            did = "The program took the end of the range" if has_guard else "This control has no range and extrapolates"
+            yield FINDINGS.finding(
+                "outside-valid-range",
+                f"Run {run.run}: {item.name} was beyond {item.valid_min:.4g} … {item.valid_max:.4g} {unit}, where the "
+                f"model has seen it{' rise' if is_rise else ''}, in {one.share_of_samples:.1%} of the samples. {did}.",
+                Where(channel=item.name, run=run.run),
+                {"valid_min": item.valid_min, "valid_max": item.valid_max, "unit": unit}
+                | {"share_of_samples": one.share_of_samples},
+                level="info" if one.share_of_samples < SLIGHT_SHARE else "warning",
+            )
         for name, of in run.accuracy.items():
             if of.is_worse:
                 yield FINDINGS.finding(
@@ -333,22 +319,3 @@ def _of_runs(proof: Replay, *, has_guard: bool) -> Iterator[Finding]:
                     of.as_dict(),
                     "do not use it like this; check the sign, the first readings and the sensors",
                 )
-
-
-def _beyond(run: str, of: BeyondValid, *, has_guard: bool) -> Finding:
-    item, is_rise = of.input, of.input.reference == "rise"
-    unit = unit_of_difference(item) if is_rise else item.unit
-    did = "The program took the end of the range" if has_guard else "This control has no range and extrapolates"
-    return FINDINGS.finding(
-        "outside-valid-range",
-        f"Run {run}: {item.name} was beyond {item.valid_min:.4g} … {item.valid_max:.4g} {unit}, where the model has "
-        f"seen it{' rise' if is_rise else ''}, in {of.share_of_samples:.1%} of the samples. {did}.",
-        Where(channel=item.name, run=run),
-        {
-            "valid_min": item.valid_min,
-            "valid_max": item.valid_max,
-            "unit": unit,
-            "share_of_samples": of.share_of_samples,
-        },
-        level="info" if of.share_of_samples < SLIGHT_SHARE else "warning",
-    )

@@ -71,8 +71,11 @@ def executable(text: str) -> Any:
     """An instance of the function block: ``v_<name>`` for every variable, ``call()``, and its real type ``number``."""
     # what is not ASCII becomes a question mark, which only a comment may have
     tree = _parser().parse(_standard(text).encode("ascii", "replace"))
-    if tree.root_node.has_error:
-        _refuse(_first_error(tree.root_node), "what is no Structured Text")
+    node = tree.root_node
+    while node.has_error:
+        if node.type == "ERROR" or node.is_missing:
+            _refuse(node, "what is no Structured Text")
+        node = next(child for child in node.children if child.has_error)
     blocks = [node for node in tree.root_node.children if node.type != "comment"]
     if len(blocks) != 1 or blocks[0].type != "function_block_declaration":
         _refuse(tree.root_node, "more or less than one function block")
@@ -115,12 +118,6 @@ def _refuse(node: Any, what: str) -> NoReturn:
 
 def _text(node: Any) -> str:
     return str(node.text.decode("ascii"))
-
-
-def _first_error(node: Any) -> Any:
-    while not (node.type == "ERROR" or node.is_missing):
-        node = next(child for child in node.children if child.has_error)
-    return node
 
 
 class _Translated:

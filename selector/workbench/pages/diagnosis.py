@@ -101,7 +101,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
             parts.tell(bench)
 
     def take(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
-        with parts.showing_what_counts(_BOXES, [holdout, false_alarm], lambda: _texts(bench)), typed.judged() as read:
+        with parts.typed_over(_BOXES, [holdout, false_alarm], lambda: _texts(bench)) as read:
             default = DiagnoseSection()
             probability = default.false_alarm
             if false_alarm:
@@ -114,18 +114,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
     fields = tuple((f"{ID}-{name}", "value") for name in ("responses", "holdout", "false_alarm"))
     form = parts.Form(fields, take)
     form.register(app)
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, _missing, [form])
-    parts.register_answer(
-        app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
-    )
-
-
-def _missing() -> OptionError:
-    return OptionError(
+    missing = OptionError(
         "nothing to compare",
         expected="recordings that can be read, and simulated runs of the same names",
         where=TITLE,
         advice="load recordings on the first page, and simulated runs here",
+    )
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, missing, [form])
+    parts.register_answer(
+        app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
     )
 
 

@@ -15,9 +15,9 @@ from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
 from selector.workbench import parts, typed
-from selector.workbench.asked_again import SHEET, model_at, other_than_exported
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
+from selector.workbench.saved_study import SHEET, model_at, other_than_exported
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"
@@ -145,7 +145,13 @@ def register(app: dash.Dash, bench: Bench) -> None:
     forms = (_limits_form(bench), _form(bench))
     for form in forms:
         form.register(app)
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, _missing, forms)
+    missing = OptionError(
+        "no model in the study folder",
+        expected="a model.json of a selection or of a diagnosis",
+        where=TITLE,
+        advice="run a selection first",
+    )
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms)
     parts.register_answer(
         app,
         bench,
@@ -189,7 +195,7 @@ def _limits_form(bench: Bench) -> parts.Form:
                 parts.tell(bench)
             return
         asked = bench.export
-        with parts.showing_what_counts(boxes, [*clamps, *slews], lambda: _texts(bench, names)), typed.judged() as read:
+        with parts.typed_over(boxes, [*clamps, *slews], lambda: _texts(bench, names)) as read:
 
             def limits(texts: list[str | None], title: str, unit: str, now: Mapping[str, float]) -> dict[str, float]:
                 found = {
@@ -207,15 +213,6 @@ def _limits_form(bench: Bench) -> parts.Form:
 
     fields = tuple(({"type": f"{ID}-{kind}", "output": ALL}, "value") for kind in (*_KINDS, "invert"))
     return parts.Form(fields, take, (({"type": f"{ID}-invert", "output": ALL}, "id"), (f"{ID}-target", "value")))
-
-
-def _missing() -> OptionError:
-    return OptionError(
-        "no model in the study folder",
-        expected="a model.json of a selection or of a diagnosis",
-        where=TITLE,
-        advice="run a selection first",
-    )
 
 
 def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:

@@ -15,13 +15,11 @@ from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import told_path
-from selector.workbench.corrections import NO_CHANNEL, Row, corrected, row_of, rows_of
-from selector.workbench.readable import Loaded, excerpt
+from selector.workbench.readable import CELLS, NO_CHANNEL, Loaded, Row, corrected, excerpt, row_of, rows_of
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
 
-_CELLS = ("role", "unit", "place", "axis")
 _READING = tuple(
     (name, FIELDS[f"--{name.replace('_', '-')}"], note)
     for name, note in (
@@ -155,7 +153,7 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
     @app.callback(
         Output(f"{ID}-corrected", "children"),
         Input(f"{ID}-correct", "n_clicks"),
-        *(State({"type": f"{ID}-{cell}", "channel": ALL}, "value") for cell in _CELLS),
+        *(State({"type": f"{ID}-{cell}", "channel": ALL}, "value") for cell in CELLS),
         prevent_initial_call=True,
     )
     def _correct(_: int, *columns: list[str | None]) -> Any:
@@ -164,7 +162,7 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
             return no_update
         old = rows_of(reading)
         edited = [
-            row_of(dict(zip(_CELLS, cells, strict=True)), row)
+            row_of(dict(zip(CELLS, cells, strict=True)), row)
             for row, cells in zip(old, zip(*columns, strict=True), strict=True)
         ]
         bench.correct(corrected(reading, edited))
@@ -178,20 +176,13 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
     )
     def _again(clicks: int | None, *values: str | None) -> None:
         if clicks:
-            said = {
-                name: value for (name, _, _), value in zip(_READING, values, strict=True) if value not in (None, "")
-            }
-            bench.read_as(_overrides(said))
+            said: dict[str, Any] = {name: value for (name, *_), value in zip(_READING, values, strict=True) if value}
+            if "header_row" in said:
+                said["header_row"] = typed.whole(said["header_row"], FIELDS["--header-row"], 0)
+            if "period_s" in said:
+                said["period_s"] = typed.number(said["period_s"], FIELDS["--period-s"], 1e-9, unit="s")
+            bench.read_as(Overrides(**said))
             parts.tell(bench)
-
-
-def _overrides(said: dict[str, Any]) -> Overrides:
-    """Texts of the form as what the reader takes."""
-    if "header_row" in said:
-        said["header_row"] = typed.whole(said["header_row"], FIELDS["--header-row"], 0)
-    if "period_s" in said:
-        said["period_s"] = typed.number(said["period_s"], FIELDS["--period-s"], 1e-9, unit="s")
-    return Overrides(**said)
 
 
 def _table_of_files(bench: Bench) -> Component:
@@ -204,7 +195,11 @@ def _table_of_files(bench: Bench) -> Component:
         own = runs.get(str(one.path), []) if one.is_used else []
         rows.append(
             [
-                _tick(number, one),
+                dcc.Checklist(
+                    id={"type": f"{ID}-use", "file": number},
+                    options=[{"label": "", "value": "used"}],
+                    value=["used"] if one.is_used else [],
+                ),
                 one.path.name,
                 sum(run.rows for run in own) if own else "",
                 duration(sum(run.duration_s for run in own)) if own else "",
@@ -215,12 +210,6 @@ def _table_of_files(bench: Bench) -> Component:
         )
     columns = ["use", "file", "rows", "duration", "step", "start", ""]
     return parts.table(columns, rows, numeric=["rows", "duration", "step"], name="files")
-
-
-def _tick(number: int, one: Loaded) -> Component:
-    ticked = ["used"] if one.is_used else []
-    name = {"type": f"{ID}-use", "file": number}
-    return dcc.Checklist(id=name, options=[{"label": "", "value": "used"}], value=ticked)
 
 
 def _state(one: Loaded, is_reading: bool) -> Any:

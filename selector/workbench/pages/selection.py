@@ -10,22 +10,20 @@ import dash
 from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 
-from selector.errors import OptionError
 from selector.recording import SENSOR_ROLES
 from selector.selection import Options
 from selector.workbench import parts, typed
-from selector.workbench.asked_again import other_than_asked
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
 from selector.workbench.pages import wished
+from selector.workbench.saved_study import other_than_asked
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"
 
 _DEFAULT = Options()
 _NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
-_RAISED = f"{ID}-raised"
-"""Store: the rounds that several λ ask for, and those that were asked before."""
+_RAISED = f"{ID}-raised"  #: Store: the rounds that several λ ask for, and those that were asked before.
 
 _BOXES = (f"{ID}-level", *(f"{ID}-{name}" for name, _ in _NUMBERS))
 _TICKS = tuple(
@@ -58,6 +56,7 @@ def layout(bench: Bench) -> Component:
         parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
     ]
     ticks = [{"label": title, "value": name} for name, title in _TICKS]
+    ticked = [name for name, _ in _TICKS if getattr(asked, name)]
     return html.Div(
         [
             html.H1("Selection of sensors, and the model"),
@@ -67,7 +66,7 @@ def layout(bench: Bench) -> Component:
                 className="about",
             ),
             html.Div(fields, className="fields"),
-            dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=_ticked(bench), className="ticks"),
+            dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
             html.Div(id=f"{ID}-sensors"),
             html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
             html.Div(id=f"{ID}-earlier", role="status"),
@@ -119,7 +118,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
         others = other_than_asked(bench.folder / SELECTION, bench.options, bench.overrides, bench.used)
         return parts.asked_otherwise(others, "answer below was asked", "Start")
 
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, _missing, forms)
+    missing = parts.no_recordings(TITLE)
+    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, missing, forms)
     parts.register_answer(
         app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
     )
@@ -138,7 +138,7 @@ def _form(bench: Bench) -> parts.Form:
     ) -> None:
         numbers = (max_sensors, rounds)
         asked = bench.options
-        with parts.showing_what_counts(_BOXES, [level, *numbers], lambda: _texts(bench)), typed.judged() as read:
+        with parts.typed_over(_BOXES, [level, *numbers], lambda: _texts(bench)) as read:
             counts = {
                 name: read(partial(typed.whole, text, title), getattr(asked, name)) if text else getattr(_DEFAULT, name)
                 for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
@@ -183,10 +183,6 @@ def _register_following(app: dash.Dash, bench: Bench) -> None:
         return now
 
 
-def _missing() -> OptionError:
-    return OptionError("no recordings", expected="recordings that can be read", where=TITLE, advice="load some first")
-
-
 def _answered(bench: Bench, stamp: str) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
@@ -219,10 +215,6 @@ def _sensors(bench: Bench) -> Component:
     restricted = bool(asked.must or asked.never or asked.cost)
     table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
     return html.Details([html.Summary(summary), table, parts.table_download("sensors")], open=restricted)
-
-
-def _ticked(bench: Bench) -> list[str]:
-    return [name for name, _ in _TICKS if getattr(bench.options, name)]
 
 
 def _texts(bench: Bench) -> list[str]:

@@ -76,7 +76,7 @@ def choose(
     def counting() -> list[str]:
         return [said(bench.options, name) for said in (use_of, cost_of) for name in names]
 
-    with parts.showing_what_counts(boxes, [*uses, *costs], counting), typed.judged() as read:
+    with parts.typed_over(boxes, [*uses, *costs], counting) as read:
         if bench.choose(**_wishes(names, uses, costs, known, read, bench.options.cost)):
             parts.tell(bench)
 

@@ -7,7 +7,6 @@ numbers and the pictures together: the browser asks the server for what changes 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import dash
@@ -84,7 +83,12 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """The whole page after a change of the bench; what changed in it after a move."""
     machine.register(app, bench)
-    forms = (*wishes.register(app, bench), parts.Form((), _level_taken(bench), ((f"{ID}-typed", "data"),)))
+
+    def take_level(text: str | None) -> None:
+        if text is not None and _view(bench) is not None:
+            _moved(bench, {"level": text})
+
+    forms = (*wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
     parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(
@@ -132,7 +136,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
-    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, _missing, forms)
+    missing = parts.no_recordings(TITLE)
+    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, missing, forms)
 
 
 def _group_rows(bench: Bench) -> list[list[object]]:
@@ -141,18 +146,6 @@ def _group_rows(bench: Bench) -> list[list[object]]:
     except InputError:
         return []
     return [] if view is None else pictures.group_rows(view)
-
-
-def _level_taken(bench: Bench) -> Callable[[str | None], None]:
-    def take(text: str | None) -> None:
-        if text is not None and _view(bench) is not None:
-            _moved(bench, {"level": text})
-
-    return take
-
-
-def _missing() -> OptionError:
-    return OptionError("no recordings", expected="recordings that can be read", where=TITLE, advice="load some first")
 
 
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:

@@ -141,9 +141,7 @@ def _address(path: Path, _: float) -> str | None:
     return None if kind is None else f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-@functools.lru_cache(maxsize=1)
-def _c_frame() -> tuple[NDArray[np.float64], ...]:
-    return machine_outline()
+_c_frame = functools.cache(machine_outline)
 
 
 def _fitted(places_m: NDArray[np.float64]) -> Sequence[NDArray[np.float64]]:
@@ -154,7 +152,8 @@ def _fitted(places_m: NDArray[np.float64]) -> Sequence[NDArray[np.float64]]:
     if not len(places_m):
         return lines
     # one in the hall says nothing about the size of the machine
-    inside = places_m[(np.abs(places_m - np.median(places_m, axis=0)) <= 10 * _spread(places_m)).all(axis=1)]
+    away = np.abs(places_m - np.median(places_m, axis=0))
+    inside = places_m[(away <= 10 * np.maximum(np.median(away, axis=0), 0.1)).all(axis=1)]
     reach = _BESIDE * float((high - low).max())
     if ((inside >= low - reach) & (inside <= high + reach)).all() and (
         np.ptp(inside, axis=0) >= 0.2 * (high - low)
@@ -162,8 +161,3 @@ def _fitted(places_m: NDArray[np.float64]) -> Sequence[NDArray[np.float64]]:
         return lines
     least, size = inside.min(axis=0), np.maximum(np.ptp(inside, axis=0), 0.2)
     return tuple(least + (line - low) / (high - low) * size for line in lines)
-
-
-def _spread(places_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    deviation = np.median(np.abs(places_m - np.median(places_m, axis=0)), axis=0)
-    return np.maximum(np.asarray(deviation), 0.1)

@@ -9,16 +9,7 @@ from typing import Any
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.errors import (
-    KINDS,
-    RunError,
-    SetError,
-    run_error_changes,
-    run_errors_picture,
-    run_errors_title,
-    set_error_changes,
-    set_errors_picture,
-)
+from selector.figures.grouping import CutShown, group_colours, tree_changes, tree_picture, tree_title
 from selector.figures.model import (
     TermShown,
     coefficient_changes,
@@ -29,7 +20,16 @@ from selector.figures.model import (
     faults_title,
 )
 from selector.figures.places import machine_changes, machine_picture
-from selector.figures.sensor_tree import CutShown, group_colours, tree_changes, tree_picture, tree_title
+from selector.figures.proof import (
+    KINDS,
+    RunError,
+    SetError,
+    run_error_changes,
+    run_errors_picture,
+    run_errors_title,
+    set_error_changes,
+    set_errors_picture,
+)
 from selector.figures.style import Changes, changed
 from selector.number_text import number_text
 from selector.selection.exploration import NORMAL_95, FixedModel
@@ -48,8 +48,7 @@ NOTES = {
 }
 UNUSED = "#d4d4d4"
 _HEIGHT = 300
-_TREE = (110, 12, 380)
-"""Room of the tree, height of a sensor in it, and least height [px]."""
+_TREE = (110, 12, 380)  #: Room of the tree, height of a sensor in it, and least height [px].
 _MARGINS = {
     "tree": {"t": 24, "b": 84, "l": 14},
     "machine": {"t": 10, "b": 84, "l": 56, "r": 10},
@@ -61,8 +60,7 @@ _MARGINS = {
 _LETTER_PX, _BESIDE_LETTERS_PX = 6.7, 24
 """Width of a letter of a name, bold ones included, and what stands beside a name."""
 _LONGEST_TERM = 18
-_LONGEST_BESIDE_PIN = 20
-"""Two views stand side by side."""
+_LONGEST_BESIDE_PIN = 20  #: Two views stand side by side.
 
 
 def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Figure]:
@@ -154,17 +152,14 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
 
 def _set_changes(view: View) -> Changes:
     def errors(sets: Mapping[int, tuple[str, ...]]) -> list[SetError]:
-        return [_error(view, sets[size]) for size in sorted(sets)]
+        models = {sets[size]: view.exploration.fixed(sets[size]).models[view.response] for size in sorted(sets)}
+        return [SetError(sensors, model.heldout_rmse_um) for sensors, model in models.items()]
 
     model = view.fixed.models[view.response]
     n = sum(part.n_samples for part in model.parts)
     before_um = (sum(part.n_samples * part.before_rmse_um**2 for part in model.parts) / n) ** 0.5 if n else 0.0
     taken = SetError(view.fixed.sensors, model.heldout_rmse_um)
     return set_error_changes(errors(view.exploration.best_sets), errors(view.cut.best_sets), taken, before_um)
-
-
-def _error(view: View, sensors: tuple[str, ...]) -> SetError:
-    return SetError(sensors, view.exploration.fixed(sensors).models[view.response].heldout_rmse_um)
 
 
 def _runs(view: View) -> list[RunError]:

@@ -66,7 +66,7 @@ def _places_form(bench: Bench) -> parts.Form:
         def counting() -> list[str]:
             return [_places(bench)[name] for name in changed]
 
-        with parts.showing_what_counts(boxes, shown, counting), typed.judged() as read:
+        with parts.typed_over(boxes, shown, counting) as read:
             places_m = {name: read(partial(_coordinates, text, name), None) for name, text in changed.items()}
             if places := {name: place for name, place in places_m.items() if place is not None}:
                 bench.place(places)
