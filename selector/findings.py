@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -73,6 +74,21 @@ class Kind:
 
 class Kinds(dict[str, Kind]):
     """The kinds of finding that one room of the package can make, by id."""
+
+    @classmethod
+    def of(cls, table: str) -> Kinds:
+        r"""The kinds of a text: ``id [level, …] title``; more lines of it are indented, the advice stands behind →.
+
+        >>> Kinds.of("gap [info, warning] the recording pauses\n    → Look at the logger.")["gap"].levels
+        ('info', 'warning')
+        """
+        kinds = cls()
+        for entry in re.split(r"\n(?=\S)", table.strip()):
+            head, _, advice = (" ".join(part.split()) for part in entry.partition("→"))
+            id_, levels, title = re.fullmatch(r"([a-z0-9-]+) \[([a-z, ]+)\] (.+)", head).groups()  # type: ignore[union-attr]
+            several: Any = tuple(levels.split(", "))
+            kinds[id_] = Kind(several[0] if len(several) == 1 else several, title, advice)
+        return kinds
 
     def finding(
         self,

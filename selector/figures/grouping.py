@@ -248,6 +248,7 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
         ]
         for i in range(n)
     ]
+    bar: dict[str, object] = {"title": {"text": "r, t [–]", "side": "top"}, "thickness": 14, "outlinewidth": 0}
     drawn.add_heatmap(
         z=style.nines(both).astype(np.float32),
         x=list(range(n)),
@@ -264,22 +265,10 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
         customdata=hover,
         hovertemplate="%{customdata}<extra></extra>",
         showscale=not is_told,
-        colorbar={
-            "title": {"text": "r, t [–]", "side": "top"},
-            "thickness": 14,
-            "outlinewidth": 0,
-            **style.level_axis(low, high, room=0.08),
-        },
+        colorbar=bar | style.level_axis(low, high, room=0.08),
     )
-    ticks = {
-        "tickvals": list(range(n)),
-        "ticktext": labels,
-        "showgrid": False,
-        "showline": False,
-        "ticks": "",
-        "tickfont": {"size": 12 if n <= 20 else 10},
-        "constrain": "domain",
-    }
+    bare = {"showgrid": False, "showline": False, "ticks": "", "tickfont": {"size": 12 if n <= 20 else 10}}
+    ticks = {"tickvals": list(range(n)), "ticktext": labels, **bare, "constrain": "domain"}
     drawn.update_xaxes(range=[-0.5, n - 0.5], tickangle=-90 if is_turned else 0, constraintoward="left", **ticks)
     drawn.update_yaxes(range=[n - 0.5, -0.5], scaleanchor="x", **ticks)
     position = {sensor: k for k, sensor in enumerate(order)}
@@ -287,18 +276,9 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
         start, stop = min(position[i] for i in group) - 0.5, max(position[i] for i in group) + 0.5
         corners = {"x0": start, "x1": stop, "y0": start, "y1": stop}
         drawn.add_shape(type="rect", **corners, line={"color": style.INK, "width": 2})
-    drawn.add_annotation(
-        text="below the diagonal: similarity r; above it: closure t",
-        x=0.0,
-        y=1.0,
-        xref="paper",
-        yref="paper",
-        xanchor="left",
-        yanchor="bottom",
-        yshift=6,
-        showarrow=False,
-        font={"color": "#555555"},
-    )
+    corner = {"x": 0.0, "y": 1.0, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom", "yshift": 6}
+    told = "below the diagonal: similarity r; above it: closure t"
+    drawn.add_annotation(text=told, **corner, showarrow=False, font={"color": "#555555"})
     return drawn
 
 
@@ -347,19 +327,12 @@ def lambda_scan(selection: Selection) -> go.Figure:
         if step.f is not None and math.isfinite(step.f.value)
     ]
     _panel(drawn, "y2", statistics)
-    _panel(
-        drawn,
-        "y3",
-        [
-            (
-                min(float(style.nines(one.rounds[-1].level)), end) if one.rounds[-1].level < 1 else end,
-                one.error,
-                f"{len(one.representatives)} representatives<br>held-out error {one.error:.4g}",
-            )
-            for one in grouping.screenings
-            if math.isfinite(one.error)
-        ],
-    )
+    errors = []
+    for one in (one for one in grouping.screenings if math.isfinite(one.error)):
+        level = one.rounds[-1].level
+        x = min(float(style.nines(level)), end) if level < 1 else end
+        errors.append((x, one.error, f"{len(one.representatives)} representatives<br>held-out error {one.error:.4g}"))
+    _panel(drawn, "y3", errors)
     drawn.update_layout(
         xaxis={
             "title": {"text": "λ [–]"},

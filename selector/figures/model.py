@@ -73,34 +73,17 @@ def coefficients_picture(response: str, height: int, title: str) -> go.Figure:
             marker={"color": colour, "size": 9},
             hovertemplate="%{x:.4g} ± %{error_x.array:.2g} µm<extra></extra>",
         )
-    drawn.add_bar(
-        orientation="h",
-        xaxis="x2",
-        textposition="auto",
-        hovertemplate="VIF %{x:.3g}<extra></extra>",
-        showlegend=False,
-    )
+    hover = "VIF %{x:.3g}<extra></extra>"
+    drawn.add_bar(orientation="h", xaxis="x2", textposition="auto", hovertemplate=hover, showlegend=False)
+    across = {"text": f"change of {style.label(response)} per standard deviation [µm]"}
     drawn.update_layout(
         bargap=0.45,
-        xaxis={
-            "domain": [0.0, 0.68],
-            "title": {"text": f"change of {style.label(response)} per standard deviation [µm]"},
-            "zeroline": True,
-            "zerolinecolor": style.INK,
-        },
+        xaxis={"domain": [0.0, 0.68], "title": across, "zeroline": True, "zerolinecolor": style.INK},
         xaxis2={"domain": [0.74, 1.0], "title": {"text": "VIF [–]"}, "type": "log"},
         yaxis={"showgrid": True},
     )
-    drawn.add_shape(
-        type="line",
-        xref="x2",
-        x0=COLLINEAR_VIF,
-        x1=COLLINEAR_VIF,
-        yref="paper",
-        y0=0,
-        y1=1,
-        line={"color": style.RESIDUAL, "width": 1.5, "dash": "dot"},
-    )
+    ends = {"xref": "x2", "x0": COLLINEAR_VIF, "x1": COLLINEAR_VIF, "yref": "paper", "y0": 0, "y1": 1}
+    drawn.add_shape(type="line", **ends, line={"color": style.RESIDUAL, "width": 1.5, "dash": "dot"})
     return drawn
 
 

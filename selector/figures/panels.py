@@ -113,6 +113,7 @@ def stacked(
             )  # fmt: skip
         for line in panel.lines:
             at = shown_samples(line.time_s, line.values, line.steps)
+            look = {"color": line.colour, "width": line.width, "dash": line.dash}
             drawn.add_scatter(
                 x=(line.time_s[at] / seconds).astype(np.float32),
                 y=line.values[at].astype(np.float32),
@@ -120,12 +121,7 @@ def stacked(
                 yaxis=f"y{key}",
                 mode="lines",
                 name=style.label(line.name),
-                line={
-                    "color": line.colour,
-                    "width": line.width,
-                    "dash": line.dash,
-                    "shape": "hv" if line.steps else "linear",
-                },
+                line={**look, "shape": "hv" if line.steps else "linear"},
                 hovertemplate=f"%{{x:.4g}} {unit}: %{{y:.5g}}<extra>{style.label(line.name)}</extra>",
             )
         _name_lines(drawn, panel, low * inside, height, inside)

@@ -108,17 +108,9 @@ def machine_picture(
     first = float(np.clip(wide[0] / wide.sum(), 0.25, 0.75))
     domains = ([0.0, first - 0.03], [first + 0.05, 1.0])
     for (axis, view, text, across), domain in zip(VIEWS, domains, strict=True):
-        drawn.update_layout(
-            {
-                axis.replace("x", "xaxis"): {
-                    "title": {"text": f"{text}, {view}"},
-                    "domain": domain,
-                    "range": [float(low[across]), float(high[across])],
-                    "scaleanchor": "y",
-                    "constrain": "domain",
-                }
-            }
-        )
+        ends = [float(low[across]), float(high[across])]
+        own = {"title": {"text": f"{text}, {view}"}, "domain": domain, "range": ends}
+        drawn.update_layout({axis.replace("x", "xaxis"): {**own, "scaleanchor": "y", "constrain": "domain"}})
     drawn.update_yaxes(title_text="Z [m]", range=[float(low[2]), float(high[2])], constrain="domain")
     return drawn
 

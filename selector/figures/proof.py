@@ -88,17 +88,15 @@ def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> g
 
 def run_error_changes(runs: Sequence[RunError]) -> Changes:
     """The errors of the same runs in the frame of `run_errors_picture`."""
-    return {
+    changes: dict[tuple[str | int, ...], object] = {
         ("data", 0, "x"): [one.before_rmse_um for one in runs],
         ("data", 1, "x"): [one.rmse_um for one in runs],
         ("data", 2, "x"): [one.max_um for one in runs],
-        **{
-            ("layout", "annotations", row, "text"): (
-                f"{number_text(one.before_rmse_um)} → <b>{number_text(one.rmse_um)}</b>"
-            )
-            for row, one in enumerate(runs)
-        },
     }
+    for row, one in enumerate(runs):
+        both = f"{number_text(one.before_rmse_um)} → <b>{number_text(one.rmse_um)}</b>"
+        changes["layout", "annotations", row, "text"] = both
+    return changes
 
 
 _FAMILIES = (

@@ -88,17 +88,9 @@ def beside_each_other(
             "zerolinecolor": style.MUTED,
             "nticks": 4,
         }
-        drawn.add_annotation(
-            text="<br>".join(filter(None, [f"<b>{style.label(one.run)}</b>", one.remark])),
-            x=left,
-            y=top - (_HEAD_PX - 2) / _ROW_PX / rows,
-            xref="paper",
-            yref="paper",
-            xanchor="left",
-            yanchor="bottom",
-            showarrow=False,
-            align="left",
-        )
+        told = "<br>".join(filter(None, [f"<b>{style.label(one.run)}</b>", one.remark]))
+        at = {"x": left, "y": top - (_HEAD_PX - 2) / _ROW_PX / rows, "xref": "paper", "yref": "paper"}
+        drawn.add_annotation(text=told, **at, xanchor="left", yanchor="bottom", showarrow=False, align="left")
     return drawn
 
 

@@ -249,7 +249,7 @@ class ModelFamily(Generic[File]):
             key, held = (*key, "kind"), held.get("kind")
         place, more = f"{where}, key {key_text(key)}", _also(others)
         if first["type"] == "extra_forbidden":
-            known = _keys_at(schema, first["loc"][:-1])
+            known = keys_at(schema, first["loc"][:-1])
             near = _closest(str(key[-1]), known)
             elsewhere = [name for name, other in self.kinds.items() if len(key) == 1 and key[0] in other.model_fields]
             advice = (
@@ -424,9 +424,10 @@ def _kinds_in(annotation: Any) -> list[str]:
     return tags + [kind for part in inner for kind in _kinds_in(part)]
 
 
-def _keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
+def keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:
     """Keys that the section at this path may have."""
-    return list(dict.fromkeys(name for entry in _entries_at(schema, path) for name in entry.model_fields))
+    fields = (one for entry in _entries_at(schema, path) for one in entry.model_fields.items())
+    return list(dict.fromkeys(field.alias or name for name, field in fields))
 
 
 def _entries_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[type[BaseModel]]:

@@ -64,16 +64,6 @@ def commanded(survey: Survey, column: int, run: str, moment_s: tuple[float, floa
     return ""
 
 
-def jumping_with(survey: Survey, column: int, run: str, moment_s: tuple[float, float]) -> list[str]:
-    """Names of the other measured channels that jump at this moment."""
-    first, last = _rows_near(survey, run, moment_s, _NEAR_PERIODS)
-    return [
-        survey.channels[other].name
-        for other in survey.columns(*MEASURED_ROLES)
-        if other != column and _jumps(survey.values[run][other], first, last, survey.scale(run, other).floor)
-    ]
-
-
 def pulsing_with(survey: Survey, column: int, run: str, window_s: tuple[float, float]) -> tuple[list[str], list[str]]:
     """Names of the commands, and of the other measured channels, that leave their level and return in a window."""
     first, last = _rows_near(survey, run, window_s, 0.5)
@@ -331,9 +321,16 @@ def _cause(survey: Survey, series: Series, jump: Jump) -> str:
     cause = commanded(survey, series.column, series.run, moment_s, jump.height)
     if cause:
         return cause
-    together = ", ".join(jumping_with(survey, series.column, series.run, moment_s)[:3])
+    # the other measured channels that jump at this moment
+    first, last = _rows_near(survey, series.run, moment_s, _NEAR_PERIODS)
+    together = [
+        survey.channels[other].name
+        for other in survey.columns(*MEASURED_ROLES)
+        if other != series.column
+        and _jumps(survey.values[series.run][other], first, last, survey.scale(series.run, other).floor)
+    ]
     if together:
-        return f"{together} jumps with it"
+        return f"{', '.join(together[:3])} jumps with it"
     return "its course bends there too" if jump.bends else ""
 
 

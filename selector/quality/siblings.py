@@ -334,13 +334,8 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                     f"its siblings say that it moved by {difference(due, channel)}"
                     + ("; but it stands still in other runs, too." if unsure else "."),
                     Where(channel.name, run, begin, end),
-                    {
-                        "samples": int(still.length[k]),
-                        "value": float(still.value[k]),
-                        "expected_movement": due,
-                        "resolution": quantum,
-                        "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
-                    },
+                    {"samples": int(still.length[k]), "value": float(still.value[k]), "expected_movement": due}
+                    | {"resolution": quantum, "siblings": [_name(relations, j) for j in siblings]},
                     "Check the sensor, its cable and the logger. "
                     + ("Nothing is left out." if unsure else "The stretch is left out."),
                     "none" if unsure else "leave-out-stretch",
@@ -458,12 +453,8 @@ def _drift_finding(
         f"{difference(last, channel)} from what its siblings say by the relation {learned}, where it was never off by "
         f"more than {difference(usual, channel)}.",
         Where(channel.name, run, begin, end),
-        {
-            "departure_at_end": last,
-            "largest_departure": _size(departure),
-            "usual_departure": usual,
-            "siblings": [survey.channels[relations.columns[j]].name for j in siblings],
-        },
+        {"departure_at_end": last, "largest_departure": _size(departure), "usual_departure": usual}
+        | {"siblings": [_name(relations, j) for j in siblings]},
         "Check whether the sensor came off or ages. "
         + ("The stretch is left out." if doubt is None else f"It may be real ({doubt}): nothing is left out."),
         "leave-out-stretch" if doubt is None else "none",

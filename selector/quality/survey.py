@@ -17,19 +17,8 @@ Ints = NDArray[np.intp]
 
 THERMAL_ROLES = ("temperature", "ambient")
 MEASURED_ROLES = ("temperature", "ambient", "displacement")
-COMMAND_ROLES = (
-    "spindle_speed",
-    "feed_rate",
-    "position_command",
-    "position",
-    "velocity",
-    "acceleration",
-    "flow",
-    "state",
-    "force",
-    "current",
-)
-"""Roles whose change is a reason for a measured channel to jump."""
+_COMMANDS = "spindle_speed feed_rate position_command position velocity acceleration flow state force current"
+COMMAND_ROLES = tuple(_COMMANDS.split())  #: Roles whose change is a reason for a measured channel to jump.
 
 IMPLAUSIBLE = 1e12  #: No role has values of this size in its canonical unit; larger ones would only overflow.
 

@@ -33,11 +33,6 @@ class Mistake:
             return f"Correct the file of this run: {self.remedy}."
         return f'If so, say it in the machine file: [runs."{run}".channels."{channel}"] with unit = "{self.unit}".'
 
-    def remedy_in_all_runs(self) -> str:
-        """What to do about a channel that is so in every run."""
-        where = "for this channel in the machine file" if self.unit is not None else "in every file"
-        return f"If so, {self.remedy} {where}."
-
 
 _THERMAL = (
     Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"', "degF"),
@@ -122,6 +117,7 @@ def _told_temperatures(
         if moves_right and not whole_run and not _every_start_agrees(level, i, mistake):
             continue
         acts = bool(healthy.any())
+        everywhere = "for this channel in the machine file" if mistake.unit is not None else "in every file"
         now = float(level[i, r])
         yield FINDINGS.finding(
             "wrong-unit",
@@ -129,16 +125,11 @@ def _told_temperatures(
             f"looks like {mistake.name} (factor {mistake.gain:.4g}, offset {mistake.offset:.5g}; then it starts at "
             f"{mistake.undone(now):.3g} °C).",
             Where(channel.name, run),
-            {
-                "start": now,
-                "reference": middle,
-                "gain": mistake.gain,
-                "offset": mistake.offset,
-                "mistake": mistake.name,
-                "measured_gain": gain,
-            },
-            f"{mistake.remedy_in_one_run(channel.name, run) if acts else mistake.remedy_in_all_runs()} "
-            + ("The channel is left out of this run." if acts else "Nothing is left out."),
+            {"start": now, "reference": middle, "gain": mistake.gain, "offset": mistake.offset}
+            | {"mistake": mistake.name, "measured_gain": gain},
+            f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run."
+            if acts
+            else f"If so, {mistake.remedy} {everywhere}. Nothing is left out.",
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )

@@ -204,8 +204,9 @@ def _word_by_word(plain: Text, decimal: str, notes: ColumnNotes) -> tuple[Vector
     numeric = sum(tally.get(kind, 0) for kind in ("number", "grouped", "other", "unit"))
     text = sum(tally.get(kind, 0) for kind in ("text", "time", "bool"))
     table = np.array([value for value, _ in judged] + [np.nan], dtype=np.float64)
-    if numeric == 0 and tally.get("bool", 0) > 0 and tally["bool"] == text and _two_valued(words, judged):
-        notes.words = {word: value for word, (value, kind) in zip(words, judged, strict=True) if kind == "bool"}
+    switched = {word: value for word, (value, kind) in zip(words, judged, strict=True) if kind == "bool"}
+    if numeric == 0 and 0 < tally.get("bool", 0) == text and len({folded_word(word) for word in switched}) <= 2:
+        notes.words = switched
         return table[codes], notes
     if text > 0 and numeric < text:
         words_only: NDArray[np.object_] = np.array(plain.to_pylist(), dtype=np.object_)
@@ -232,10 +233,6 @@ def _word_by_word(plain: Text, decimal: str, notes: ColumnNotes) -> tuple[Vector
             notes.unit = notes.unit or kind[5:]
     notes.breaks = tuple(breaks)
     return _finite(np.where(codes >= 0, table[codes], values), notes), notes
-
-
-def _two_valued(words: list[str], judged: list[tuple[float, str]]) -> bool:
-    return len({folded_word(word) for word, (_, kind) in zip(words, judged, strict=True) if kind == "bool"}) in (1, 2)
 
 
 def _judged(word: str, decimal: str) -> tuple[float, str]:

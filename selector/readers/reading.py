@@ -50,32 +50,19 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
                 where=run.file.name,
                 advice="check the decimal mark and the columns, or leave this file out",
             )
-        findings += [
-            FINDINGS.finding(
-                "empty-channel",
-                f"Channel {name!r} has no value in run {run.name!r}.",
-                Where(channel=name, run=run.name),
-                {},
-                "leave the channel or the run out",
-                "leave-out-stretch",
-                level="warning",
-            )
-            for name, channel, nothing in zip(names, planned.channels, empty, strict=True)
-            if nothing and run.name in channel.headers and run.name not in channel.left_out
-        ]
+        for name, channel, nothing in zip(names, planned.channels, empty, strict=True):
+            if nothing and run.name in channel.headers and run.name not in channel.left_out:
+                told = f"Channel {name!r} has no value in run {run.name!r}."
+                place, advice = Where(channel=name, run=run.name), "leave the channel or the run out"
+                findings.append(
+                    FINDINGS.finding("empty-channel", told, place, {}, advice, "leave-out-stretch", level="warning")
+                )
         parts.append(values)
         provenance[run.name] = provenance_of(run)
-    frame = pd.DataFrame(
-        np.concatenate(parts),
-        columns=names,
-        index=pd.MultiIndex.from_arrays(
-            [
-                np.repeat(np.array([run.name for run in runs], dtype=object), [len(p) for p in parts]),
-                np.concatenate([run.time_s for run in runs]),
-            ],
-            names=["run", "time_s"],
-        ),
-    )
+    run_of_row = np.repeat(np.array([run.name for run in runs], dtype=object), [len(p) for p in parts])
+    time_s = np.concatenate([run.time_s for run in runs])
+    index = pd.MultiIndex.from_arrays([run_of_row, time_s], names=["run", "time_s"])
+    frame = pd.DataFrame(np.concatenate(parts), columns=names, index=index)
     return Recording(frame, tuple(channels), {"runs": provenance}), findings
 
 
@@ -129,14 +116,8 @@ def condensed(findings: Sequence[Finding]) -> tuple[Finding, ...]:
             continue
         first = members[0]
         more = f" The same holds for {len(runs) - 1} more runs ({', '.join(runs[1:5])}{' …' if len(runs) > 5 else ''})."
-        out.append(
-            replace(
-                first,
-                statement=first.statement + more,
-                where=replace(first.where, run=None, file=None),
-                evidence={**first.evidence, "runs": runs},
-            )
-        )
+        where, evidence = replace(first.where, run=None, file=None), {**first.evidence, "runs": runs}
+        out.append(replace(first, statement=first.statement + more, where=where, evidence=evidence))
     rank = {"error": 0, "warning": 1, "info": 2}
     return tuple(sorted(out, key=lambda finding: rank[finding.level]))
 
@@ -305,22 +286,11 @@ def _run_info(run: TimedRun) -> RunInfo:
 def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:
     out = []
     for channel in planned.channels:
-        first = next(run.name for run in runs if run.name in channel.headers)
+        column = channel.headers[next(run.name for run in runs if run.name in channel.headers)]
         units = tuple(dict.fromkeys(channel.units.values()))
-        out.append(
-            ChannelInfo(
-                channel.name,
-                channel.headers[first],
-                channel.role,
-                CANONICAL_UNITS[channel.role],
-                ", ".join(units),
-                channel.guessed,
-                channel.place,
-                channel.axis,
-                channel.xyz_m,
-                dict(channel.units) if len(units) > 1 else {},
-            )
-        )
+        of = channel_of(channel)
+        info = ChannelInfo(of.name, column, of.role, of.unit, ", ".join(units), channel.guessed, of.place, of.axis)
+        out.append(replace(info, xyz_m=of.xyz_m, units_of_runs=dict(channel.units) if len(units) > 1 else {}))
     return out
 
 
@@ -348,27 +318,25 @@ def machine_of(reading: Reading) -> Machine:
     # said: every run is in the same unit of time, and none of them only by a guess
     is_said = len({one["unit"] for one in times}) == 1 and not any("unit" in one["guessed"] for one in times)
     unit = time["unit"] if is_said else None
+    declared = reading.machine or Machine()
     section = TimeSection(
         column=None if not columns else columns[0] if len(columns) == 1 else columns,
         unit=unit if unit == "datetime" else time_unit(unit),
         period_s=reading.runs[0].period_s if unit == "sample" else None,
-        date_order=reading.machine.time.date_order if reading.machine is not None else None,
+        date_order=declared.time.date_order,
     )
-    declared = reading.machine.channels if reading.machine is not None else {}
-    channels = {
-        c.name: ChannelSection(
-            column=c.column if c.column != c.name else None,
-            role=c.role,
-            unit=c.unit_in_file if not c.units_of_runs else declared[c.name].unit if c.name in declared else None,
-            place=c.place,
-            axis=c.axis,
-            xyz=c.xyz_m,
-        )
-        for c in reading.channels
-    }
-    name = reading.machine.machine.name if reading.machine is not None else None
-    runs = reading.machine.runs if reading.machine is not None else {}
-    return Machine(machine=MachineSection(name=name), time=section, channels=channels, runs=runs)
+    channels: dict[str, ChannelSection] = {}
+    for c in reading.channels:
+        of_runs = declared.channels.get(c.name, ChannelSection()).unit
+        channels[c.name] = channel_section(c, c.column, of_runs if c.units_of_runs else c.unit_in_file)
+    name = MachineSection(name=declared.machine.name)
+    return Machine(machine=name, time=section, channels=channels, runs=declared.runs)
+
+
+def channel_section(of: ChannelInfo | Channel, column: str, unit: str | None) -> ChannelSection:
+    """What a machine file says of a channel that stands in this column in this unit."""
+    own = None if column == of.name else column
+    return ChannelSection(column=own, role=of.role, unit=unit, place=of.place, axis=of.axis, xyz=of.xyz_m)
 
 
 def guessed_clock(reading: Reading) -> str | None:

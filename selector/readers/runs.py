@@ -162,18 +162,16 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
     stops = [*starts[1:], len(array)]
     if len(set(names)) != len(names) or any(b - a < 2 for a, b in zip(starts, stops, strict=True)):
         return [table]
-    findings = (
-        *table.findings,
-        FINDINGS.finding(
-            "run-column",
-            f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {listed(names, 8)}.",
-            evidence={"runs": names[:100]},
-        ),
-    )
+    told = f"Column {column.header!r} of {table.file.name} tells {len(names)} runs apart: {listed(names, 8)}."
+    findings = (*table.findings, FINDINGS.finding("run-column", told, evidence={"runs": names[:100]}))
     tables = []
     for i, (name, a, b) in enumerate(zip(names, starts, stops, strict=True)):
         columns = tuple(
-            replace(c, values=c.values[a:b], breaks=tuple(_cut(broken, int(a), int(b)) for broken in c.breaks))
+            replace(
+                c,
+                values=c.values[a:b],
+                breaks=tuple(BreakWord(one.word, one.rows[(one.rows >= a) & (one.rows < b)] - a) for one in c.breaks),
+            )
             for c in table.columns
             if c is not column
         )
@@ -181,11 +179,6 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
         lines = None if table.lines is None else table.lines[a:b]
         tables.append(replace(table, name=run_name, columns=columns, lines=lines, findings=findings if i == 0 else ()))
     return tables
-
-
-def _cut(broken: BreakWord, a: int, b: int) -> BreakWord:
-    inside = broken.rows[(broken.rows >= a) & (broken.rows < b)] - a
-    return BreakWord(broken.word, inside)
 
 
 def _label(value: object) -> str | None:

@@ -128,7 +128,9 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
     unique: list[str] = []
     repeated: dict[str, list[str]] = {}
     for position, raw in enumerate(headers, start=1):
-        text = as_written(clean_name(raw)) or f"col{position}"
+        # on one line: control characters are blanks
+        shown = "".join(c if c.isprintable() else " " for c in raw)
+        text = as_written(" ".join(shown.split())[:200]) or f"col{position}"
         name, count = text, 1
         while name in taken:
             count += 1
@@ -161,9 +163,3 @@ def shown_lines(lines: Sequence[int]) -> str:
     if len(lines) <= 6:
         return "lines " + ", ".join(map(str, lines))
     return "lines " + ", ".join(map(str, lines[:5])) + f", … {lines[-1]}"
-
-
-def clean_name(text: str) -> str:
-    """A header cell on one line: control characters are blanks, blanks at the ends removed, at most 200 characters."""
-    shown = "".join(c if c.isprintable() else " " for c in text)
-    return " ".join(shown.split())[:200]

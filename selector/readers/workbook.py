@@ -22,7 +22,7 @@ import python_calamine
 from numpy.typing import NDArray
 
 from selector.errors import InputError, ReadError
-from selector.findings import Finding
+from selector.findings import Finding, Level
 from selector.readers.cells import column_findings, column_kinds, layout, no_header_finding, numbers_or_text
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
@@ -291,15 +291,10 @@ def _table(path: Path, sheet: str, rows: list[list[Any]], overrides: Overrides) 
     lines = lines[~np.isin(lines, repeated)]
     findings: list[Finding] = []
     if repeated:
-        findings.append(
-            FINDINGS.finding(
-                "repeated-header",
-                f"The header of {where} is repeated in row(s) {', '.join(str(i + 1) for i in repeated[:6])}; these "
-                "rows were left out.",
-                evidence={"lines": [i + 1 for i in repeated[:50]]},
-                suggestion="",
-            )
-        )
+        numbers = [i + 1 for i in repeated[:50]]
+        said = f"The header of {where} is repeated in row(s) {', '.join(map(str, numbers[:6]))}; these rows were "
+        said += "left out."
+        findings.append(FINDINGS.finding("repeated-header", said, evidence={"lines": numbers}, suggestion=""))
     headers, told_names = unique_headers([names[k] if k < len(names) else "" for k in used], where)
     if found.names is None:
         headers = [f"col{k + 1}" for k in used]
@@ -374,14 +369,11 @@ def _runs(tables: list[Table], refused: list[str], where: str) -> tuple[list[Tab
         sheets = [t.reading["sheet"] for t in best]
         findings.append(FINDINGS.finding("sheets-are-runs", several, evidence={"sheets": sheets}))
     if left:
+        told = f"Of {where} the sheet(s) {', '.join(left[:8])} were not read: they have other columns or no table of "
+        told += "numbers."
+        level: Level = "warning" if len(left) > len(refused) else "info"
+        evidence = {"sheets": left}
         findings.append(
-            FINDINGS.finding(
-                "sheets-left-out",
-                f"Of {where} the sheet(s) {', '.join(left[:8])} were not read: they have other columns or no table "
-                "of numbers.",
-                evidence={"sheets": left},
-                action="leave-out-run",
-                level="warning" if len(left) > len(refused) else "info",
-            )
+            FINDINGS.finding("sheets-left-out", told, evidence=evidence, action="leave-out-run", level=level)
         )
     return best, tuple(findings)

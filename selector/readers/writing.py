@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 
 from selector.csv_text import csv_text
 from selector.errors import OptionError
-from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection, machine_text
-from selector.readers.reading import Reading
+from selector.readers.machine_file import Machine, MachineSection, TimeSection, machine_text
+from selector.readers.reading import Reading, channel_section
 from selector.readers.tables import unique_headers
 from selector.recording import Recording
 
@@ -105,17 +105,8 @@ def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Pat
 
 
 def _machine(recording: Recording, headers: list[str], name: str | None) -> Machine:
-    channels = {
-        channel.name: ChannelSection(
-            column=header if header != channel.name else None,
-            role=channel.role,
-            unit=channel.unit,
-            place=channel.place,
-            axis=channel.axis,
-            xyz=channel.xyz_m,
-        )
-        for channel, header in zip(recording.channels, headers, strict=True)
-    }
+    pairs = zip(recording.channels, headers, strict=True)
+    channels = {channel.name: channel_section(channel, header, channel.unit) for channel, header in pairs}
     return Machine(machine=MachineSection(name=name), time=TimeSection(column="time_s", unit="s"), channels=channels)
 
 

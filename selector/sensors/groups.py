@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -264,25 +264,21 @@ def chaining_findings(similarity: ArrayLike, partition: Partition) -> tuple[Find
         a, b = sorted((int(position[i]), int(position[j])))
         joined_at = float(chain.levels[a:b].min())
         path = [partition.names[sensor] for sensor in _path(chain, i, j)]
-        findings.append(
-            FINDINGS.finding(
-                "chaining",
-                f"At λ = {partition.level:g} a group of {len(group)} of {len(s)} sensors hangs together only "
-                f"through links: its least similar pair, {path[0]} and {path[-1]}, has similarity {smallest:.4f}, and "
-                f"{len(path) - 1} links join the two ({len(partition.members)} groups in all).",
-                evidence={
-                    "lambda": partition.level,
-                    "group": [partition.names[sensor] for sensor in group],
-                    "sensors": len(group),
-                    "groups": len(partition.members),
-                    "pair": [path[0], path[-1]],
-                    "smallest_similarity": smallest,
-                    "path": path,
-                    "parts_above": joined_at,
-                },
-                suggestion=f"choose λ above {joined_at:.6g}, where {path[0]} and {path[-1]} part, or λ = auto",
-            )
-        )
+        told = f"At λ = {partition.level:g} a group of {len(group)} of {len(s)} sensors hangs together only through "
+        told += f"links: its least similar pair, {path[0]} and {path[-1]}, has similarity {smallest:.4f}, and "
+        told += f"{len(path) - 1} links join the two ({len(partition.members)} groups in all)."
+        evidence = {
+            "lambda": partition.level,
+            "group": [partition.names[sensor] for sensor in group],
+            "sensors": len(group),
+            "groups": len(partition.members),
+            "pair": [path[0], path[-1]],
+            "smallest_similarity": smallest,
+            "path": path,
+            "parts_above": joined_at,
+        }
+        advice = f"choose λ above {joined_at:.6g}, where {path[0]} and {path[-1]} part, or λ = auto"
+        findings.append(FINDINGS.finding("chaining", told, evidence=evidence, suggestion=advice))
     return tuple(findings)
 
 
@@ -354,11 +350,11 @@ class LambdaStep:
 
 
 @dataclass(frozen=True)
-class LambdaAxis(Sequence[LambdaStep]):
+class LambdaAxis:
     """Every distinct λ-cut, from the finest partition to one group; each is nested in the next.
 
-    A sequence of `LambdaStep`, whose partitions are made when asked for. The finest partition is all sensors alone,
-    unless some have similarity exactly 1.
+    A row of `LambdaStep`, whose partitions are made when asked for. The finest partition is all sensors alone, unless
+    some have similarity exactly 1.
     """
 
     order: tuple[int, ...]  #: Sensors such that the groups of every cut are contiguous
@@ -370,13 +366,7 @@ class LambdaAxis(Sequence[LambdaStep]):
     def __len__(self) -> int:
         return len(self.highs)
 
-    @overload
-    def __getitem__(self, index: int) -> LambdaStep: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[LambdaStep, ...]: ...
-    def __getitem__(self, index: int | slice) -> LambdaStep | tuple[LambdaStep, ...]:
-        if isinstance(index, slice):
-            return tuple(self[i] for i in range(*index.indices(len(self))))
+    def __getitem__(self, index: int) -> LambdaStep:
         i = range(len(self))[index]
         high = self.highs[i]
         labels = _labels_at(np.asarray(self.order), np.asarray(self.levels), high)
@@ -391,8 +381,8 @@ class LambdaAxis(Sequence[LambdaStep]):
         _checked_level(level)
         return self[max(i for i, high in enumerate(self.highs) if level <= high)]
 
-    def strongest(self, alpha: float = 0.05) -> LambdaStep | None:
-        """The step whose F exceeds the critical value F_α(r − 1, n − r) most, (F − F_α) / F_α; None if none does.
+    def strongest(self) -> LambdaStep | None:
+        """The step whose F exceeds the critical value F_α(r − 1, n − r) most, (F − F_α) / F_α, α = 5 %; None if none.
 
         Infinite F (groups of exact duplicates) does not compete: remove duplicates first. A heuristic, as the
         p-value is: see `selector.sensors.groups.f_statistic`.
@@ -400,7 +390,7 @@ class LambdaAxis(Sequence[LambdaStep]):
         excess: dict[int, float] = {}
         for i, f in enumerate(self.f_statistics):
             if f is not None and math.isfinite(f.value):
-                critical = float(fdtri(f.between_df, f.within_df, 1 - alpha))
+                critical = float(fdtri(f.between_df, f.within_df, 0.95))
                 excess[i] = (f.value - critical) / critical
         best = max(excess, key=lambda i: excess[i], default=None)
         return self[best] if best is not None and excess[best] > 0 else None

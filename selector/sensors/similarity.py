@@ -137,7 +137,8 @@ def similarity_from_cross_products(
     np.clip(r, -1.0, 1.0, out=r)
     np.fill_diagonal(r, 1.0)
     r += 0.0  # no negative zeros
-    duplicates = _first_twins(np.abs(r) >= 1 - DUPLICATE_TOLERANCE)
+    earlier = np.tril(np.abs(r) >= 1 - DUPLICATE_TOLERANCE, -1)
+    duplicates = tuple((int(np.argmax(earlier[j])), int(j)) for j in np.flatnonzero(earlier.any(axis=1)))
     opposed = np.argwhere(np.triu(r <= ANTICORRELATED_LIMIT, 1))
     matrix = np.abs(r) if absolute else r
     matrix.setflags(write=False)
@@ -169,61 +170,31 @@ def sensor_names(names: Sequence[str], n_sensors: int) -> tuple[str, ...]:
 def similarity_findings(similarity: Similarity, names: Sequence[str] = ()) -> tuple[Finding, ...]:
     """What a person should know before sensors are grouped: constant, duplicate, anti-correlated, missing rows."""
     label = sensor_names(names, len(similarity.matrix))
-    findings = [
-        FINDINGS.finding(
-            "constant-sensor",
-            f"{label[i]} does not move: its spread is below 1e-9 of its magnitude, so it correlates with "
-            "nothing and its similarity to every other sensor is set to 0.",
-            Where(channel=label[i]),
-            evidence={"tolerance": CONSTANT_TOLERANCE},
-        )
-        for i in similarity.constant
-    ]
-    findings += [
-        FINDINGS.finding(
-            "duplicate-sensors",
-            f"{label[j]} repeats {label[i]} up to scale and offset (1 − |r| ≤ 1e-12); two real sensors never "
-            "agree that well.",
-            Where(channel=label[j]),
-            evidence={"duplicate_of": label[i], "r": float(similarity.matrix[i, j])},
-        )
-        for i, j in similarity.duplicates
-    ]
-    findings += [
-        FINDINGS.finding(
-            "anticorrelated-sensors",
-            f"{label[i]} and {label[j]} move against each other (r = {value:.4f}); "
-            + (
-                "|r| is used, so they count as alike."
-                if similarity.absolute
-                else "with signed r they count as unlike, though one predicts the other."
-            ),
-            Where(channel=label[j]),
-            evidence={"other": label[i], "r": value},
-            suggestion=(
-                "check the sign and the wiring of both"
-                + ("" if similarity.absolute else "; use the absolute correlation if the opposite motion is real")
-            ),
-        )
-        for i, j, value in similarity.anticorrelated
-    ]
-    if similarity.rows_left_out:
-        total = similarity.rows_left_out + (similarity.rows_used or 0)
-        findings.append(
-            FINDINGS.finding(
-                "incomplete-rows",
-                f"{similarity.rows_left_out} of {total} rows lack at least one sensor and are left out when "
-                "sensors are compared.",
-                evidence={"left_out": similarity.rows_left_out, "used": similarity.rows_used},
-                action="leave-out-stretch",
-            )
-        )
+    findings: list[Finding] = []
+    for i in similarity.constant:
+        told = f"{label[i]} does not move: its spread is below 1e-9 of its magnitude, so it correlates with nothing "
+        told += "and its similarity to every other sensor is set to 0."
+        evidence: dict[str, object] = {"tolerance": CONSTANT_TOLERANCE}
+        findings.append(FINDINGS.finding("constant-sensor", told, Where(channel=label[i]), evidence))
+    for i, j in similarity.duplicates:
+        told = f"{label[j]} repeats {label[i]} up to scale and offset (1 − |r| ≤ 1e-12); two real sensors never "
+        told += "agree that well."
+        evidence = {"duplicate_of": label[i], "r": float(similarity.matrix[i, j])}
+        findings.append(FINDINGS.finding("duplicate-sensors", told, Where(channel=label[j]), evidence))
+    count, advice = "|r| is used, so they count as alike.", "check the sign and the wiring of both"
+    if not similarity.absolute:
+        count = "with signed r they count as unlike, though one predicts the other."
+        advice += "; use the absolute correlation if the opposite motion is real"
+    for i, j, value in similarity.anticorrelated:
+        told = f"{label[i]} and {label[j]} move against each other (r = {value:.4f}); {count}"
+        evidence = {"other": label[i], "r": value}
+        findings.append(FINDINGS.finding("anticorrelated-sensors", told, Where(channel=label[j]), evidence, advice))
+    if left_out := similarity.rows_left_out:
+        told = f"{left_out} of {left_out + (similarity.rows_used or 0)} rows lack at least one sensor and are left out "
+        told += "when sensors are compared."
+        evidence = {"left_out": left_out, "used": similarity.rows_used}
+        findings.append(FINDINGS.finding("incomplete-rows", told, evidence=evidence, action="leave-out-stretch"))
     return tuple(findings)
-
-
-def _first_twins(twin: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    earlier = np.tril(twin, -1)
-    return tuple((int(np.argmax(earlier[j])), int(j)) for j in np.flatnonzero(earlier.any(axis=1)))
 
 
 def _unusable_cross(found: str, expected: str) -> InputError:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
-from selector.physics.model_text import expected_text, key_text, sections_of_text, shown
+from selector.physics.model_text import expected_text, key_text, keys_at, sections_of_text, shown
 from selector.readers.machine_file import toml_key, toml_value
 from selector.readers.roles.names import closest
 from selector.selection.options import MAX_ROUNDS
@@ -211,7 +211,16 @@ def read_study(path: str | Path) -> Study:
     cannot be; the message has the key and the nearest known name.
     """
     place = study_place(path)
-    text = text_of(place, LARGEST_FILE_BYTES, lambda found: _unreadable(found, place))
+    text = text_of(
+        place,
+        LARGEST_FILE_BYTES,
+        lambda found: StudyError(
+            found,
+            expected=f"a study file ({SCHEMA}), or a folder with {STUDY_FILE} in it",
+            where=str(place),
+            advice=f"check the path; `selector select RUN... --out DIR` writes DIR/{STUDY_FILE}",
+        ),
+    )
     return parsed_study(text, where=str(place))
 
 
@@ -268,15 +277,6 @@ def _lines_of(key: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
             yield from _lines_of(inner, value)
 
 
-def _unreadable(found: str, place: Path) -> StudyError:
-    return StudyError(
-        found,
-        expected=f"a study file ({SCHEMA}), or a folder with {STUDY_FILE} in it",
-        where=str(place),
-        advice=f"check the path; `selector select RUN... --out DIR` writes DIR/{STUDY_FILE}",
-    )
-
-
 def _invalid(error: ValidationError, where: str) -> StudyError:
     """The first thing that is wrong, unknown keys before others."""
     problems: list[Any] = error.errors(include_url=False)
@@ -287,7 +287,7 @@ def _invalid(error: ValidationError, where: str) -> StudyError:
     more = f" (also wrong: {', '.join(elsewhere[:8])})" if elsewhere else ""
     place = f"{where}, key {key_text(key)}"
     if first["type"] == "extra_forbidden":
-        known = _known_keys(key[:-1])
+        known = keys_at(Study, key[:-1])
         near = closest(str(key[-1]), known)
         return StudyError(
             f"unknown key {shown(key[-1])}{more}",
@@ -324,21 +324,3 @@ def _key_of(location: tuple[str | int, ...]) -> tuple[str | int, ...]:
     if "lambda" in parts:
         del parts[parts.index("lambda") + 1 :]
     return tuple(part for part in parts if part != "[key]")
-
-
-def _known_keys(key: tuple[str | int, ...]) -> list[str]:
-    section: type[BaseModel] = Study
-    for part in key:
-        if isinstance(part, int):
-            continue
-        kinds = [section.model_fields[part].annotation] if part in section.model_fields else []
-        section = next(_sections_in(kinds), section)
-    return [field.alias or name for name, field in section.model_fields.items()]
-
-
-def _sections_in(annotations: list[Any]) -> Iterator[type[BaseModel]]:
-    for annotation in annotations:
-        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-            yield annotation
-        else:
-            yield from _sections_in(list(get_args(annotation)))

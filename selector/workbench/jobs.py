@@ -14,10 +14,10 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 from selector.errors import InputError, OptionError
 from selector.workbench.study_folder import trouble_with
@@ -134,7 +134,9 @@ class Jobs:
                 self._child = (job.number, child)
             with child:
                 said = self._heard(job.number, child)
-            _sweep(job.out)
+            # what a command that was ended by force had begun to write beside its folder
+            for part in [] if job.out is None else job.out.parent.glob(f".{job.out.name[:60]}.*.part"):
+                shutil.rmtree(part, ignore_errors=True)
             problem = trouble_with(self._folder) if child.returncode else _lost(self._folder, job.out)
             is_done = child.returncode == 0 and problem is None
             with self._lock:
@@ -149,9 +151,10 @@ class Jobs:
         """Follows a child to its end; what it said for people."""
         answer: deque[str] = deque(maxlen=_KEPT_LINES)
         messages: deque[str] = deque(maxlen=_KEPT_LINES)
-        listener = threading.Thread(target=answer.extend, args=(_lines(child.stdout),), daemon=True)
+        said, told = ((line.rstrip("\n") for line in stream or ()) for stream in (child.stdout, child.stderr))
+        listener = threading.Thread(target=answer.extend, args=(said,), daemon=True)
         listener.start()
-        for line in _lines(child.stderr):
+        for line in told:
             progress = _progress(line)
             if progress is None:
                 messages.append(line)
@@ -211,16 +214,6 @@ def _lost(folder: Path, out: Path | None) -> OptionError | None:
         where=str(folder),
         advice="see whether the study folder was moved meanwhile: the result is where it is now; or start again",
     )
-
-
-def _sweep(out: Path | None) -> None:
-    """Removes what a command that was ended by force had begun to write beside its folder."""
-    for part in [] if out is None else out.parent.glob(f".{out.name[:60]}.*.part"):
-        shutil.rmtree(part, ignore_errors=True)
-
-
-def _lines(stream: IO[str] | None) -> Iterable[str]:
-    return (line.rstrip("\n") for line in stream or ())
 
 
 def _progress(line: str) -> tuple[str, float | None] | None:

@@ -64,39 +64,28 @@ def _frame(bench: Bench) -> Component:
     sheets = [
         html.Div(one.layout(bench), id=f"page-{one.ID}", hidden=position > 0) for position, one in enumerate(PAGES)
     ]
-    return html.Div(
-        [
-            dcc.Location(id="address", refresh=False),
-            dcc.Store(id=parts.REVISION, data=bench.revision),
-            dcc.Store(id="tick", data=-1),
-            dcc.Store(id=_NOTICED, data=-1),
-            dcc.Interval(id="look", interval=_LOOK_MS),
-            html.Header(
-                [
-                    html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
-                    html.Nav(tabs, **parts.marks(aria_label="Pages")),
-                    html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
-                ]
-            ),
-            html.Main([html.Div(id=parts.NOTICE), *sheets]),
-            html.Footer(
-                [
-                    html.Div(id="status", role="status", **parts.marks(aria_live="polite")),
-                    html.Div(
-                        [
-                            html.Span("The same by hand", className="title"),
-                            html.Code(id="command", tabIndex=0),
-                            html.Button("Copy", **parts.marks(data_copies="command")),
-                            html.Button("Write study.toml", id="save"),
-                            html.Span(id="saved", className="about", role="status"),
-                        ],
-                        id="by-hand",
-                    ),
-                ]
-            ),
-        ],
-        id="workbench",
-    )
+    unseen = [
+        dcc.Location(id="address", refresh=False),
+        dcc.Store(id=parts.REVISION, data=bench.revision),
+        *(dcc.Store(id=name, data=-1) for name in ("tick", _NOTICED)),
+        dcc.Interval(id="look", interval=_LOOK_MS),
+    ]
+    head = [
+        html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
+        html.Nav(tabs, **parts.marks(aria_label="Pages")),
+        html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
+    ]
+    by_hand = [
+        html.Span("The same by hand", className="title"),
+        html.Code(id="command", tabIndex=0),
+        html.Button("Copy", **parts.marks(data_copies="command")),
+        html.Button("Write study.toml", id="save"),
+        html.Span(id="saved", className="about", role="status"),
+    ]
+    status = html.Div(id="status", role="status", **parts.marks(aria_live="polite"))
+    main = html.Main([html.Div(id=parts.NOTICE), *sheets])
+    foot = html.Footer([status, html.Div(by_hand, id="by-hand")])
+    return html.Div([*unseen, html.Header(head), main, foot], id="workbench")
 
 
 def _register(app: dash.Dash, bench: Bench) -> None:

@@ -111,6 +111,10 @@ def test_every_declared_finding_is_made_somewhere():
     assert not {id_ for kinds in tables().values() for id_ in kinds} - said
 
 
+def test_constants_are_ids_of_the_tables():
+    assert set(constants().values()) <= {id_ for kinds in tables().values() for id_ in kinds}
+
+
 def test_ids_are_compared_by_the_constants_of_the_table():
     ids = {id_ for kinds in tables().values() for id_ in kinds}
     literal = [

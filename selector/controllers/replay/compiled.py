@@ -95,18 +95,14 @@ def _compiled(cc: str, name: str, header: str, source: str, driver: str) -> ctyp
         command = [cc, *OPTIONS, "-o", str(library), str(folder / "replay.c"), str(folder / f"{name}.c")]
         done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
         if done.returncode != 0:
+            said = done.stderr.strip().splitlines() or ["?"]
             raise NotExecutableError(
-                f"{cc} refuses {name}.c: {_first_error(done.stderr)}",
+                f"{cc} refuses {name}.c: {next((line for line in said if 'error' in line), said[0])}",
                 expected="a C99 compiler for this machine",
                 where="--replay",
                 advice="name another compiler in the environment variable CC",
             )
         return ctypes.CDLL(str(library))
-
-
-def _first_error(said: str) -> str:
-    lines = said.strip().splitlines() or ["?"]
-    return next((line for line in lines if "error" in line), lines[0])
 
 
 def _driver(name: str, number: str, inputs: Sequence[str], outputs: Sequence[str]) -> str:

@@ -357,12 +357,10 @@ def _tables(content: dict[str, Any], opaque: list[str], form: str, path: Path, o
     if not others:
         first = replace(first, name=path.stem)
     if opaque:
-        told = FINDINGS.finding(
-            "opaque-objects",
-            f"{', '.join(opaque[:6])} in {path.name} are MATLAB objects that only MATLAB can read; they were left out.",
-            evidence={"variables": opaque[:50]},
-        )
-        first = replace(first, findings=(*first.findings, told))
+        told = f"{', '.join(opaque[:6])} in {path.name} are MATLAB objects that only MATLAB can read; "
+        told += "they were left out."
+        noticed = FINDINGS.finding("opaque-objects", told, evidence={"variables": opaque[:50]})
+        first = replace(first, findings=(*first.findings, noticed))
     return [first, *others]
 
 
@@ -436,12 +434,7 @@ def _table(name: str, level: dict[str, Any], path: Path, form: str) -> Table | N
         if values is not None:
             columns.append(Column(header, values, unit_of.get(key)))
     if left:
-        findings.append(
-            FINDINGS.finding(
-                "other-length",
-                f"Variables {', '.join(left[:8])} of {path.name} do not have {length} samples; they were left out.",
-                evidence={"variables": left[:50], "samples": length},
-                level="info",
-            )
-        )
+        told = f"Variables {', '.join(left[:8])} of {path.name} do not have {length} samples; they were left out."
+        evidence = {"variables": left[:50], "samples": length}
+        findings.append(FINDINGS.finding("other-length", told, evidence=evidence, level="info"))
     return Table(name, path, tuple(columns), reading_of(form, sheet=name), tuple(findings)) if columns else None

@@ -54,14 +54,9 @@ def _table(path: Path, data: bytes) -> Table:
             utc.append(header)
         columns.append(Column(header, values, field_unit(field)))
     if left:
-        findings.append(
-            FINDINGS.finding(
-                "nested-columns",
-                f"Columns {', '.join(left[:8])} of {path.name} hold no plain numbers, times or texts; they were left "
-                "out.",
-                evidence={"columns": left[:50]},
-            )
-        )
+        told = f"Columns {', '.join(left[:8])} of {path.name} hold no plain numbers, times or texts; "
+        told += "they were left out."
+        findings.append(FINDINGS.finding("nested-columns", told, evidence={"columns": left[:50]}))
     return Table(path.stem, path, tuple(columns), reading_of(form, utc_columns=utc), tuple(findings))
 
 

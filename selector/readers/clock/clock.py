@@ -97,15 +97,10 @@ def _sample_clock(table: Table, period_s: float | None, *, named: bool) -> Clock
     if period_s is None:
         period_s = 1.0
         unread = [c.header for c in table.columns if c.kind == "text" and is_time_name(name_and_unit(c.header)[0])]
-        findings = (
-            FINDINGS.finding(
-                "no-clock",
-                f"{table.file.name} has no time column"
-                + (f" (the cells of {unread[0]!r} are no times)" if unread else "")
-                + "; one row per second is assumed, so times and time constants are counted in samples.",
-                evidence={"period_s": period_s},
-            ),
-        )
+        cells = f" (the cells of {unread[0]!r} are no times)" if unread else ""
+        told = f"{table.file.name} has no time column{cells}; one row per second is assumed, so times and time "
+        told += "constants are counted in samples."
+        findings = (FINDINGS.finding("no-clock", told, evidence={"period_s": period_s}),)
     seconds = np.arange(len(table), dtype=np.float64) * period_s
     return Clock(seconds, None, None, (), "sample", False, () if is_known else ("unit",), findings)
 
@@ -267,15 +262,9 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
         )
     elif read.base_s is not None and named is None and in_file is None:
         guessed = ("unit",)
-        findings.append(
-            FINDINGS.finding(
-                "absolute-clock",
-                f"Time column {column.header!r} of {table.file.name} counts {read.unit}: the run starts at "
-                f"{np.datetime64(int(read.base_s), 's')}.",
-                Where(channel=column.header),
-                {"unit": read.unit},
-            )
-        )
+        told = f"Time column {column.header!r} of {table.file.name} counts {read.unit}: the run starts at "
+        told += f"{np.datetime64(int(read.base_s), 's')}."
+        findings.append(FINDINGS.finding("absolute-clock", told, Where(channel=column.header), {"unit": read.unit}))
     unit = "datetime" if read.base_s is not None else read.unit
     return Clock(read.seconds, read.base_s, None, (column.header,), unit, read.unit == "day", guessed, tuple(findings))
 

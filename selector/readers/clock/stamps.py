@@ -246,18 +246,13 @@ def _order(
     words = {"dmy": "day, month, year", "mdy": "month, day, year", "ymd": "year, month, day"}
     alternatives = " or as ".join(words[name] for name in rivals)
     single = all(abs(merits[name][2] - merits[chosen][2]) < 1.0 for name in rivals)
-    return chosen, [
-        FINDINGS.finding(
-            "ambiguous-date",
-            f"The dates in column {column!r} of {where} were read as {words[chosen]}; they could be read as "
-            f"{alternatives}."
-            + (" Only the absolute start of the run depends on it, not the time within the run." if single else ""),
-            Where(channel=column),
-            {"read_as": chosen, "alternatives": rivals},
-            f'name the order of the date (date_order = "{rivals[0]}" under [time] in the machine file, or '
-            f"--date-order)",
-        )
-    ]
+    told = f"The dates in column {column!r} of {where} were read as {words[chosen]}; they could be read as "
+    told += f"{alternatives}."
+    told += " Only the absolute start of the run depends on it, not the time within the run." if single else ""
+    advice = f'date_order = "{rivals[0]}" under [time] in the machine file, or --date-order'
+    evidence = {"read_as": chosen, "alternatives": rivals}
+    advice = f"name the order of the date ({advice})"
+    return chosen, [FINDINGS.finding("ambiguous-date", told, Where(channel=column), evidence, advice)]
 
 
 _EXCEL_DAY_ZERO_S = -25569 * 86400.0
@@ -329,15 +324,12 @@ def _absolute(values: Vector, known: Vector) -> NumericClock | None:
     if within(5e17, 4.2e18):
         return scaled(1e9, 0.0, "epoch ns")
     fractional = bool(np.any(known != np.round(known)))
-    if within(25_000, 75_000) and fractional and high - low < 400 and _small_steps(known, 0.5):
+    small_steps = len(known) > 1 and float(np.median(np.abs(np.diff(known)))) < 0.5
+    if within(25_000, 75_000) and fractional and high - low < 400 and small_steps:
         return _days(values, known, _EXCEL_DAY_ZERO_S, "Excel days")
     if within(690_000, 780_000) and fractional and high - low < 400:
         return _days(values, known, _MATLAB_DAY_ZERO_S, "MATLAB days")
     return None
-
-
-def _small_steps(known: Vector, limit: float) -> bool:
-    return len(known) > 1 and float(np.median(np.abs(np.diff(known)))) < limit
 
 
 def _days(values: Vector, known: Vector, zero_s: float, unit: str) -> NumericClock:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import Column, Table, listed
-from selector.types import Indices, Mask, Matrix, Vector
+from selector.types import Indices, Matrix, Vector
 
 _DAY_S = 86400.0
 
@@ -108,28 +109,20 @@ def _in_order(
     new_repeats = int((ordered == 0).sum()) - repeats_now
     near = int((ordered < 0.7 * usual).sum()) - int(((np.diff(t) >= 0) & (np.diff(t) < 0.7 * usual)).sum())
     # one chance neighbour is no evidence, and rows that stand in the file twice are no other time
-    crowded = 0 if _same_rows(values[rows[order]], ordered == 0) and new_repeats else max(new_repeats, near - 1)
+    sorted_rows, repeated = values[rows[order]], ordered == 0
+    says_the_same = bool(np.all(_same(sorted_rows[1:][repeated], sorted_rows[:-1][repeated])))
+    crowded = 0 if says_the_same and new_repeats else max(new_repeats, near - 1)
     n_pieces = len(back) + 1
     # a clock that jumps leaves long stretches in order, shuffled rows do not
     few = n_pieces <= max(4, 0.002 * len(t)) and len(t) >= 4 * n_pieces
     if not (few and crowded > 0 and _overlapping(t, back)):
         close = crowded > 0 and len(back) < 0.1 * len(t) and _overlapping(t, back)
         descending = len(back) == len(t) - 1 - repeats_now
-        return order, [
-            FINDINGS.finding(
-                "unsorted-stamps",
-                f"The rows of {table.file.name} "
-                + (
-                    "run backwards in time"
-                    if descending
-                    else f"are not in order of time at {_places(rows[back], table)}"
-                )
-                + "; they were sorted by their stamps."
-                + (" Some of them then lie closer together than the usual period." if close else ""),
-                evidence={"steps_back": len(back)},
-                level="warning" if close else "info",
-            )
-        ]
+        how = "run backwards in time" if descending else f"are not in order of time at {_places(rows[back], table)}"
+        told = f"The rows of {table.file.name} {how}; they were sorted by their stamps."
+        told += " Some of them then lie closer together than the usual period." if close else ""
+        level: Level = "warning" if close else "info"
+        return order, [FINDINGS.finding("unsorted-stamps", told, evidence={"steps_back": len(back)}, level=level)]
     findings = []
     for position in back:
         size = float(t[position] - t[position - 1])
@@ -152,10 +145,8 @@ def _in_order(
     return np.arange(len(t), dtype=np.int64), findings
 
 
-def _same_rows(values: Matrix, repeated: Mask) -> bool:
-    """Whether every row with the stamp of the row before says the same as that row."""
-    here, before = values[1:][repeated], values[:-1][repeated]
-    return bool(np.all((here == before) | (np.isnan(here) & np.isnan(before))))
+def _same(here: Matrix, before: Matrix) -> NDArray[np.bool_]:
+    return (here == before) | (np.isnan(here) & np.isnan(before))
 
 
 def _overlapping(t: Vector, back: Indices) -> bool:
@@ -195,27 +186,17 @@ def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> 
     if repeated >= 0.5 * len(t) and len(kept) >= 3:
         spread = _spread(kept, sizes)
         usual_size = float(np.median(sizes[1:-1])) if len(sizes) > 2 else float(np.median(sizes))
-        coarse = FINDINGS.finding(
-            "coarse-stamps",
-            f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows share each of "
-            "them. The rows were spread evenly between the stamps.",
-            evidence={"rows_per_stamp": usual_size},
-        )
+        told = f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows share each "
+        told += "of them. The rows were spread evenly between the stamps."
+        coarse = FINDINGS.finding("coarse-stamps", told, evidence={"rows_per_stamp": usual_size})
         return spread, np.arange(len(t), dtype=np.int64), [coarse]
-    first_of_group = np.flatnonzero(new)[groups]
-    before, here = values[rows[first_of_group]], values[rows]
-    same = np.all((before == here) | (np.isnan(before) & np.isnan(here)), axis=1) & ~new
+    same = np.all(_same(values[rows], values[rows[np.flatnonzero(new)[groups]]]), axis=1) & ~new
     differing = int((~new & ~same).sum())
     places = _places(rows[~new], table)
     findings = []
     if equal := int(same.sum()):
-        findings.append(
-            FINDINGS.finding(
-                "repeated-rows",
-                f"{equal} row(s) of {table.file.name} stand there more than once ({places}); each was taken once.",
-                evidence={"count": equal},
-            )
-        )
+        told = f"{equal} row(s) of {table.file.name} stand there more than once ({places}); each was taken once."
+        findings.append(FINDINGS.finding("repeated-rows", told, evidence={"count": equal}))
     if differing:
         findings.append(
             FINDINGS.finding(

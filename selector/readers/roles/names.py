@@ -212,6 +212,7 @@ _AXIS = re.compile(
     r"(?<![A-Za-z])(?:[dDeEuU]|delta|Delta|Δ|δ|disp|err|pos)?[ _.-]?(?P<axis>[XYZABCUVWxyz])(?:[ _-]?\d)?(?![A-Za-z])"
 )
 
+_SPEED_WORD = re.compile(r"speed|rpm|dreh|速|оборот|^[ns]$", re.IGNORECASE)
 _ALONG_AN_AXIS = ("displacement", "position", "position_command", "velocity", "acceleration", "force")
 
 
@@ -256,7 +257,8 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
         first = rest[0] if rest else first
     if len(folded) <= 2 and first in ("displacement", "spindle_speed", "velocity", "current", "voltage", "force"):
         doubt = f"a name of {len(folded)} letter(s) and no unit say little"
-    if first == "spindle_speed" and _like_temperature(values) and _PLACES.search(folded) and not _is_speed_word(folded):
+    is_place = _PLACES.search(folded) and not _SPEED_WORD.search(folded)
+    if first == "spindle_speed" and _like_temperature(values) and is_place:
         return _with_unit("temperature", folded, unit, "the name says where, not what", ("role",))
     return _with_unit(first, folded, None, doubt, ("role",))
 
@@ -269,12 +271,8 @@ def role_of_numbers(values: NDArray[np.float64]) -> str:
     return "temperature" if len(known) and known.min() >= 5 and known.max() <= 150 else "displacement"
 
 
-def _is_speed_word(name: str) -> bool:
-    return re.search(r"speed|rpm|dreh|速|оборот|^[ns]$", name, re.IGNORECASE) is not None
-
-
 def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]) -> RoleGuess:
-    fitting = [role for role in named if _fits(unit, role)]
+    fitting = [r for r in named if (unit == "1" if r == "state" else same_dimension(unit, CANONICAL_UNITS[r]))]
     if fitting:
         role = fitting[0]
         if role == "displacement" and unit != "um":
@@ -288,12 +286,6 @@ def _by_unit(named: list[str], name: str, unit: str, values: NDArray[np.float64]
                 role = "velocity"
             return _with_unit(role, name, unit, None, ("role",))
     return RoleGuess(None, unit, None, ("role",), None)
-
-
-def _fits(unit: str, role: str) -> bool:
-    if role == "state":
-        return unit == "1"
-    return same_dimension(unit, CANONICAL_UNITS[role])
 
 
 def _length(name: str, unit: str, values: NDArray[np.float64], named: list[str]) -> RoleGuess:

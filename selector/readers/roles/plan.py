@@ -64,7 +64,9 @@ def _unit_finding(members: Sequence[Dispute]) -> Finding:
     """One finding for all channels about which the same is to be said of the same runs."""
     first = members[0]
     names = [one.channel for one in members]
-    what = _named(names, {one.role for one in members})
+    roles = {one.role for one in members}
+    kind = f"{first.role.replace('_', ' ')} " if len(roles) == 1 else ""
+    what = f"{len(names)} {kind}channels ({listed(names, 6)})" if len(names) > 1 else f"channel {names[0]!r}"
     by_unit: dict[str, list[str]] = {}
     for run, unit in first.printed:
         by_unit.setdefault(unit, []).append(run)
@@ -109,13 +111,6 @@ def _unit_finding(members: Sequence[Dispute]) -> Finding:
         evidence,
         advice,
     )
-
-
-def _named(names: Sequence[str], roles: set[str]) -> str:
-    if len(names) == 1:
-        return f"channel {names[0]!r}"
-    kind = f"{next(iter(roles)).replace('_', ' ')} " if len(roles) == 1 else ""
-    return f"{len(names)} {kind}channels ({listed(names, 6)})"
 
 
 def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
@@ -249,27 +244,17 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
         findings += _missing_in_runs(name, headers, runs, column=wanted)
         channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
     if lacking:
-        findings.append(
-            FINDINGS.finding(
-                "channels-lacking",
-                f"Of the channels of the machine file, {', '.join(lacking[:10])} are in none of the files.",
-                evidence={"channels": lacking},
-            )
-        )
+        told = f"Of the channels of the machine file, {', '.join(lacking[:10])} are in none of the files."
+        findings.append(FINDINGS.finding("channels-lacking", told, evidence={"channels": lacking}))
     ignored: dict[str, str] = {}
     for run in runs:
         for column in run.columns:
             if column.header not in used[run.name] and not _is_auxiliary(column):
                 ignored.setdefault(column.header, "not in the machine file")
     if ignored:
-        findings.append(
-            FINDINGS.finding(
-                "columns-ignored",
-                f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
-                f"{listed(ignored, 10)}.",
-                evidence={"columns": list(ignored)[:200]},
-            )
-        )
+        told = f"{len(ignored)} column(s) of the files are not in the machine file and were not read: "
+        told += f"{listed(ignored, 10)}."
+        findings.append(FINDINGS.finding("columns-ignored", told, evidence={"columns": list(ignored)[:200]}))
     return Plan(tuple(channels), ignored, tuple(findings))
 
 
@@ -439,14 +424,8 @@ def _planned(
     if section.place is None and first.description is not None:
         guessed.append("place")
     if unit_guessed and strict and asked_role is not None:
-        findings.append(
-            FINDINGS.finding(
-                "unit-guessed",
-                f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed.",
-                Where(channel=name),
-                {"unit": guess.unit},
-            )
-        )
+        told = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
+        findings.append(FINDINGS.finding("unit-guessed", told, Where(channel=name), {"unit": guess.unit}))
     place = section.place or first.description
     return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
 
@@ -455,14 +434,8 @@ def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | No
     text = column.unit if column.unit is not None and column.unit.strip() else name_and_unit(column.header)[1]
     known = known_unit(text)
     if text is not None and text.strip() and known is None:
-        findings.append(
-            FINDINGS.finding(
-                "unknown-unit",
-                f"The unit {text!r} of column {column.header!r} in run {run!r} is not known; it was not used.",
-                Where(channel=column.header, run=run),
-                {"unit": text},
-            )
-        )
+        told = f"The unit {text!r} of column {column.header!r} in run {run!r} is not known; it was not used."
+        findings.append(FINDINGS.finding("unknown-unit", told, Where(channel=column.header, run=run), {"unit": text}))
     return known
 
 

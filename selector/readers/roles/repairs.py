@@ -35,23 +35,14 @@ def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[T
             where="[runs] of the machine file",
             advice="take `use = false` away from the runs that are good",
         )
-    findings = [
-        FINDINGS.finding(
-            "run-not-used", f"Run {name!r} is left out: the machine file says use = false.", Where(run=name)
-        )
-        for name in names
-        if not repairs.get(name, RunSection()).use
-    ]
+    told = "Run {name!r} is left out: the machine file says use = false."
+    unused = [name for name in names if not repairs.get(name, RunSection()).use]
+    findings = [FINDINGS.finding("run-not-used", told.format(name=name), Where(run=name)) for name in unused]
     unknown = [name for name in repairs if name not in names]
     if unknown:
-        findings.append(
-            FINDINGS.finding(
-                "repair-of-no-run",
-                f"The machine file repairs runs that were not read: {listed(unknown, 8)}. Read were "
-                f"{listed(names, 8)}.",
-                evidence={"repaired": unknown, "read": names[:100]},
-            )
-        )
+        read = f"The machine file repairs runs that were not read: {listed(unknown, 8)}. Read were {listed(names, 8)}."
+        evidence = {"repaired": unknown, "read": names[:100]}
+        findings.append(FINDINGS.finding("repair-of-no-run", read, evidence=evidence))
     return kept, findings
 
 

@@ -341,23 +341,13 @@ def _headers(
     unnamed_first = len(names) == n - 1 and sheet.kinds[0] == "number" and sheet.kinds[-1] != "empty"
     if unnamed_first and sheet.dialect.separator != "," and _counts_up(sheet):
         names.insert(0, "index")
-        findings.append(
-            FINDINGS.finding(
-                "unnamed-first-column",
-                f"{where} has one name less than columns, and its first column counts the rows: it was read as row "
-                f"numbers without a name, so {names[1]!r} stands above the second column.",
-                evidence={"names": n - 1, "columns": n},
-            )
-        )
+        told = f"{where} has one name less than columns, and its first column counts the rows: it was read as row "
+        told += f"numbers without a name, so {names[1]!r} stands above the second column."
+        findings.append(FINDINGS.finding("unnamed-first-column", told, evidence={"names": n - 1, "columns": n}))
     if len(names) > n:
-        findings.append(
-            FINDINGS.finding(
-                "header-too-long",
-                f"The header of {where} names {len(names)} columns, but the lines have {n} cells; "
-                f"{', '.join(names[n:][:5])} are left out.",
-                evidence={"named": len(names), "cells": n},
-            )
-        )
+        told = f"The header of {where} names {len(names)} columns, but the lines have {n} cells; "
+        told += f"{', '.join(names[n:][:5])} are left out."
+        findings.append(FINDINGS.finding("header-too-long", told, evidence={"named": len(names), "cells": n}))
         names = names[:n]
     count = len(names)
     headers, repeated = unique_headers(names, where)

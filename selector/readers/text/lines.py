@@ -75,7 +75,8 @@ def dialect(
     widest = max(widest, max((len(line.split()) for line in body[:3]), default=0))
     if widest > 4 * MAX_COLUMNS:
         checked_width(widest + 1, where)
-    quoted = _has_quoted_cells(body, head)
+    marked = [line for line in (*body, *head) if '"' in line]
+    quoted = bool(marked) and sum(line.count('"') % 2 == 0 for line in marked) >= 0.8 * len(marked)
     best: tuple[float, Dialect] | None = None
     for candidate in SEPARATORS if named is None else (named,):
         if len(candidate) == 1 and named is None and not any(candidate in line for line in body):
@@ -181,11 +182,6 @@ def _named_separator(separator: str | None, where: str) -> str | None:
             advice="correct the option",
         )
     return named
-
-
-def _has_quoted_cells(body: Sequence[str], head: Sequence[str]) -> bool:
-    lines = [line for line in (*body, *head) if '"' in line]
-    return bool(lines) and sum(line.count('"') % 2 == 0 for line in lines) >= 0.8 * len(lines)
 
 
 def decimal_doubts(numbers: Sequence[str], chosen: Dialect, where: str) -> list[Finding]:

@@ -37,22 +37,13 @@ _GOOD = ("missing-physics", "nothing-missing")
 def layout(bench: Bench) -> Component:
     """Simulated runs, options, Start, and the answer."""
     asked = bench.diagnosis
+    channels = dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True)
+    notes = ("last, the name of a run, or a share such as 0.3", "probability of naming something where nothing is")
+    boxes = (parts.typed_text(box, text) for box, text in zip(_BOXES, _texts(bench), strict=True))
+    titles = (FIELDS["--holdout"], FIELDS["--false-alarm"])
     fields = [
-        parts.field(
-            "Channels to compare",
-            dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
-            "None: all that are simulated.",
-        ),
-        parts.field(
-            FIELDS["--holdout"],
-            parts.typed_text(f"{ID}-holdout", _texts(bench)[0]),
-            "last, the name of a run, or a share such as 0.3",
-        ),
-        parts.field(
-            FIELDS["--false-alarm"],
-            parts.typed_text(f"{ID}-false_alarm", _texts(bench)[1]),
-            "probability of naming something where nothing is",
-        ),
+        parts.field("Channels to compare", channels, "None: all that are simulated."),
+        *map(parts.field, titles, boxes, notes),
     ]
     drop = parts.drop_zone(
         "simulation",

@@ -152,15 +152,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         advice="run a selection first",
     )
     parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms)
-    parts.register_answer(
-        app,
-        bench,
-        ID,
-        TITLE,
-        lambda: f"{bench.export.folder}/{SHEET}",
-        lambda stamp: _files(bench.folder / bench.export.folder, stamp),
-        is_open=True,
-    )
+
+    def answered(stamp: str) -> Component | None:
+        return _files(bench.folder / bench.export.folder, stamp)
+
+    parts.register_answer(app, bench, ID, TITLE, lambda: f"{bench.export.folder}/{SHEET}", answered, is_open=True)
 
 
 def _form(bench: Bench) -> parts.Form:
@@ -304,18 +300,9 @@ def _files(folder: Path, stamp: str) -> Component | None:
 
 def _text(path: Path, number: int) -> Component:
     text = path.read_text(encoding="utf-8", errors="replace")
-    cut = (
-        []
-        if len(text) <= _LONGEST_SHOWN
-        else [html.P("Only the beginning is shown; save the file.", className="about")]
-    )
+    note = html.P("Only the beginning is shown; save the file.", className="about")
+    cut = [note] if len(text) > _LONGEST_SHOWN else []
     name = f"{ID}-text-{number}"
     button = html.Button("Copy", **parts.marks(data_copies=name)) if not cut else None
-    return html.Details(
-        [
-            html.Summary(path.name),
-            html.Div([button], className="row"),
-            *cut,
-            html.Pre(text[:_LONGEST_SHOWN], id=name, tabIndex=0),
-        ]
-    )
+    shown = html.Pre(text[:_LONGEST_SHOWN], id=name, tabIndex=0)
+    return html.Details([html.Summary(path.name), html.Div([button], className="row"), *cut, shown])

@@ -14,26 +14,19 @@ from selector.readers import Overrides
 from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
-from selector.workbench.commands import told_path
-from selector.workbench.readable import CELLS, NO_CHANNEL, Loaded, Row, corrected, excerpt, row_of, rows_of
+from selector.workbench.commands import option_of, told_path
+from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, row_of, rows_of
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
 
-_READING = tuple(
-    (name, FIELDS[f"--{name.replace('_', '-')}"], note)
-    for name, note in (
-        ("encoding", "e.g. cp1252, gb18030"),
-        ("separator", "a sign, or tab"),
-        ("decimal", ". or ,"),
-        ("header_row", "counted from 1; 0: none"),
-        ("sheet", "Excel sheet, TDMS group, MAT variable"),
-        ("time_column", "its name"),
-        ("time_unit", "s, ms, min, h, d or datetime"),
-        ("date_order", "dmy, mdy or ymd"),
-        ("period_s", "without a time column"),
-    )
-)
+_NOTES = {
+    "encoding": "e.g. cp1252, gb18030", "separator": "a sign, or tab", "decimal": ". or ,",
+    "header_row": "counted from 1; 0: none", "sheet": "Excel sheet, TDMS group, MAT variable",
+    "time_column": "its name", "time_unit": "s, ms, min, h, d or datetime", "date_order": "dmy, mdy or ymd",
+    "period_s": "without a time column",
+}  # fmt: skip
+_READING = tuple((name, FIELDS[option_of(name)], note) for name, note in _NOTES.items())
 _GUESS = "* guessed, nobody said it"
 
 
@@ -44,32 +37,21 @@ def layout(bench: Bench) -> Component:
         "Choose recordings …",
         "or drop them here: text tables, Excel, Parquet, MAT, TDMS, MDF; one file a run.",
     )
+    correct = html.Button("Use these corrections", id=f"{ID}-correct", className="main")
+    run = parts.field("Run", parts.choice(f"{ID}-run", [], None))
+    read = [
+        html.Div(id=f"{ID}-channels"),
+        html.Div([correct, html.Span(id=f"{ID}-corrected", className="about", role="status")], className="row"),
+        parts.section("What was recorded", run, html.Div(id=f"{ID}-courses")),
+        html.Div(id=f"{ID}-findings"),
+    ]
     return html.Div(
         [
             html.H1("Recordings"),
             drop,
             html.Div(id=f"{ID}-files"),
             html.Div(id=f"{ID}-reading"),
-            html.Div(
-                [
-                    html.Div(id=f"{ID}-channels"),
-                    html.Div(
-                        [
-                            html.Button("Use these corrections", id=f"{ID}-correct", className="main"),
-                            html.Span(id=f"{ID}-corrected", className="about", role="status"),
-                        ],
-                        className="row",
-                    ),
-                    parts.section(
-                        "What was recorded",
-                        parts.field("Run", parts.choice(f"{ID}-run", [], None)),
-                        html.Div(id=f"{ID}-courses"),
-                    ),
-                    html.Div(id=f"{ID}-findings"),
-                ],
-                id=f"{ID}-read",
-                hidden=True,
-            ),
+            html.Div(read, id=f"{ID}-read", hidden=True),
             dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
@@ -191,33 +173,21 @@ def _table_of_files(bench: Bench) -> Component:
     for run in reading.runs if reading is not None else ():
         runs.setdefault(run.file, []).append(run)
     rows = []
+    is_read = "reading …" if bench.is_reading else ""
     for number, one in enumerate(bench.loaded):
         own = runs.get(str(one.path), []) if one.is_used else []
-        rows.append(
-            [
-                dcc.Checklist(
-                    id={"type": f"{ID}-use", "file": number},
-                    options=[{"label": "", "value": "used"}],
-                    value=["used"] if one.is_used else [],
-                ),
-                one.path.name,
-                sum(run.rows for run in own) if own else "",
-                duration(sum(run.duration_s for run in own)) if own else "",
-                duration(own[0].period_s) if own else "",
-                (own[0].start or "").replace("T", " ") if own else "",
-                _state(one, bench.is_reading),
-            ]
-        )
+        name, ticked = {"type": f"{ID}-use", "file": number}, ["used"] if one.is_used else []
+        tick = dcc.Checklist(id=name, options=[{"label": "", "value": "used"}], value=ticked)
+        facts: list[Any] = ["", "", "", ""]
+        if own:
+            facts = [sum(run.rows for run in own), duration(sum(run.duration_s for run in own))]
+            facts += [duration(own[0].period_s), (own[0].start or "").replace("T", " ")]
+        state: Any = html.Span(is_read if one.is_used else "left out", className="about")
+        if one.problem is not None:
+            state = html.Strong("cannot be read, see below")
+        rows.append([tick, one.path.name, *facts, state])
     columns = ["use", "file", "rows", "duration", "step", "start", ""]
     return parts.table(columns, rows, numeric=["rows", "duration", "step"], name="files")
-
-
-def _state(one: Loaded, is_reading: bool) -> Any:
-    if one.problem is not None:
-        return html.Strong("cannot be read, see below")
-    return html.Span(
-        "reading …" if is_reading and one.is_used else "" if one.is_used else "left out", className="about"
-    )
 
 
 def _way(bench: Bench) -> Component:
@@ -240,11 +210,12 @@ def _way(bench: Bench) -> Component:
         ("machine file", told_path(bench.folder, bench.machine) if bench.machine is not None else None),
     ]
     shown = [html.Div([html.Dt(name), html.Dd(str(value))]) for name, value in facts if value not in (None, "")]
-    now = bench.overrides
+    now = {name: getattr(bench.overrides, name) for name, _, _ in _READING}
+    texts = {name: "" if v is None else f"{v:g}" if isinstance(v, float) else str(v) for name, v in now.items()}
     fields = [
         parts.field(
             title,
-            parts.typed_text(f"{ID}-as-{name}", _text(getattr(now, name)), placeholder=note),
+            parts.typed_text(f"{ID}-as-{name}", texts[name], placeholder=note),
         )
         for name, title, note in _READING
     ]
@@ -265,10 +236,6 @@ def _clock(time: dict[str, Any]) -> str | None:
     columns = " and ".join(time["columns"]) or "no column"
     guessed = f"; guessed: {', '.join(time['guessed'])}" if time["guessed"] else ""
     return f"{columns} [{time['unit']}]{guessed}"
-
-
-def _text(value: object) -> str:
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _channels(rows: tuple[Row, ...]) -> Component:

@@ -21,6 +21,10 @@ from selector.workbench.typed import FIELDS
 
 ID, TITLE = "selection", "Selection"
 
+_ABOUT = (
+    "Sensors are grouped, one stands for each group, and sets of them are compared; the error that is reported is that "
+    "of runs the model has not seen."
+)
 _DEFAULT = Options()
 _NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
 _RAISED = f"{ID}-raised"  #: Store: the rounds that several λ ask for, and those that were asked before.
@@ -60,19 +64,14 @@ def layout(bench: Bench) -> Component:
     return html.Div(
         [
             html.H1("Selection of sensors, and the model"),
-            html.P(
-                "Sensors are grouped, one stands for each group, and sets of them are compared; the error that is "
-                "reported is that of runs the model has not seen.",
-                className="about",
-            ),
+            html.P(_ABOUT, className="about"),
             html.Div(fields, className="fields"),
             dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
             html.Div(id=f"{ID}-sensors"),
             html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
             html.Div(id=f"{ID}-earlier", role="status"),
             html.Div(id=f"{ID}-answer"),
-            dcc.Store(id=f"{ID}-answered", data=None),
-            dcc.Store(id=f"{ID}-shown", data=None),
+            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("answered", "shown")),
             dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
             dcc.Store(id=_RAISED, data=None),
             wished.followed(ID),
@@ -189,12 +188,10 @@ def _answered(bench: Bench, stamp: str) -> Component | None:
         return None
     links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
     chosen = result["chosen"]
+    kept = [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])]
     return parts.section(
         "The answer",
-        html.Div(
-            [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])],
-            className="advice",
-        ),
+        html.Div(kept, className="advice"),
         html.Div([html.Span("Save: "), *links], className="row"),
         parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
     )

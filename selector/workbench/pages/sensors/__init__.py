@@ -212,12 +212,6 @@ def _signature(bench: Bench, view: View) -> list[Any]:
 
 
 def _picture(name: str) -> Component:
-    return html.Figure(
-        [
-            html.Figcaption([html.H3(id=f"{ID}-{name}-title"), html.P(pictures.NOTES[name])]),
-            html.Div(
-                dcc.Graph(id=f"{ID}-{name}", responsive=True, config=_GRAPH, style={"height": "100%"}),
-                className=f"plot {name}",
-            ),
-        ]
-    )
+    caption = html.Figcaption([html.H3(id=f"{ID}-{name}-title"), html.P(pictures.NOTES[name])])
+    graph = dcc.Graph(id=f"{ID}-{name}", responsive=True, config=_GRAPH, style={"height": "100%"})
+    return html.Figure([caption, html.Div(graph, className=f"plot {name}")])

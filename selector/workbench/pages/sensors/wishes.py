@@ -20,17 +20,9 @@ _FARTHEST_M = 1e6
 
 def table() -> Component:
     """Where the table is; it stays open when its rows change."""
-    return html.Details(
-        [
-            html.Summary("Must, never, cost and place of each sensor"),
-            html.Div(id=f"{ID}-wishes"),
-            parts.table_download("sensors"),
-            dcc.Store(id=f"{ID}-wished", data=None),
-            wished.followed(ID),
-            wished.followed(ID, "place"),
-        ],
-        id=f"{ID}-every",
-    )
+    shown = [html.Summary("Must, never, cost and place of each sensor"), html.Div(id=f"{ID}-wishes")]
+    kept = [dcc.Store(id=f"{ID}-wished", data=None), wished.followed(ID), wished.followed(ID, "place")]
+    return html.Details([*shown, parts.table_download("sensors"), *kept], id=f"{ID}-every")
 
 
 def register(app: dash.Dash, bench: Bench) -> tuple[parts.Form, ...]:
