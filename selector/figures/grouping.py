@@ -38,14 +38,9 @@ def cut_of(selection: Selection) -> CutShown:
     chosen = selection.grouping.chosen
     step = selection.grouping.axis.at(chosen.level)
     position = {name: i for i, name in enumerate(selection.sensors)}
-    return CutShown(
-        chosen.level,
-        step.low,
-        step.high,
-        tuple(chosen.rounds[0].groups),
-        frozenset(position[name] for name in chosen.representatives),
-        frozenset(position[name] for name in selection.chosen),
-    )
+    representatives = frozenset(position[name] for name in chosen.representatives)
+    kept = frozenset(position[name] for name in selection.chosen)
+    return CutShown(chosen.level, step.low, step.high, tuple(chosen.rounds[0].groups), representatives, kept)
 
 
 def sensor_tree(selection: Selection) -> go.Figure:
@@ -240,12 +235,9 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
     # four decimals must fit into a cell on paper, too
     cell = 20 if n > _NUMBERS_UP_TO else 46 if n > _FOUR_DECIMALS_UP_TO else 58
     drawn = style.figure(title, 120 + cell * n + (7 * longest if is_turned else 20))
+    whole = [style.label(name) for name in names]
     hover = [
-        [
-            f"{style.label(names[max(i, j)])} with {style.label(names[min(i, j)])}"
-            f"<br>r = {r[i, j]:.6f}<br>t = {t[i, j]:.6f}"
-            for j in range(n)
-        ]
+        [f"{whole[max(i, j)]} with {whole[min(i, j)]}<br>r = {r[i, j]:.6f}<br>t = {t[i, j]:.6f}" for j in range(n)]
         for i in range(n)
     ]
     bar: dict[str, object] = {"title": {"text": "r, t [–]", "side": "top"}, "thickness": 14, "outlinewidth": 0}
@@ -298,25 +290,15 @@ def lambda_scan(selection: Selection) -> go.Figure:
     steps = list(axis)
     at = [min(float(style.nines(step.high)), end) if step.high < 1 else end for step in steps]
     counts = [len(step.partition.members) for step in steps]
-    drawn.add_scatter(
-        x=[*at, first],
-        y=[*counts, counts[-1]],
-        mode="lines",
-        line={"shape": "hv", "color": style.PREDICTED, "width": 2},
-        hoverinfo="skip",
-        xaxis="x",
-        yaxis="y",
-        showlegend=False,
-    )
+    look = {"shape": "hv", "color": style.PREDICTED, "width": 2}
+    stairs = {"x": [*at, first], "y": [*counts, counts[-1]], "xaxis": "x", "yaxis": "y", "showlegend": False}
+    drawn.add_scatter(**stairs, mode="lines", line=look, hoverinfo="skip")
     drawn.add_scatter(
         x=at,
         y=counts,
         mode="markers",
         marker={"color": style.PREDICTED, "size": 6},
-        text=[
-            f"λ up to {style.level_text(step.high)}<br>{count} groups"
-            for step, count in zip(steps, counts, strict=True)
-        ],
+        text=[f"λ up to {style.level_text(s.high)}<br>{n} groups" for s, n in zip(steps, counts, strict=True)],
         hovertemplate="%{text}<extra></extra>",
         yaxis="y",
         showlegend=False,

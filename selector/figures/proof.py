@@ -58,15 +58,8 @@ def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> g
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
     rows = list(range(n))
     for name, colour, offset in _BARS:
-        drawn.add_bar(
-            y=rows,
-            orientation="h",
-            offset=offset,
-            width=0.38,
-            name=name,
-            marker={"color": colour},
-            hovertemplate=f"{name}: %{{x:.4g}} µm<extra></extra>",
-        )
+        hover, bar = f"{name}: %{{x:.4g}} µm<extra></extra>", {"orientation": "h", "offset": offset, "width": 0.38}
+        drawn.add_bar(y=rows, **bar, name=name, marker={"color": colour}, hovertemplate=hover)
     drawn.add_scatter(
         y=[row + 0.19 for row in rows],
         mode="markers",

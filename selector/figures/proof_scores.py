@@ -55,16 +55,10 @@ def confusion_matrix(
     drawn = style.figure(title, 210 + _CELL_PX * len(true))
     for chosen, scale in ((is_right, style.LIKENESS_SCALE), (~is_right, style.HARM_SCALE)):
         drawn.add_heatmap(
-            z=np.where(chosen & (counts > 0), share, np.nan),
-            zmin=0.0,
-            zmax=1.0,
-            colorscale=[list(stop) for stop in scale],
-            showscale=False,
-            xgap=1,
-            ygap=1,
-            customdata=counts,
+            z=np.where(chosen & (counts > 0), share, np.nan), zmin=0.0, zmax=1.0, showscale=False, xgap=1, ygap=1,
+            colorscale=[list(stop) for stop in scale], customdata=counts,
             hovertemplate="put in: %{y}<br>said: %{x}<br>%{customdata} cases, %{z:.0%}<extra></extra>",
-        )
+        )  # fmt: skip
     for i, j in zip(*np.nonzero(counts), strict=True):
         drawn.add_annotation(
             x=int(j), y=int(i), text=str(counts[i, j]), showarrow=False,
@@ -180,17 +174,12 @@ def answerers_compared(
         (-0.38, found, f"right name, or in a set, at d′ = {strength:g}", style.CHOSEN),
         (0.0, false_on_clean, "any false name on clean cases", style.RESIDUAL),
     ):
+        hover, bar = f"{text}: %{{x:.1%}}<extra></extra>", {"orientation": "h", "offset": offset, "width": 0.36}
         drawn.add_bar(
-            x=[shares[name].value for name in names],
-            y=list(range(len(names))),
-            orientation="h",
-            offset=offset,
-            width=0.36,
-            name=text,
-            marker={"color": colour},
-            error_x=_interval([shares[name] for name in names], thickness=1.2),
-            hovertemplate=f"{text}: %{{x:.1%}}<extra></extra>",
-        )
+            x=[shares[name].value for name in names], y=list(range(len(names))), **bar, name=text,
+            marker={"color": colour}, error_x=_interval([shares[name] for name in names], thickness=1.2),
+            hovertemplate=hover,
+        )  # fmt: skip
     drawn.update_xaxes(title_text="share of cases [–]", range=[0.0, 1.02], tickformat=".0%")
     drawn.update_yaxes(**style.rows_of([style.label(name) for name in names]))
     return drawn

@@ -82,17 +82,12 @@ def out_of_range(survey: Survey) -> Iterator[Finding]:
             seen = x[outside]
             worst = float(seen[np.argmax(np.abs(seen - (low + high) / 2))])
             way = "up" if worst > high else "down"
-            yield from told(
-                FINDINGS.finding(
-                    "out-of-range",
-                    f"{channel.name} in run {run} reads {way} to {reading(worst, channel)} {{when}}; on a machine "
-                    f"tool −{-low:g} to {high:g} °C can be.",
-                    Where(channel.name, run),
-                    {"samples": int(outside.sum()), "value": worst, "plausible": [low, high]},
-                    action="leave-out-stretch",
-                ),
-                windows,
-            )
+            said = f"{channel.name} in run {run} reads {way} to {reading(worst, channel)} {{when}}; on a machine tool "
+            said += f"−{-low:g} to {high:g} °C can be."
+            evidence = {"samples": int(outside.sum()), "value": worst, "plausible": [low, high]}
+            place = Where(channel.name, run)
+            found = FINDINGS.finding("out-of-range", said, place, evidence, action="leave-out-stretch")
+            yield from told(found, windows)
 
 
 def told(finding: Finding, windows: list[tuple[float, float]], few: int = _FEW) -> Iterator[Finding]:
@@ -192,19 +187,16 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
             level="error",
         )
         return
-    yield from told(
-        FINDINGS.finding(
-            "sensor-break",
-            f"{channel.name} in run {run} holds {said} {{when}}{away}:"
-            " the code of a broken or open sensor, not a reading.",
-            Where(channel.name, run),
-            evidence,
-            "Check the sensor, its plug and its input. The stretch is left out.",
-            "leave-out-stretch",
-            level="error",
-        ),
-        joined(survey.time[run], broken, present),
+    found = FINDINGS.finding(
+        "sensor-break",
+        f"{channel.name} in run {run} holds {said} {{when}}{away}: the code of a broken or open sensor, not a reading.",
+        Where(channel.name, run),
+        evidence,
+        "Check the sensor, its plug and its input. The stretch is left out.",
+        "leave-out-stretch",
+        level="error",
     )
+    yield from told(found, joined(survey.time[run], broken, present))
 
 
 _NOTHING = "Nothing is left out."
@@ -328,21 +320,18 @@ def _frozen_in(
         if counted.sum() < 2 and rail not in rails:
             continue
         railed |= counted
-        windows = [
-            (float(time[a]), float(time[b])) for a, b in zip(still.first[counted], still.last[counted], strict=True)
-        ]
+        found = FINDINGS.finding(
+            "saturated",
+            f"{channel.name} in run {run} is pinned at {reading(rail, channel)}, the "
+            f"{'lowest' if rail == extremes[0] else 'highest'} value that it ever has, {{when}}; its noise of "
+            f"{difference(noise, channel)} is gone there.",
+            Where(channel.name, run),
+            {"rail": float(rail), "samples": int(still.length[counted].sum()), "noise": noise},
+            action="leave-out-stretch",
+            level="error",
+        )
         yield from told(
-            FINDINGS.finding(
-                "saturated",
-                f"{channel.name} in run {run} is pinned at {reading(rail, channel)}, the "
-                f"{'lowest' if rail == extremes[0] else 'highest'} value that it ever has, {{when}}; its noise of "
-                f"{difference(noise, channel)} is gone there.",
-                Where(channel.name, run),
-                {"rail": float(rail), "samples": int(still.length[counted].sum()), "noise": noise},
-                action="leave-out-stretch",
-                level="error",
-            ),
-            windows,
+            found, list(zip(time[still.first[counted]].tolist(), time[still.last[counted]].tolist(), strict=True))
         )
     for k in np.flatnonzero((evidence >= _SURE) & (still.length >= _LEAST) & ~railed):
         begin, end = float(time[still.first[k]]), float(time[still.last[k]])

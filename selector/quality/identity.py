@@ -207,6 +207,7 @@ def _proof(laws: _Laws, own: int, other: int) -> _Proof | None:
 def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterator[Finding]:
     run = relations.runs[r]
     own, other = (relations.survey.channels[relations.columns[k]] for k in (proof.own, proof.other))
+    does = "Both channels are left out of this run." if acts else "So few runs do not prove it: nothing is left out."
     for channel, partner in ((own, other), (other, own)):
         yield FINDINGS.finding(
             "swapped-channels",
@@ -215,12 +216,7 @@ def _told(relations: Relations, r: int, proof: _Proof, *, acts: bool) -> Iterato
             f"{other.name} by only {difference(proof.after, own)}.",
             Where(channel.name, run),
             {"other": partner.name, "mismatch": proof.before, "mismatch_after_swap": proof.after},
-            f'Say it in the machine file: [runs."{run}"] with swap = [["{own.name}", "{other.name}"]]. '
-            + (
-                "Both channels are left out of this run."
-                if acts
-                else "So few runs do not prove it: nothing is left out."
-            ),
+            f'Say it in the machine file: [runs."{run}"] with swap = [["{own.name}", "{other.name}"]]. {does}',
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )

@@ -252,29 +252,20 @@ def spikes(survey: Survey) -> Iterator[Finding]:
             if not steps_too and not commands and not 0 < len(measured) < 0.6 * others:
                 kept.setdefault((series.run, window[1] - window[0] > _BRIEF_S), []).append((window, height))
         for (run, unsure), hits in kept.items():
-            yield from _told_spikes(survey, run, column, hits, unsure=unsure)
-
-
-def _told_spikes(
-    survey: Survey, run: str, column: int, hits: list[tuple[tuple[float, float], float]], *, unsure: bool
-) -> Iterator[Finding]:
-    channel = survey.channels[column]
-    worst = max((height for _, height in hits), key=abs)
-    many = f"has {len(hits)} spikes, the largest" if len(hits) > 1 else "has a spike"
-    yield from told(
-        FINDINGS.finding(
-            "spike",
-            f"{channel.name} in run {run} {many} of {difference(worst, channel)}, {{when}}"
-            + ("; a short process, e.g. coolant on a thin sensor, can do this." if unsure else "."),
-            Where(channel.name, run),
-            {"spikes": len(hits), "largest": worst, "noise": survey.scale(run, column).noise},
-            "Look for interference or a loose contact. "
-            + ("Nothing is left out." if unsure else "The samples are left out."),
-            "none" if unsure else "leave-out-stretch",
-        ),
-        [window for window, _ in hits],
-        few=1,
-    )
+            channel = survey.channels[column]
+            worst = max((height for _, height in hits), key=abs)
+            many = f"has {len(hits)} spikes, the largest" if len(hits) > 1 else "has a spike"
+            doubt = "; a short process, e.g. coolant on a thin sensor, can do this" if unsure else ""
+            does = "Nothing is left out." if unsure else "The samples are left out."
+            finding = FINDINGS.finding(
+                "spike",
+                f"{channel.name} in run {run} {many} of {difference(worst, channel)}, {{when}}{doubt}.",
+                Where(channel.name, run),
+                {"spikes": len(hits), "largest": worst, "noise": survey.scale(run, column).noise},
+                f"Look for interference or a loose contact. {does}",
+                "none" if unsure else "leave-out-stretch",
+            )
+            yield from told(finding, [window for window, _ in hits], few=1)
 
 
 def steps(survey: Survey) -> Iterator[Finding]:

@@ -136,17 +136,10 @@ def scale_of(x: Floats) -> Scale:
     else:
         quantum = 0.0
     blocks = block_noise(x)
-    return Scale(
-        count=int(x.size),
-        distinct=int(steps.size) + 1,
-        low=low,
-        high=high,
-        start=float(np.median(x[: max(5, x.size // 200)])),
-        span=float(ordered[int(0.98 * (x.size - 1))] - ordered[int(0.02 * (x.size - 1))]),
-        quantum=quantum,
-        noise=float(np.median(blocks)) if blocks.size else 0.0,
-        block_noise=blocks,
-    )
+    start = float(np.median(x[: max(5, x.size // 200)]))
+    span = float(ordered[int(0.98 * (x.size - 1))] - ordered[int(0.02 * (x.size - 1))])
+    noise = float(np.median(blocks)) if blocks.size else 0.0
+    return Scale(int(x.size), int(steps.size) + 1, low, high, start, span, quantum, noise, blocks)
 
 
 def block_noise(x: Floats) -> Floats:

@@ -154,16 +154,8 @@ def machine(path: Path) -> Machine:
     unknown or does not fit its role. Raises RecordingError: Two channels are read from the same column.
     """
     where = str(path)
-    text = text_of(
-        path,
-        _MAX_BYTES,
-        lambda found: ReadError(
-            found,
-            expected="a machine file (TOML text in UTF-8)",
-            where=where,
-            advice="check the path, and whether this is the machine file",
-        ),
-    )
+    expected, advice = "a machine file (TOML text in UTF-8)", "check the path, and whether this is the machine file"
+    text = text_of(path, _MAX_BYTES, lambda found: ReadError(found, expected=expected, where=where, advice=advice))
     return machine_from_text(text, where)
 
 

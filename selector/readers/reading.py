@@ -222,13 +222,8 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     machine_file = str(machine) if isinstance(machine, Path | str) else None
     if declared is None and found.machine is not None:
         declared, machine_file = machine_at(found.machine), str(found.machine)
-        findings.append(
-            FINDINGS.finding(
-                "machine-file-found",
-                f"The machine file {found.machine.name} in the folder of the recordings was used.",
-                Where(file=str(found.machine)),
-            )
-        )
+        used = f"The machine file {found.machine.name} in the folder of the recordings was used."
+        findings.append(FINDINGS.finding("machine-file-found", used, Where(file=str(found.machine))))
     options = time_options(declared, overrides)
     timed: list[TimedRun] = []
     columns = [c.column or n for n, c in declared.channels.items()] if declared is not None else []
@@ -239,16 +234,9 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
                 timed += [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
         runs, planned, noticed = settled(timed, declared, overrides)
         recording, told = assembled(runs, planned)
-    return Reading(
-        recording,
-        condensed([*findings, *noticed, *told]),
-        tuple(_run_info(run) for run in runs),
-        tuple(_channel_info(planned, runs)),
-        _how(runs),
-        declared,
-        planned.undeclared,
-        machine_file,
-    )
+    said = condensed([*findings, *noticed, *told])
+    infos, channels = tuple(_run_info(run) for run in runs), tuple(_channel_info(planned, runs))
+    return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
 
 
 def settled(

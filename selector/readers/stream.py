@@ -127,17 +127,11 @@ class ParquetSource:
         ):
             if count and (run, kind) not in self._told:
                 self._told.add((run, kind))
-                name = self._runs[run].file.name
-                self._findings.append(
-                    FINDINGS.finding(
-                        kind,
-                        f"{count} row(s) of {name} {statement}; they were left out.",
-                        Where(run=run, file=name),
-                        {"count": count},
-                        "convert the file to clean recordings first if these rows matter",
-                        "leave-out-stretch",
-                    )
-                )
+                where = Where(run=run, file=self._runs[run].file.name)
+                told = f"{count} row(s) of {where.file} {statement}; they were left out."
+                advice = "convert the file to clean recordings first if these rows matter"
+                finding = FINDINGS.finding(kind, told, where, {"count": count}, advice, "leave-out-stretch")
+                self._findings.append(finding)
 
 
 class _Ticker:
@@ -217,15 +211,12 @@ def stream_parquet(
         heads = [timed_run(_head(path), "", options) for path in found.files]
         runs, planned, noticed = settled(heads, declared, overrides)
     for run in runs:
-        if len(run.clock.columns) > 1 or run.clock.time_of_day or run.clock.unit not in _streamable(run):
+        numeric = any(c.header in run.clock.columns and c.kind == "number" for c in run.table.columns)
+        # epoch numbers would need their zero; a unit of time or a timestamp column is all that is read piece by piece
+        units = {"s", "ms", "us", "ns", "min", "hour", "day"} if numeric else {"datetime", "sample"}
+        if len(run.clock.columns) > 1 or run.clock.time_of_day or run.clock.unit not in units:
             raise _no_stream_clock(run)
     return ParquetSource(runs, planned.channels, condensed([*found.findings, *noticed]))
-
-
-def _streamable(run: TimedRun) -> set[str]:
-    numeric = any(c.header in run.clock.columns and c.kind == "number" for c in run.table.columns)
-    # epoch numbers would need their zero; a unit of time or a timestamp column is all that is read piece by piece
-    return {"s", "ms", "us", "ns", "min", "hour", "day"} if numeric else {"datetime", "sample"}
 
 
 def _no_stream_clock(run: TimedRun) -> ReadError:

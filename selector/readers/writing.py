@@ -81,7 +81,10 @@ def write_recording(
     writers: dict[Path, Callable[[Path], Any]] = {}
     for run, path in targets.items():
         writers[path] = _run_writer(recording, run, headers, format)
-    text = machine_text(_machine(recording, headers, machine_name))
+    pairs = zip(recording.channels, headers, strict=True)
+    channels = {channel.name: channel_section(channel, header, channel.unit) for channel, header in pairs}
+    machine, time = MachineSection(name=machine_name), TimeSection(column="time_s", unit="s")
+    text = machine_text(Machine(machine=machine, time=time, channels=channels))
     writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
     _write_whole(writers)
     return [*targets.values(), machine_path]
@@ -102,12 +105,6 @@ def run_files(runs: tuple[str, ...], folder: Path, ending: str) -> dict[str, Pat
         taken.add(stem.casefold())
         files[run] = folder / f"{stem}.{ending}"
     return files
-
-
-def _machine(recording: Recording, headers: list[str], name: str | None) -> Machine:
-    pairs = zip(recording.channels, headers, strict=True)
-    channels = {channel.name: channel_section(channel, header, channel.unit) for channel, header in pairs}
-    return Machine(machine=MachineSection(name=name), time=TimeSection(column="time_s", unit="s"), channels=channels)
 
 
 def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -> Callable[[Path], None]:

@@ -211,17 +211,13 @@ def read_study(path: str | Path) -> Study:
     cannot be; the message has the key and the nearest known name.
     """
     place = study_place(path)
-    text = text_of(
-        place,
-        LARGEST_FILE_BYTES,
-        lambda found: StudyError(
-            found,
-            expected=f"a study file ({SCHEMA}), or a folder with {STUDY_FILE} in it",
-            where=str(place),
-            advice=f"check the path; `selector select RUN... --out DIR` writes DIR/{STUDY_FILE}",
-        ),
-    )
-    return parsed_study(text, where=str(place))
+    where, expected = str(place), f"a study file ({SCHEMA}), or a folder with {STUDY_FILE} in it"
+    advice = f"check the path; `selector select RUN... --out DIR` writes DIR/{STUDY_FILE}"
+
+    def refused(found: str) -> StudyError:
+        return StudyError(found, expected=expected, where=where, advice=advice)
+
+    return parsed_study(text_of(place, LARGEST_FILE_BYTES, refused), where=where)
 
 
 def parsed_study(text: str, *, where: str = "study file") -> Study:

@@ -74,24 +74,14 @@ class Live:
         if reading is None:
             return None
         with self._lock:
-            asked = (
-                number,
-                options.responses,
-                options.reference,
-                options.absolute_similarity,
-                tuple(options.conditions.items()),
-            )
+            similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
+            asked = (number, options.responses, *similarity)
             if asked != self._asked:
                 self._asked, self._exploration, self._problem = asked, None, None
                 self._level, self._taken = None, ()
                 plain = replace(options, must=(), never=(), cost={})
-                work = threading.Thread(
-                    target=self._explore,
-                    args=(number, asked, reading, plain, faults),
-                    name="selector-explore",
-                    daemon=True,
-                )
-                work.start()
+                work = (number, asked, reading, plain, faults)
+                threading.Thread(target=self._explore, args=work, name="selector-explore", daemon=True).start()
                 return None
             if self._problem is not None:
                 raise self._problem

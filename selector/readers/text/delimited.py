@@ -99,7 +99,9 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     utf8, joined = _quoted_line_ends(utf8)
     skipped += joined
     sheet = _sheet(utf8, overrides, declared if overrides.separator is None else overrides.separator, skipped, where)
-    offset = _offset_of_line(utf8, sheet.layout.first)
+    offset = 0
+    for _ in range(sheet.layout.first):
+        offset = utf8.find(b"\n", offset) + 1
     headings = [
         sheet.raw[i] for i in (sheet.layout.names, sheet.layout.units, sheet.layout.description) if i is not None
     ]
@@ -217,13 +219,6 @@ def _quoted_line_ends(utf8: bytes) -> tuple[bytes, int]:
                     break
         i += 1
     return (b"\n".join(head) + utf8[100_000:], joined) if joined else (utf8, 0)
-
-
-def _offset_of_line(utf8: bytes, line: int) -> int:
-    offset = 0
-    for _ in range(line):
-        offset = utf8.find(b"\n", offset) + 1
-    return offset
 
 
 def _sheet(utf8: bytes, overrides: Overrides, separator: str | None, skipped: int, where: str) -> _Sheet:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -317,7 +317,15 @@ def body(
         )
     kept = np.flatnonzero(keep)
     clean = _joined(text, starts, ends, kept, replaced)
-    findings = _told(where, n_columns, aside, cut_off and not bool(keep[-1:].all()))
+    findings = []
+    for kind, at in aside.items():
+        if at:
+            told = _ASIDE[kind].format(count=len(at), where=where, n_columns=n_columns, lines=shown_lines(at))
+            if kind == "ragged-rows" and cut_off and not keep[-1:].all():
+                told += " The last line is cut off and was left out."
+            action: Action = "leave-out-stretch" if kind == "overlong-rows" else "none"
+            evidence = {"lines": at[:50], "count": len(at)}
+            findings.append(FINDINGS.finding(kind, told, evidence=evidence, action=action))
     return Body(clean, separator, numbers[kept], tuple(findings))
 
 
@@ -336,15 +344,6 @@ def _joined(text: bytes, starts: Indices, ends: Indices, kept: Indices, replaced
         else:
             pieces.append(text[starts[i] : ends[stretches[i]] + 1])
     return b"".join(pieces)
-
-
-def _told(where: str, n_columns: int, aside: dict[str, list[int]], last_cut: bool) -> Iterator[Finding]:
-    for kind, lines in aside.items():
-        if lines:
-            told = _ASIDE[kind].format(count=len(lines), where=where, n_columns=n_columns, lines=shown_lines(lines))
-            told += " The last line is cut off and was left out." if last_cut and kind == "ragged-rows" else ""
-            action: Action = "leave-out-stretch" if kind == "overlong-rows" else "none"
-            yield FINDINGS.finding(kind, told, evidence={"lines": lines[:50], "count": len(lines)}, action=action)
 
 
 def _tabbed(text: bytes, separator: str) -> bytes:

@@ -168,28 +168,19 @@ def _runs(view: View) -> list[RunError]:
 
 def _terms(view: View, model: FixedModel) -> list[TermShown]:
     sign = "Δ" if view.exploration.question.options.reference == "rise" else ""
+    names = [sign + style.label(one.sensor, _LONGEST_TERM) for one in model.coefficients]
     return [
-        TermShown(
-            sign + style.label(one.sensor, _LONGEST_TERM),
-            one.per_deviation_um,
-            NORMAL_95 * one.per_deviation_error_um,
-            one.vif,
-        )
-        for one in model.coefficients
+        TermShown(name, one.per_deviation_um, NORMAL_95 * one.per_deviation_error_um, one.vif)
+        for name, one in zip(names, model.coefficients, strict=True)
     ]
 
 
 def _cut(view: View) -> CutShown:
     position = {name: i for i, name in enumerate(view.exploration.question.sensors)}
     step = view.cut.step
-    return CutShown(
-        view.level,
-        step.low,
-        step.high,
-        step.partition.members,
-        frozenset(position[name] for name in view.cut.representatives),
-        frozenset(position[name] for name in view.fixed.sensors if name in position),
-    )
+    representatives = frozenset(position[name] for name in view.cut.representatives)
+    shown = frozenset(position[name] for name in view.fixed.sensors if name in position)
+    return CutShown(view.level, step.low, step.high, step.partition.members, representatives, shown)
 
 
 _INFINITE_VIF = 1e12
