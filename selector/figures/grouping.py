@@ -84,15 +84,8 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
         range=[first, end + 0.02 * (end - first)],
         **style.level_axis(level_at(first), level_at(end), end=end, room=0.07 if height is None else 0.12),
     )
-    drawn.update_yaxes(
-        range=[n - 0.5, -0.5],
-        side="right",
-        tickvals=list(range(n)),
-        showgrid=False,
-        showline=False,
-        ticks="",
-        tickfont={"size": 12 if n <= 20 else 11},
-    )
+    bare = {"showgrid": False, "showline": False, "ticks": "", "tickfont": {"size": 12 if n <= 20 else 11}}
+    drawn.update_yaxes(range=[n - 0.5, -0.5], side="right", tickvals=list(range(n)), **bare)
     add_step_marks(drawn)
     if height is not None:
         drawn.update_yaxes(showticklabels=False)

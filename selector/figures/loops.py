@@ -54,6 +54,7 @@ def displacement_loops(
         order = sorted(range(len(runs)), key=lambda k: k == widest[j][0])
         for place, k in enumerate(order):
             one, stands_out = runs[k], k == widest[j][0] or len(runs) == 1
+            colour, width = (style.MEASURED, 1.6) if stands_out else (style.BEFORE, 1.0)
             drawn.add_scatter(
                 x=one.readings[:, j].astype(np.float32),
                 y=one.displacement_um.astype(np.float32),
@@ -62,10 +63,7 @@ def displacement_loops(
                 mode="lines",
                 name="run with the widest loop" if stands_out else "other runs",
                 legendgroup=str(stands_out),
-                line={
-                    "color": style.MEASURED if stands_out else style.BEFORE,
-                    "width": 1.6 if stands_out else 1.0,
-                },
+                line={"color": colour, "width": width},
                 hovertemplate=f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm<extra></extra>",
                 showlegend=len(runs) > 1 and j == 0 and (stands_out or place == 0),
             )

@@ -134,25 +134,13 @@ def faults_picture(responses: Sequence[str], height: int, title: str) -> go.Figu
     drawn = style.figure(title, height)
     columns = [(response, text) for response in responses for _, text in _FAULTS]
     drawn.add_heatmap(
-        x=list(range(len(columns))),
-        zmin=0.0,
-        colorscale=style.HARM_SCALE,
-        texttemplate="%{text}",
-        textfont={"size": 13},
-        xgap=2,
-        ygap=2,
-        hovertemplate="%{customdata}: %{z:.4g} µm<extra></extra>",
-        showscale=False,
-    )
-    drawn.update_xaxes(
-        tickvals=list(range(len(columns))),
-        ticktext=[f"{style.label(response, 12)} [µm]<br>{text}" for response, text in columns],
-        side="bottom",
-        showgrid=False,
-        showline=False,
-        ticks="",
-    )
-    drawn.update_yaxes(showgrid=False, showline=False, ticks="")
+        x=list(range(len(columns))), zmin=0.0, colorscale=style.HARM_SCALE, showscale=False, xgap=2, ygap=2,
+        texttemplate="%{text}", textfont={"size": 13}, hovertemplate="%{customdata}: %{z:.4g} µm<extra></extra>",
+    )  # fmt: skip
+    shown = [f"{style.label(response, 12)} [µm]<br>{text}" for response, text in columns]
+    bare = {"showgrid": False, "showline": False, "ticks": ""}
+    drawn.update_xaxes(tickvals=list(range(len(columns))), ticktext=shown, side="bottom", **bare)
+    drawn.update_yaxes(**bare)
     return drawn
 
 

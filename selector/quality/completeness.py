@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from selector.findings import Finding, Where
+from selector.findings import Finding, Level, Where
 from selector.quality.finding_table import FINDINGS
 from selector.quality.jumps import line_at
 from selector.quality.leave_out import WINDOWS
@@ -35,13 +35,8 @@ def short_runs(survey: Survey) -> Iterator[Finding]:
     for run in survey.runs:
         rows = survey.time[run].size
         if rows < _SHORT:
-            yield FINDINGS.finding(
-                "short-run",
-                f"Run {run} has {rows} sample(s) only; fewer than {_SHORT} say little about a thermal process.",
-                Where(run=run),
-                {"samples": rows},
-                level="warning",
-            )
+            told = f"Run {run} has {rows} sample(s) only; fewer than {_SHORT} say little about a thermal process."
+            yield FINDINGS.finding("short-run", told, Where(run=run), {"samples": rows}, level="warning")
 
 
 def empty_channels(survey: Survey) -> Iterator[Finding]:
@@ -85,17 +80,13 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             continue
         if values.size > _FEW_LEVELS and not coarse:
             continue
-        yield FINDINGS.finding(
-            "few-values",
-            f"{channel.name} takes {values.size} different values only, {difference(step, channel)} apart, over a "
-            f"range of {difference(high - low, channel)}.",
-            Where(channel.name),
-            {"distinct": int(values.size), "resolution": step, "range": high - low},
-            "Record it with a finer resolution."
-            if coarse
-            else "It hardly moves; its resolution limits what it can say.",
-            level="warning" if coarse else "info",
-        )
+        told = f"{channel.name} takes {values.size} different values only, {difference(step, channel)} apart, over a "
+        told += f"range of {difference(high - low, channel)}."
+        evidence = {"distinct": int(values.size), "resolution": step, "range": high - low}
+        still = "It hardly moves; its resolution limits what it can say."
+        advice = "Record it with a finer resolution." if coarse else still
+        level: Level = "warning" if coarse else "info"
+        yield FINDINGS.finding("few-values", told, Where(channel.name), evidence, advice, level=level)
 
 
 def starts(survey: Survey) -> Iterator[Finding]:
@@ -121,13 +112,9 @@ def starts(survey: Survey) -> Iterator[Finding]:
             continue
         worst = max(warm, key=lambda name: abs(warm[name]))
         said = difference(warm[worst], survey.recording.channel(worst))
-        yield FINDINGS.finding(
-            "run-starts-warm",
-            f"Run {run} does not start like the others: {len(warm)} channel(s) are off at its start, {worst} most "
-            f"({said}).",
-            Where(run=run, from_s=float(survey.time[run][0]), to_s=float(survey.time[run][0])),
-            {"channels": warm},
-        )
+        told = f"Run {run} does not start like the others: {len(warm)} channel(s) are off at its start, {worst} most "
+        told, begin = f"{told}({said}).", float(survey.time[run][0])
+        yield FINDINGS.finding("run-starts-warm", told, Where(None, run, begin, begin), {"channels": warm})
 
 
 def _start(survey: Survey, run: str, column: int) -> float:
@@ -149,13 +136,9 @@ def file_copies(hashes: Mapping[str, str]) -> Iterator[Finding]:
     for run, sha256 in hashes.items():
         original = first.setdefault(sha256, run)
         if original != run:
-            yield FINDINGS.finding(
-                "same-file-twice",
-                f"Run {run} is the same file as run {original}; it is left out.",
-                Where(run=run),
-                {"sha256": sha256, "original": original},
-                action="leave-out-run",
-            )
+            told = f"Run {run} is the same file as run {original}; it is left out."
+            evidence = {"sha256": sha256, "original": original}
+            yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")
 
 
 _GAP_PERIODS = 3.5  #: A distance of more than so many usual ones is a gap; two lost rows in a row are none.
@@ -238,12 +221,8 @@ def pace_changes(survey: Survey) -> Iterator[Finding]:
             before, after, at = float(blocks[0]), float(blocks[-1]), float(time[0])
         else:
             continue
-        yield FINDINGS.finding(
-            "period-change",
-            f"The sampling period of run {run} {told}.",
-            Where(None, run, at, None),
-            {"before_s": before, "after_s": after},
-        )
+        said, evidence = f"The sampling period of run {run} {told}.", {"before_s": before, "after_s": after}
+        yield FINDINGS.finding("period-change", said, Where(None, run, at, None), evidence)
 
 
 def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
@@ -280,25 +259,17 @@ def _gap(
 ) -> Finding:
     lengths = [end - begin for begin, end in windows]
     longest = int(np.argmax(lengths))
-    evidence: dict[str, object] = {
-        "longest_s": lengths[longest],
-        "total_s": float(np.sum(lengths)),
-        "stretches": len(windows),
-        "period_s": usual,
-    }
-    if samples:
-        evidence["samples"] = samples
+    total_s = float(np.sum(lengths))
+    evidence: dict[str, object] = {"longest_s": lengths[longest], "total_s": total_s, "stretches": len(windows)}
+    evidence |= {"period_s": usual} | ({"samples": samples} if samples else {})
     many = f" for {duration(lengths[0])} from"
     if len(windows) > 1:
         evidence[WINDOWS] = [[a, b] for a, b in windows[:100]]
         many = f" in {len(windows)} stretches, the longest {duration(lengths[longest])} from"
-    return FINDINGS.finding(
-        "gap",
-        f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)}).",
-        Where(channel, run, windows[0][0], windows[-1][1]),
-        evidence,
-        level="warning" if lengths[longest] > _LONG_PERIODS * usual else "info",
-    )
+    told = f"{said}{many} {moment(windows[longest][0])} of run {run} (usual period {duration(usual)})."
+    where = Where(channel, run, windows[0][0], windows[-1][1])
+    is_long = lengths[longest] > _LONG_PERIODS * usual
+    return FINDINGS.finding("gap", told, where, evidence, level="warning" if is_long else "info")
 
 
 def _continuity(survey: Survey, run: str, at: int) -> tuple[int, int]:

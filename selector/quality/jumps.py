@@ -355,15 +355,11 @@ def _lawful(survey: Survey, column: int, run: str, cause: str, jumps: list[Jump]
     channel = survey.channels[column]
     largest = max(jumps, key=lambda jump: abs(jump.height))
     many = f"steps {len(jumps)} times, by up to" if len(jumps) > 1 else "steps by"
-    return FINDINGS.finding(
-        "step",
-        f"{channel.name} in run {run} {many} {difference(largest.height, channel)} (at {moment(largest.time_s)}); "
-        f"{cause}, so this is taken for real.",
-        Where(channel.name, run, jumps[0].time_s, jumps[-1].time_s),
-        {"steps": len(jumps), "height": largest.height, "standard_error": largest.error},
-        "Nothing is left out.",
-        level="info",
-    )
+    said = f"{channel.name} in run {run} {many} {difference(largest.height, channel)} (at {moment(largest.time_s)}); "
+    said += f"{cause}, so this is taken for real."
+    where = Where(channel.name, run, jumps[0].time_s, jumps[-1].time_s)
+    evidence = {"steps": len(jumps), "height": largest.height, "standard_error": largest.error}
+    return FINDINGS.finding("step", said, where, evidence, "Nothing is left out.", level="info")
 
 
 def _undoes(later: Jump, earlier: Jump) -> bool:

@@ -132,14 +132,9 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
         )
     if not skipped:
         return files, []
-    finding = FINDINGS.finding(
-        "files-skipped",
-        f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
-        f"{listed(skipped, 6)}.",
-        Where(file=str(folder)),
-        {"files": skipped[:50]},
-    )
-    return files, [finding]
+    told = f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
+    told += f"{listed(skipped, 6)}."
+    return files, [FINDINGS.finding("files-skipped", told, Where(file=str(folder)), {"files": skipped[:50]})]
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

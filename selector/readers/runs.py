@@ -166,18 +166,15 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
     findings = (*table.findings, FINDINGS.finding("run-column", told, evidence={"runs": names[:100]}))
     tables = []
     for i, (name, a, b) in enumerate(zip(names, starts, stops, strict=True)):
-        columns = tuple(
-            replace(
-                c,
-                values=c.values[a:b],
-                breaks=tuple(BreakWord(one.word, one.rows[(one.rows >= a) & (one.rows < b)] - a) for one in c.breaks),
-            )
-            for c in table.columns
-            if c is not column
-        )
+        columns = []
+        for c in table.columns:
+            inside = (BreakWord(one.word, one.rows[(one.rows >= a) & (one.rows < b)] - a) for one in c.breaks)
+            if c is not column:
+                columns.append(replace(c, values=c.values[a:b], breaks=tuple(inside)))
         run_name = name if column.kind == "text" else f"{table.name}_{name}"
         lines = None if table.lines is None else table.lines[a:b]
-        tables.append(replace(table, name=run_name, columns=columns, lines=lines, findings=findings if i == 0 else ()))
+        noticed = findings if i == 0 else ()
+        tables.append(replace(table, name=run_name, columns=tuple(columns), lines=lines, findings=noticed))
     return tables
 
 

@@ -139,14 +139,11 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
             repeated.setdefault(text, []).append(name)
         taken.add(name)
         unique.append(name)
-    findings = [
-        FINDINGS.finding(
-            "duplicate-header",
-            f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as {', '.join(names)}.",
-            evidence={"column": text, "read_as": names},
-        )
-        for text, names in repeated.items()
-    ]
+    findings = []
+    for text, names in repeated.items():
+        told = f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as "
+        told += f"{', '.join(names)}."
+        findings.append(FINDINGS.finding("duplicate-header", told, evidence={"column": text, "read_as": names}))
     return unique, findings
 
 

@@ -104,7 +104,8 @@ def screen(
             break
         done = _round(s, values, level, kept, wanted, idle - wanted, label)
         if not rounds:
-            done = replace(done, findings=_constant_musts(wanted & idle, label) + done.findings)
+            unmoved = (_constant_must(label[i]) for i in sorted(wanted & idle))
+            done = replace(done, findings=(*unmoved, *done.findings))
         rounds.append(done)
         kept = tuple(sorted(done.representatives))
     return tuple(rounds)
@@ -149,28 +150,18 @@ def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
     n = len(closure)
     below = closure[closure < level]
     nearest = float(below.max()) if below.size else None
-    return FINDINGS.finding(
-        "round-without-effect",
-        f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be "
-        "merged are linked at this level. Sensors kept by an earlier round at the same or a lower λ never merge again.",
-        evidence={"lambda": float(level), "sensors": n, "next_level": nearest},
-        suggestion="leave the round out"
-        if nearest is None
-        # rounded down, so that the level suggested does merge
-        else f"leave the round out, or give it λ = {math.floor(nearest * 1e6) / 1e6:g} or less",
-    )
+    told = f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be merged are "
+    told += "linked at this level. Sensors kept by an earlier round at the same or a lower λ never merge again."
+    evidence = {"lambda": float(level), "sensors": n, "next_level": nearest}
+    # rounded down, so that the level suggested does merge
+    lower = "" if nearest is None else f", or give it λ = {math.floor(nearest * 1e6) / 1e6:g} or less"
+    return FINDINGS.finding("round-without-effect", told, evidence=evidence, suggestion=f"leave the round out{lower}")
 
 
-def _constant_musts(sensors: Iterable[int], label: tuple[str, ...]) -> tuple[Finding, ...]:
-    return tuple(
-        FINDINGS.finding(
-            "constant-must",
-            f"{label[i]} must be kept, but it does not move in these recordings: no model can use it.",
-            Where(channel=label[i]),
-            suggestion=f"take {label[i]} off the must list, or record runs in which its place warms up",
-        )
-        for i in sorted(sensors)
-    )
+def _constant_must(name: str) -> Finding:
+    told = f"{name} must be kept, but it does not move in these recordings: no model can use it."
+    advice = f"take {name} off the must list, or record runs in which its place warms up"
+    return FINDINGS.finding("constant-must", told, Where(channel=name), suggestion=advice)
 
 
 def _compared(value: float, level: float) -> str:

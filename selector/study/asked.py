@@ -45,13 +45,11 @@ def study_of(
     `runs` are files and folders, as the user named them, `files` what was read of them; `date` (YYYY-MM-DD) is that of
     the results, which are given as name of a file beside the study file → its SHA-256.
     """
+    named = tuple(reference_to(run, folder) for run in runs)
     return Study(
         version=__version__,
         date=date,
-        recordings=Recordings(
-            runs=tuple(reference_to(run, folder) for run in runs),
-            machine=None if machine is None else reference_to(machine, folder),
-        ),
+        recordings=Recordings(runs=named, machine=None if machine is None else reference_to(machine, folder)),
         reading=_made(ReadingSection, {name: getattr(overrides or Overrides(), name) for name in _READING}),
         select=select_section(select) if isinstance(select, Options) else select,
         diagnose=diagnose,

@@ -109,26 +109,14 @@ def _export_of(said: ExportSection | None, folder: Path) -> Export:
     """What is asked of an export; that the sign test was passed is never taken up."""
     if said is None or said.target not in TARGETS:
         return Export()
-    return Export(
-        said.model or "",
-        said.target,
-        tuple(path_at(path, folder) for path in said.replay),
-        clamp_um=dict(said.clamp),
-        slew_um_per_s=dict(said.slew),
-        inverted=said.invert,
-    )
+    replayed = tuple(path_at(path, folder) for path in said.replay)
+    model, clamp, slew = said.model or "", dict(said.clamp), dict(said.slew)
+    return Export(model, said.target, replayed, clamp_um=clamp, slew_um_per_s=slew, inverted=said.invert)
 
 
 def _export_section(asked: Export, folder: Path) -> ExportSection:
-    return export_section(
-        folder,
-        model=folder / asked.model,
-        replay=asked.replayed,
-        target=asked.target,
-        clamp=dict(asked.clamp_um),
-        slew=dict(asked.slew_um_per_s),
-        invert=asked.inverted,
-    )
+    said = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
+    return export_section(folder, model=folder / asked.model, replay=asked.replayed, **said, invert=asked.inverted)
 
 
 def other_than_asked(answer: Path, options: Options, overrides: Overrides, runs: tuple[Path, ...]) -> tuple[str, ...]:

@@ -75,13 +75,10 @@ def clock(table: Table, options: TimeOptions) -> Clock:
     if rising is not None:
         found = _told_by(table, [rising], options, known)
         if found is not None:
-            finding = FINDINGS.finding(
-                "time-column-guessed",
-                f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps and "
-                f"was taken for the time, in {found.unit}.",
-                Where(channel=rising.header),
-                {"column": rising.header, "unit": found.unit},
-            )
+            told = f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps "
+            told += f"and was taken for the time, in {found.unit}."
+            evidence = {"column": rising.header, "unit": found.unit}
+            finding = FINDINGS.finding("time-column-guessed", told, Where(channel=rising.header), evidence)
             return replace(found, guessed=("column", *found.guessed), findings=(finding,))
     return _sample_clock(table, table.reading.get("stated_period_s"), named=False)
 
@@ -217,15 +214,10 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
         guessed: tuple[str, ...] = ()
         if read.two_parts and wanted is None and len(known_s) and known_s[0] < 3600:
             guessed, example = ("unit",), next((str(v) for v in column.values if v), "")
-            conflict = (
-                FINDINGS.finding(
-                    AMBIGUOUS_TIME,
-                    f"Times such as {example!r} in column {column.header!r} of {table.file.name} were read as "
-                    "hours:minutes; they could be minutes:seconds.",
-                    Where(channel=column.header),
-                    {"read_as": "hh:mm", "alternative": "mm:ss"},
-                ),
-            )
+            told_as = f"Times such as {example!r} in column {column.header!r} of {table.file.name} were read as "
+            told_as += "hours:minutes; they could be minutes:seconds."
+            evidence = {"read_as": "hh:mm", "alternative": "mm:ss"}
+            conflict = (FINDINGS.finding(AMBIGUOUS_TIME, told_as, Where(channel=column.header), evidence),)
         findings = (*read.findings, *conflict)
         zero_s = None if read.kind == "time" else read.base_s
         return Clock(seconds, zero_s, read.zone_s, headers, "datetime", read.kind == "time", guessed, findings)
@@ -248,18 +240,13 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
     guessed: tuple[str, ...] = ()
     if named is None and in_file is None and not (read.base_s is not None and read.sure):
         guessed = ("unit",)
-        alternative = "min or h" if read.unit == "s" else "s"
-        findings.append(
-            FINDINGS.finding(
-                "time-unit-guessed",
-                f"The unit of time column {column.header!r} of {table.file.name} is not written; it was read as "
-                f"{read.unit}{' (fractions of a day, as spreadsheets hold times)' if read.unit == 'day' else ''}.",
-                Where(channel=column.header),
-                {"column": column.header, "unit": read.unit, "alternative": alternative},
-                f'name it: unit = "{"min" if read.unit == "s" else "s"}" under [time] in the machine file (or '
-                "--time-unit)",
-            )
-        )
+        other, alternative = ("min", "min or h") if read.unit == "s" else ("s", "s")
+        told = f"The unit of time column {column.header!r} of {table.file.name} is not written; it was read as "
+        told += f"{read.unit}{' (fractions of a day, as spreadsheets hold times)' if read.unit == 'day' else ''}."
+        evidence = {"column": column.header, "unit": read.unit, "alternative": alternative}
+        advice = f'name it: unit = "{other}" under [time] in the machine file (or --time-unit)'
+        where = Where(channel=column.header)
+        findings.append(FINDINGS.finding("time-unit-guessed", told, where, evidence, advice))
     elif read.base_s is not None and named is None and in_file is None:
         guessed = ("unit",)
         told = f"Time column {column.header!r} of {table.file.name} counts {read.unit}: the run starts at "
@@ -270,14 +257,11 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
 
 
 def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Finding:
-    return FINDINGS.finding(
-        "time-unit-conflict",
-        f"The machine file (or the option) says that time column {column.header!r} is in {wanted}, but "
-        f"{table.file.name} says {found}. "
-        + ("The dates and times were read." if "dates" in found else f"It was read in {wanted}."),
-        Where(channel=column.header),
-        {"asked": wanted, "in_file": found},
-    )
+    told = f"The machine file (or the option) says that time column {column.header!r} is in {wanted}, but "
+    told += f"{table.file.name} says {found}. "
+    told += "The dates and times were read." if "dates" in found else f"It was read in {wanted}."
+    evidence = {"asked": wanted, "in_file": found}
+    return FINDINGS.finding("time-unit-conflict", told, Where(channel=column.header), evidence)
 
 
 def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:

@@ -234,13 +234,10 @@ def _order(
         name for name, merit in merits.items() if merit[:2] == merits[best][:2] and merits[best][2] >= 0.2 * merit[2]
     ]
     chosen = next(name for name in merits if name in clear)
-    rivals = [
-        name
-        for name in clear
-        if name != chosen
-        and not (separator == "." and name == "mdy")
-        and not ({name, chosen} == {"dmy", "mdy"} and np.array_equal(a, b, equal_nan=True))
-    ]
+    excluded = {chosen} | ({"mdy"} if separator == "." else set())
+    if np.array_equal(a, b, equal_nan=True) and chosen != "ymd":
+        excluded |= {"dmy", "mdy"}
+    rivals = [name for name in clear if name not in excluded]
     if not rivals:
         return chosen, []
     words = {"dmy": "day, month, year", "mdy": "month, day, year", "ymd": "year, month, day"}

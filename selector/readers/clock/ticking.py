@@ -129,19 +129,14 @@ def _in_order(
         summer = local_base_s is not None and abs(size + 3600.0 - usual) < 0.51 * max(usual, 1.0)
         restart = abs(t[position] - t[0]) <= 2 * usual and not summer
         t[position:] += usual - size
-        cause = (
-            "the end of summer time" if summer else "a restart of the logger" if restart else "the clock was set back"
-        )
-        findings.append(
-            FINDINGS.finding(
-                "clock-jump-back",
-                f"The clock of {table.file.name} jumps back by {-size:g} s at {table.line(int(rows[position]))} "
-                f"({cause}). The time behind it was moved on so that one usual period of {usual:g} s passes"
-                + ("." if summer else "; how long the pause really was is not known."),
-                Where(from_s=float(t[position] - t[0])),
-                {"jump_s": size, "cause": cause, "row": table.line(int(rows[position]))},
-            )
-        )
+        cause = "a restart of the logger" if restart else "the clock was set back"
+        cause, row = "the end of summer time" if summer else cause, table.line(int(rows[position]))
+        told = f"The clock of {table.file.name} jumps back by {-size:g} s at {row} ({cause}). The time behind it was "
+        told += f"moved on so that one usual period of {usual:g} s passes"
+        told += "." if summer else "; how long the pause really was is not known."
+        evidence = {"jump_s": size, "cause": cause, "row": row}
+        where = Where(from_s=float(t[position] - t[0]))
+        findings.append(FINDINGS.finding("clock-jump-back", told, where, evidence))
     return np.arange(len(t), dtype=np.int64), findings
 
 
@@ -198,15 +193,10 @@ def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> 
         told = f"{equal} row(s) of {table.file.name} stand there more than once ({places}); each was taken once."
         findings.append(FINDINGS.finding("repeated-rows", told, evidence={"count": equal}))
     if differing:
-        findings.append(
-            FINDINGS.finding(
-                "repeated-stamps",
-                f"{differing} row(s) of {table.file.name} have the stamp of another row but other values ({places}); "
-                "the rows of one stamp were averaged.",
-                Where(from_s=float(t[np.flatnonzero(~new & ~same)[0]])),
-                {"count": differing},
-            )
-        )
+        told = f"{differing} row(s) of {table.file.name} have the stamp of another row but other values ({places}); "
+        told += "the rows of one stamp were averaged."
+        where = Where(from_s=float(t[np.flatnonzero(~new & ~same)[0]]))
+        findings.append(FINDINGS.finding("repeated-stamps", told, where, {"count": differing}))
     return kept, groups.astype(np.int64), findings
 
 

@@ -77,40 +77,23 @@ def _unit_finding(members: Sequence[Dispute]) -> Finding:
     evidence = {"channels": names, "in_file": by_unit, "asked": first.declared, "believed": first.ruling}
     each = "" if len(names) == 1 else ", and so for each of these channels"
     if first.ruling == "each":
-        return FINDINGS.finding(
-            "units-differ",
-            f"The runs have different units for {what}: {said}. Each run was read in its own.",
-            where,
-            {"channels": names, "in_file": by_unit},
-            "nothing to do if the headers are right; a machine file need not name these units",
-            level="info",
-        )
+        told = f"The runs have different units for {what}: {said}. Each run was read in its own."
+        own = {"channels": names, "in_file": by_unit}
+        advice = "nothing to do if the headers are right; a machine file need not name these units"
+        return FINDINGS.finding("units-differ", told, where, own, advice, level="info")
     if first.ruling == "header":
-        return FINDINGS.finding(
-            "units-differ",
-            f"The machine file says {first.declared} for {what}, but the headers say {said}. Other runs do not "
-            "contradict the machine file, so these were read as their headers say.",
-            where,
-            evidence,
-            "nothing to do if the headers are right; if they are wrong, correct them in the files or add "
-            f"--unit {names[0]}={first.declared}{each}",
-            level="warning",
-        )
-    asked = "The option" if first.ruling == "option" else "The machine file"
-    advice = (
-        "leave the option out if the headers are right"
-        if first.ruling == "option"
-        else "nothing to do if the headers are wrong; if they are right, remove the line unit = … of "
-        f"{'this channel' if len(names) == 1 else 'these channels'} from the machine file"
-    )
-    return FINDINGS.finding(
-        "unit-conflict",
-        f"{asked} says {first.declared} for {what}, but the headers say {said}; "
-        f"{'it was' if len(names) == 1 else 'they were'} read in {first.declared}.",
-        where,
-        evidence,
-        advice,
-    )
+        told = f"The machine file says {first.declared} for {what}, but the headers say {said}. Other runs do not "
+        told += "contradict the machine file, so these were read as their headers say."
+        advice = "nothing to do if the headers are right; if they are wrong, correct them in the files or add "
+        advice += f"--unit {names[0]}={first.declared}{each}"
+        return FINDINGS.finding("units-differ", told, where, evidence, advice, level="warning")
+    asked, advice = "The option", "leave the option out if the headers are right"
+    it, these = ("it was", "this channel") if len(names) == 1 else ("they were", "these channels")
+    if first.ruling != "option":
+        asked, advice = "The machine file", "nothing to do if the headers are wrong; if they are right, remove the "
+        advice += f"line unit = … of {these} from the machine file"
+    told = f"{asked} says {first.declared} for {what}, but the headers say {said}; {it} read in {first.declared}."
+    return FINDINGS.finding("unit-conflict", told, where, evidence, advice)
 
 
 def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> RecordingError:
@@ -343,18 +326,13 @@ def _by_numbers(
     """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
     first = next(run for run in runs if run.name in headers)
     role = role_of_numbers(first.by_header[headers[first.name]].values)
-    told: list[Finding] = []
+    findings: list[Finding] = []
     section = ChannelSection(role=role)
-    planned = _planned(name, section, headers, runs, overrides, told, strict=False)
+    planned = _planned(name, section, headers, runs, overrides, findings, strict=False)
     channels.append(replace(planned, guessed=("role", *planned.guessed)))
-    finding = FINDINGS.finding(
-        "ambiguous-role",
-        f"Nothing but its numbers tells what {name!r} is; it was taken for {role} in {planned.units[first.name]}.",
-        Where(channel=name),
-        {"role": role},
-        "say what it is in a machine file: column, role and unit of this channel",
-    )
-    return [*told, finding]
+    told = f"Nothing but its numbers tells what {name!r} is; it was taken for {role} in {planned.units[first.name]}."
+    advice = "say what it is in a machine file: column, role and unit of this channel"
+    return [*findings, FINDINGS.finding("ambiguous-role", told, Where(channel=name), {"role": role}, advice)]
 
 
 class _NoRoleError(InputError):
@@ -384,15 +362,10 @@ def _planned(
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     if guess.doubt is not None:
-        findings.append(
-            FINDINGS.finding(
-                "ambiguous-role",
-                f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}.",
-                Where(channel=name),
-                {"role": guess.role, "unit": guess.unit},
-                "say what it is in a machine file: role and unit of this channel",
-            )
-        )
+        told = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
+        evidence = {"role": guess.role, "unit": guess.unit}
+        advice = "say what it is in a machine file: role and unit of this channel"
+        findings.append(FINDINGS.finding("ambiguous-role", told, Where(channel=name), evidence, advice))
     units: dict[str, str] = {}
     dispute = None
     unit_guessed = False

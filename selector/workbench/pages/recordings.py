@@ -114,14 +114,10 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
         material = bench.material
         problems = [material.problem, *(one.problem for one in bench.loaded)]
         below = [parts.problem(problem) for problem in problems if problem is not None]
-        return (
-            [_table_of_files(bench), *below]
-            if bench.loaded
-            else html.P(
-                "No recordings yet. The preview will say what was inferred: encoding, separator, clock, units, roles.",
-                className="about",
-            )
-        )
+        if bench.loaded:
+            return [_table_of_files(bench), *below]
+        none = "No recordings yet. The preview will say what was inferred: encoding, separator, clock, units, roles."
+        return html.P(none, className="about")
 
     @app.callback(Input({"type": f"{ID}-use", "file": ALL}, "value"), prevent_initial_call=True)
     def _use(ticked: list[list[str] | None]) -> None:
@@ -213,20 +209,12 @@ def _way(bench: Bench) -> Component:
     now = {name: getattr(bench.overrides, name) for name, _, _ in _READING}
     texts = {name: "" if v is None else f"{v:g}" if isinstance(v, float) else str(v) for name, v in now.items()}
     fields = [
-        parts.field(
-            title,
-            parts.typed_text(f"{ID}-as-{name}", texts[name], placeholder=note),
-        )
+        parts.field(title, parts.typed_text(f"{ID}-as-{name}", texts[name], placeholder=note))
         for name, title, note in _READING
     ]
-    form = html.Details(
-        [
-            html.Summary("Read them otherwise"),
-            html.P("What is left empty is inferred. It holds for all files.", className="about"),
-            html.Div(fields, className="fields"),
-            html.Button("Read again", id=f"{ID}-again"),
-        ]
-    )
+    about = html.P("What is left empty is inferred. It holds for all files.", className="about")
+    again = [html.Div(fields, className="fields"), html.Button("Read again", id=f"{ID}-again")]
+    form = html.Details([html.Summary("Read them otherwise"), about, *again])
     return parts.section("How they were read", html.Dl(shown, className="facts"), form)
 
 

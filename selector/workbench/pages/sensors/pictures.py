@@ -210,14 +210,10 @@ def groups(view: View) -> list[dict[str, Any]]:
     members = view.cut.step.partition.members
     colours = group_colours(tree, members)
     shown = set(view.fixed.sensors)
+    told = ("sensors", "representatives", "because")
     return [
-        {
-            "colour": colours.get(own[0], style.MUTED),
-            "sensors": group.sensors,
-            "representatives": group.representatives,
-            "shown": [name for name in group.sensors if name in shown],
-            "because": group.because,
-        }
+        {name: getattr(group, name) for name in told}
+        | {"colour": colours.get(own[0], style.MUTED), "shown": [name for name in group.sensors if name in shown]}
         for own, group in zip(members, view.cut.groups, strict=True)
     ]
 
