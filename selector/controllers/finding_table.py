@@ -2,217 +2,103 @@
 
 from __future__ import annotations
 
-from selector.findings import Kind, Kinds
+from selector.findings import Kinds
 
 SENSOR_LOOKS_BROKEN = "sensor-looks-broken"
 
-FINDINGS = Kinds(
-    {
-        "other-sampling": Kind(
-            ("info", "warning", "error"),
-            "a run is sampled much faster or slower than the recordings of the model",
-            "Check the unit of the time; if the logger was set otherwise, all is well.",
-        ),
-        "no-prediction": Kind(
-            "warning",
-            "part of a run has no prediction, for want of readings",
-            "see the findings about its sensors; errors are counted over the other samples",
-        ),
-        "no-displacement": Kind("info", "no displacement is recorded; there are predictions, but no errors"),
-        "worse-than-nothing": Kind(
-            "error",
-            "the error with compensation is larger than without",
-            "Do not use it like this; check the sign, the start readings and the sensors.",
-        ),
-        "correction-not-in-model-file": Kind(
-            "warning",
-            "a correction of a diagnosis cannot be written as readings and lags",
-            "use the course in correction.json, or put the effect into the simulation",
-        ),
-        "correction-of-recalibrated": Kind(
-            "warning",
-            "the model file is to be added to the recalibrated simulation, not to the simulation as it is",
-            "give the simulation this gain and delay, or use correction.json, which holds them",
-        ),
-        "limit-not-decided": Kind(
-            "warning",
-            "nobody has decided how far and how fast an output may be corrected",
-            "Decide both with the options that the finding names.",
-        ),
-        "replay-differs": Kind(
-            "error",
-            "an executed program and the reference differ by more than its numbers explain",
-            "do not use this file: other rules of arithmetic were at work, a sensor was judged otherwise "
-            "at the very edge of a limit, or it is a defect of ours",
-        ),
-        "guard-differs": Kind(
-            "warning",
-            "what the program's guard gives and what the whole guard would give differ",
-            "see in the sheet which run it is, and whether a sensor failed there or a limit acted",
-        ),
-        "not-the-whole-model": Kind(
-            "warning",
-            "a sensor was not to be believed in part of a replayed run",
-            "see `selector apply` for the sensor, and the sheet for what the correction did there",
-        ),
-        "outside-valid-range": Kind(
-            ("info", "warning"),
-            "an input leaves the range in which the model has seen it: the model extrapolates",
-            "add a run like this one to the recordings that the model is built from",
-        ),
-        "break-code-in-valid-range": Kind(
-            "warning",
-            "a code of a broken sensor is a temperature that the sensor can have",
-            "remove the code from guard.break_codes of the model file",
-        ),
-        "dead-band-beyond-clamp": Kind(
-            "warning",
-            "the dead band is larger than the largest correction",
-            "make dead_band_um in guard.limits of the model file smaller than the error that matters",
-        ),
-        "slew-too-slow": Kind(
-            "warning",
-            "the slew limit is so slow that the correction takes days",
-            "Choose a faster slew limit (--slew).",
-        ),
-        "holds-too-long": Kind(
-            "warning",
-            "a correction is held for days without sensors",
-            "choose minutes to hours in guard.hold_at_most_s of the model file",
-        ),
-        "waits-too-long": Kind(
-            "warning",
-            "a time of the guard is so long that it waits for days",
-            "Choose a shorter time in guard of the model file.",
-        ),
-        "no-test-vectors": Kind(
-            "warning",
-            "the model file has no test vectors: a program cannot check itself against it",
-            "export the model again with selector",
-        ),
-        "test-vector-mismatch": Kind(
-            "error",
-            "the coefficients do not give the outputs that the model file expects: it was changed",
-            "do not use this file; export the model again",
-        ),
-        "test-vectors-agree": Kind("info", "the expected outputs of the model file were recomputed and agree"),
-        "output-not-finite": Kind(
-            "error",
-            "an output can overflow while every input is in its valid range",
-            "do not use this file; a coefficient is far too large or a scale far too small",
-        ),
-        "valid-range-empty": Kind(
-            "warning",
-            "an input never changed: the model does not know what a change of it does",
-            "leave the sensor out, or record a run in which it changes",
-        ),
-        "centre-outside-valid-range": Kind(
-            "info",
-            "the centre of an input is outside its valid range",
-            "check that centre and range are both of the rise, or both of the reading",
-        ),
-        "input-not-used": Kind(
-            "info",
-            "an input is in the model file, but no output depends on it",
-            "leave it out, so that nobody wires a sensor for nothing",
-        ),
-        SENSOR_LOOKS_BROKEN: Kind(
-            ("warning", "error"),
-            "a sensor holds a break code, stands still, jumps, or reads what it cannot",
-            "check the sensor and its wiring, or leave the run out",
-        ),
-        "missing-readings": Kind("info", "a sensor has single readings missing"),
-        "single-precision-bound": Kind(
-            ("info", "warning"),
-            "by how much single precision can differ from the model",
-            "Use double precision where there is one; centres far from the valid range, terms that cancel "
-            "each other and memory of many hours make it large.",
-        ),
-        "no-fixed-point": Kind(
-            "info", "there is no fixed-point program of this model", "Use the double- or single-precision program."
-        ),
-        "no-single-precision": Kind(
-            "warning", "there is no single-precision program of this model", "Use the double-precision program."
-        ),
-        "guard-reduced": Kind(
-            "warning",
-            "a program has a smaller guard than the model file asks for",
-            "Let the program that feeds the temperatures watch the sensors, or use a program with the whole guard.",
-        ),
-        "position-part-left-out": Kind(
-            "warning",
-            "a control cannot follow the position: part of the correction is left out",
-            "use the offset near the reference position only, or a control with a slope of its own",
-        ),
-        "fixed-point-bound": Kind("info", "by how much the fixed-point program can differ from the model"),
-        "position-not-wired": Kind(
-            "warning",
-            "LinuxCNC has no such axis: the position stays at its reference",
-            "Wire the pin of the position in the HAL file by hand.",
-        ),
-        "axis-not-wired": Kind(
-            "warning",
-            "a correction is on a pin that moves nothing",
-            "Name one of X Y Z U V W as its axis in the model file, or wire the pin by hand.",
-        ),
-        "guard-missing": Kind(
-            "warning",
-            "the drive has nothing of the guard",
-            "watch the temperature in the control and pass on the reference temperature when it is bad",
-        ),
-        "reference-is-start-reading": Kind(
-            "warning",
-            "a reference temperature of the drive has to be written anew at every cold start",
-            "let the control write P-0-0402, or fit a model of absolute readings",
-        ),
-        "step-spread-silently": Kind(
-            "warning",
-            "a correction may change faster than the control passes on; it spreads the rest without an alarm",
-            "Decide with --slew below it; a thermal correction needs about 1 um/s.",
-        ),
-        "slope-clipped-silently": Kind(
-            "warning",
-            "the slope of a correction may be steeper than the control passes on; it clips without an alarm",
-            "decide slope_clamp_um_per_m in guard.limits of the model file, or raise MD32760 (to 0.1 at most)",
-        ),
-        "axis-not-named": Kind(
-            "warning",
-            "the model file does not say which axis a displacement belongs to",
-            "name the axis in the model file",
-        ),
-        "axis-corrected-twice": Kind(
-            "error",
-            "two outputs correct the same axis: what is written last wins",
-            "leave one of them out, or add them up before writing the setting data",
-        ),
-        "position-of-another-axis": Kind(
-            "warning",
-            "a correction depends on the position of another axis, which the control's straight line does not know",
-            "use a sag compensation table (CEC) for this part",
-        ),
-        "replay-not-run": Kind(
-            "warning", "the program was not executed", "Install what the finding names, and export again."
-        ),
-        "sign-unverified": Kind(
-            "warning",
-            "nobody has said that the sign test was passed",
-            "Do the sign test of the commissioning sheet, then export again with --sign-verified and --tested.",
-        ),
-        "sign-taken-on-trust": Kind(
-            "info",
-            "the sign is said to be verified, but not which program was tested",
-            "compare it with the head of the program that passed the sign test, or say --tested with the "
-            "digits from there",
-        ),
-        "sign-turned": Kind(
-            "info",
-            "a correction is turned round, for a control that counts the axis the other way",
-            "do the sign test of the sheet with this program",
-        ),
-        "other-target-in-folder": Kind(
-            "warning",
-            "the folder also holds programs of other controls",
-            "delete them with what was copied from them, or export again with an --out of its own for each control",
-        ),
-    }
+FINDINGS = Kinds.of(
+    """
+other-sampling [info, warning, error] a run is sampled much faster or slower than the recordings of the model
+    → Check the unit of the time; if the logger was set otherwise, all is well.
+no-prediction [warning] part of a run has no prediction, for want of readings
+    → see the findings about its sensors; errors are counted over the other samples
+no-displacement [info] no displacement is recorded; there are predictions, but no errors
+worse-than-nothing [error] the error with compensation is larger than without
+    → Do not use it like this; check the sign, the start readings and the sensors.
+correction-not-in-model-file [warning] a correction of a diagnosis cannot be written as readings and lags
+    → use the course in correction.json, or put the effect into the simulation
+correction-of-recalibrated [warning] the model file is to be added to the recalibrated simulation, not to the simulation
+    as it is
+    → give the simulation this gain and delay, or use correction.json, which holds them
+limit-not-decided [warning] nobody has decided how far and how fast an output may be corrected
+    → Decide both with the options that the finding names.
+replay-differs [error] an executed program and the reference differ by more than its numbers explain
+    → do not use this file: other rules of arithmetic were at work, a sensor was judged otherwise at the very edge of a
+      limit, or it is a defect of ours
+guard-differs [warning] what the program's guard gives and what the whole guard would give differ
+    → see in the sheet which run it is, and whether a sensor failed there or a limit acted
+not-the-whole-model [warning] a sensor was not to be believed in part of a replayed run
+    → see `selector apply` for the sensor, and the sheet for what the correction did there
+outside-valid-range [info, warning] an input leaves the range in which the model has seen it: the model extrapolates
+    → add a run like this one to the recordings that the model is built from
+break-code-in-valid-range [warning] a code of a broken sensor is a temperature that the sensor can have
+    → remove the code from guard.break_codes of the model file
+dead-band-beyond-clamp [warning] the dead band is larger than the largest correction
+    → make dead_band_um in guard.limits of the model file smaller than the error that matters
+slew-too-slow [warning] the slew limit is so slow that the correction takes days
+    → Choose a faster slew limit (--slew).
+holds-too-long [warning] a correction is held for days without sensors
+    → choose minutes to hours in guard.hold_at_most_s of the model file
+waits-too-long [warning] a time of the guard is so long that it waits for days
+    → Choose a shorter time in guard of the model file.
+no-test-vectors [warning] the model file has no test vectors: a program cannot check itself against it
+    → export the model again with selector
+test-vector-mismatch [error] the coefficients do not give the outputs that the model file expects: it was changed
+    → do not use this file; export the model again
+test-vectors-agree [info] the expected outputs of the model file were recomputed and agree
+output-not-finite [error] an output can overflow while every input is in its valid range
+    → do not use this file; a coefficient is far too large or a scale far too small
+valid-range-empty [warning] an input never changed: the model does not know what a change of it does
+    → leave the sensor out, or record a run in which it changes
+centre-outside-valid-range [info] the centre of an input is outside its valid range
+    → check that centre and range are both of the rise, or both of the reading
+input-not-used [info] an input is in the model file, but no output depends on it
+    → leave it out, so that nobody wires a sensor for nothing
+sensor-looks-broken [warning, error] a sensor holds a break code, stands still, jumps, or reads what it cannot
+    → check the sensor and its wiring, or leave the run out
+missing-readings [info] a sensor has single readings missing
+single-precision-bound [info, warning] by how much single precision can differ from the model
+    → Use double precision where there is one; centres far from the valid range, terms that cancel each other and memory
+      of many hours make it large.
+no-fixed-point [info] there is no fixed-point program of this model
+    → Use the double- or single-precision program.
+no-single-precision [warning] there is no single-precision program of this model
+    → Use the double-precision program.
+guard-reduced [warning] a program has a smaller guard than the model file asks for
+    → Let the program that feeds the temperatures watch the sensors, or use a program with the whole guard.
+position-part-left-out [warning] a control cannot follow the position: part of the correction is left out
+    → use the offset near the reference position only, or a control with a slope of its own
+fixed-point-bound [info] by how much the fixed-point program can differ from the model
+position-not-wired [warning] LinuxCNC has no such axis: the position stays at its reference
+    → Wire the pin of the position in the HAL file by hand.
+axis-not-wired [warning] a correction is on a pin that moves nothing
+    → Name one of X Y Z U V W as its axis in the model file, or wire the pin by hand.
+guard-missing [warning] the drive has nothing of the guard
+    → watch the temperature in the control and pass on the reference temperature when it is bad
+reference-is-start-reading [warning] a reference temperature of the drive has to be written anew at every cold start
+    → let the control write P-0-0402, or fit a model of absolute readings
+step-spread-silently [warning] a correction may change faster than the control passes on; it spreads the rest without an
+    alarm
+    → Decide with --slew below it; a thermal correction needs about 1 um/s.
+slope-clipped-silently [warning] the slope of a correction may be steeper than the control passes on; it clips without
+    an alarm
+    → decide slope_clamp_um_per_m in guard.limits of the model file, or raise MD32760 (to 0.1 at most)
+axis-not-named [warning] the model file does not say which axis a displacement belongs to
+    → name the axis in the model file
+axis-corrected-twice [error] two outputs correct the same axis: what is written last wins
+    → leave one of them out, or add them up before writing the setting data
+position-of-another-axis [warning] a correction depends on the position of another axis, which the control's straight
+    line does not know
+    → use a sag compensation table (CEC) for this part
+replay-not-run [warning] the program was not executed
+    → Install what the finding names, and export again.
+sign-unverified [warning] nobody has said that the sign test was passed
+    → Do the sign test of the commissioning sheet, then export again with --sign-verified and --tested.
+sign-taken-on-trust [info] the sign is said to be verified, but not which program was tested
+    → compare it with the head of the program that passed the sign test, or say --tested with the digits from there
+sign-turned [info] a correction is turned round, for a control that counts the axis the other way
+    → do the sign test of the sheet with this program
+other-target-in-folder [warning] the folder also holds programs of other controls
+    → delete them with what was copied from them, or export again with an --out of its own for each control
+"""
 )

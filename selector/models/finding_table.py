@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from selector.findings import Kind, Kinds
+from selector.findings import Kinds
 
-FINDINGS = Kinds(
-    {
-        "constant-column": Kind("warning", "columns do not vary: they add nothing to any set", "leave them out"),
-        "dependent-columns": Kind(
-            "warning",
-            "columns are linearly dependent: several sets of them explain the same",
-            "keep one of them, or forbid the ones that are harder to measure",
-        ),
-    }
+FINDINGS = Kinds.of(
+    """
+constant-column [warning] columns do not vary: they add nothing to any set
+    → leave them out
+dependent-columns [warning] columns are linearly dependent: several sets of them explain the same
+    → keep one of them, or forbid the ones that are harder to measure
+"""
 )

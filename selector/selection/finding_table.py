@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selector.findings import Kind, Kinds
+from selector.findings import Kinds
 from selector.quality.finding_table import FINDINGS as QUALITY
 from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.sensors.finding_table import FINDINGS as SENSORS
@@ -10,101 +10,50 @@ from selector.sensors.finding_table import FINDINGS as SENSORS
 NO_BETTER_THAN_NOTHING = "no-better-than-nothing"
 SENSOR_MISSING = "sensor-missing"
 
-FINDINGS = Kinds(
-    {
-        "regimes": Kind(
-            "warning",
-            "the unseen error falls into regimes of consecutive runs: something changed that is not recorded",
-            "find out what differed (setup, tool, coolant, spindle programme, season) and record it as a "
-            "channel, or build one model per regime",
-        ),
-        "gauge-not-zeroed": QUALITY["gauge-not-zeroed"],
-        "one-run-only": Kind(
-            "warning",
-            "there is one run: the error is that of stretches of it left out in turn",
-            "record at least three runs on different days and duty cycles",
-        ),
-        "few-runs": Kind(
-            "warning",
-            "there are few runs; an error over so few is itself uncertain",
-            "record more runs, with other speeds and another season",
-        ),
-        NO_BETTER_THAN_NOTHING: Kind(
-            "error",
-            "on unseen data the model is no better than no model: do not use it",
-            "look for a condition that the recording does not hold (see the regimes, if any were found), "
-            "record it, or try --memory",
-        ),
-        "one-part-unlike-the-others": Kind(
-            "warning",
-            "one run (or stretch) is predicted much worse than the others",
-            "look at this run: another setup, a moved gauge, coolant, an open door?",
-        ),
-        "runs-not-proved": Kind(
-            "warning",
-            "runs in which a sensor of the model has no reading prove nothing: the error is that of the others",
-            "repair the runs ([runs.NAME] in the machine file), or leave the sensor out with --never and compare",
-        ),
-        "samples-thinned": Kind(
-            "info", "sensors are chosen on all samples, final coefficients and errors come from a part of them"
-        ),
-        "choice-at-limit": Kind(
-            "info",
-            "as many sensors are chosen as --max-sensors allows: more might predict better",
-            "See whether more are worth their cost: a larger --max-sensors.",
-        ),
-        "target-missed": Kind(
-            "warning",
-            "the model does not reach the error of --target on unseen data",
-            "allow more sensors (--max-sensors), offer memory or products, record more runs, or ask for less",
-        ),
-        "terms-that-help": Kind(
-            "info", "richer terms (squares, products, memory) predict unseen data better; the model uses them"
-        ),
-        "terms-not-used": Kind(
-            "info",
-            "richer terms (squares, products, memory) do not predict unseen data better; the model does without",
-            "More runs, longer and with heating and cooling, would let richer terms prove themselves.",
-        ),
-        "collinear-terms": Kind(
-            "warning",
-            "the terms of the model move together: single coefficients are uncertain",
-            "Do not read single coefficients; a smaller --max-sensors gives terms that are less alike.",
-        ),
-        "correlated-residuals": Kind(
-            "info",
-            "residuals follow each other: the machine remembers something that the model does not",
-            "Try --memory: lagged temperatures follow slow parts.",
-        ),
-        "influential-sample": Kind(
-            "warning", "one sample bends the model by itself", "look for a spike in the recordings"
-        ),
-        "ridge": Kind("info", "the ridge penalty that predicts unseen data best"),
-        "runs-outside-the-others": Kind(
-            "info",
-            "runs lie beyond what the other runs cover: their unseen error is that of an extrapolation",
-            "more runs of this kind would prove the model there",
-        ),
-        "unstable-choice": Kind(
-            "warning",
-            "a sensor is chosen in few resamples of the runs",
-            "the runs do not agree on this sensor: record more, or compare the sets beside the chosen one",
-        ),
-        CONSTANT_SENSOR: SENSORS[CONSTANT_SENSOR],
-        SENSOR_MISSING: Kind(
-            "warning",
-            "a sensor is missing too often where the displacement is known; it is not a candidate",
-            "Check its wiring, or use --must to keep it at the price of those samples.",
-        ),
-        "samples-lost": Kind(
-            "warning",
-            "a sensor is missing in part of the samples and none can stand in for it; those samples are not used",
-            "Repair it and record again, or use --never; --reference absolute needs no start reading.",
-        ),
-        "run-without-displacement": Kind(
-            "warning",
-            "a run has no samples of the displacement; it is left out",
-            "check the displacement column of this file, or choose another --response",
-        ),
-    }
+FINDINGS = Kinds.of(
+    """
+regimes [warning] the unseen error falls into regimes of consecutive runs: something changed that is not recorded
+    → find out what differed (setup, tool, coolant, spindle programme, season) and record it as a channel, or build one
+      model per regime
+one-run-only [warning] there is one run: the error is that of stretches of it left out in turn
+    → record at least three runs on different days and duty cycles
+few-runs [warning] there are few runs; an error over so few is itself uncertain
+    → record more runs, with other speeds and another season
+no-better-than-nothing [error] on unseen data the model is no better than no model: do not use it
+    → look for a condition that the recording does not hold (see the regimes, if any were found), record it, or try
+      --memory
+one-part-unlike-the-others [warning] one run (or stretch) is predicted much worse than the others
+    → look at this run: another setup, a moved gauge, coolant, an open door?
+runs-not-proved [warning] runs in which a sensor of the model has no reading prove nothing: the error is that of the
+    others
+    → repair the runs ([runs.NAME] in the machine file), or leave the sensor out with --never and compare
+samples-thinned [info] sensors are chosen on all samples, final coefficients and errors come from a part of them
+choice-at-limit [info] as many sensors are chosen as --max-sensors allows: more might predict better
+    → See whether more are worth their cost: a larger --max-sensors.
+target-missed [warning] the model does not reach the error of --target on unseen data
+    → allow more sensors (--max-sensors), offer memory or products, record more runs, or ask for less
+terms-that-help [info] richer terms (squares, products, memory) predict unseen data better; the model uses them
+terms-not-used [info] richer terms (squares, products, memory) do not predict unseen data better; the model does without
+    → More runs, longer and with heating and cooling, would let richer terms prove themselves.
+collinear-terms [warning] the terms of the model move together: single coefficients are uncertain
+    → Do not read single coefficients; a smaller --max-sensors gives terms that are less alike.
+correlated-residuals [info] residuals follow each other: the machine remembers something that the model does not
+    → Try --memory: lagged temperatures follow slow parts.
+influential-sample [warning] one sample bends the model by itself
+    → look for a spike in the recordings
+ridge [info] the ridge penalty that predicts unseen data best
+runs-outside-the-others [info] runs lie beyond what the other runs cover: their unseen error is that of an extrapolation
+    → more runs of this kind would prove the model there
+unstable-choice [warning] a sensor is chosen in few resamples of the runs
+    → the runs do not agree on this sensor: record more, or compare the sets beside the chosen one
+sensor-missing [warning] a sensor is missing too often where the displacement is known; it is not a candidate
+    → Check its wiring, or use --must to keep it at the price of those samples.
+samples-lost [warning] a sensor is missing in part of the samples and none can stand in for it; those samples are not
+    used
+    → Repair it and record again, or use --never; --reference absolute needs no start reading.
+run-without-displacement [warning] a run has no samples of the displacement; it is left out
+    → check the displacement column of this file, or choose another --response
+"""
 )
+FINDINGS["gauge-not-zeroed"] = QUALITY["gauge-not-zeroed"]
+FINDINGS["constant-sensor"] = SENSORS[CONSTANT_SENSOR]

@@ -2,34 +2,20 @@
 
 from __future__ import annotations
 
-from selector.findings import Kind, Kinds
+from selector.findings import Kinds
 from selector.quality.finding_table import FINDINGS as QUALITY
 
-FINDINGS = Kinds(
-    {
-        "start-missing": Kind(
-            "warning",
-            "a sensor has no reading at the start of a run; its rise counts from its first reading",
-            "record from the start of the run, or use a model that was selected with --reference absolute",
-        ),
-        "gauge-not-zeroed": QUALITY["gauge-not-zeroed"],
-        "read-in-pieces": Kind(
-            "info", "the recordings are large and were read in pieces; faults were looked for in a part of the rows"
-        ),
-        "recorded-only": Kind(
-            "info",
-            "a channel is recorded but not simulated, and is not compared",
-            "write it into the simulated files, under the name that the recorded channel has",
-        ),
-        "simulated-time-unit": Kind(
-            "warning",
-            "the unit of the simulation's time was found from the length of its runs",
-            "Name it with --simulation-time-unit, or write it into the header of the time column.",
-        ),
-        "unlike-column": Kind(
-            "warning",
-            "a column named in a model file looks like another role than its own",
-            "check the name of the column in the model file",
-        ),
-    }
+FINDINGS = Kinds.of(
+    """
+start-missing [warning] a sensor has no reading at the start of a run; its rise counts from its first reading
+    → record from the start of the run, or use a model that was selected with --reference absolute
+read-in-pieces [info] the recordings are large and were read in pieces; faults were looked for in a part of the rows
+recorded-only [info] a channel is recorded but not simulated, and is not compared
+    → write it into the simulated files, under the name that the recorded channel has
+simulated-time-unit [warning] the unit of the simulation's time was found from the length of its runs
+    → Name it with --simulation-time-unit, or write it into the header of the time column.
+unlike-column [warning] a column named in a model file looks like another role than its own
+    → check the name of the column in the model file
+"""
 )
+FINDINGS["gauge-not-zeroed"] = QUALITY["gauge-not-zeroed"]

@@ -2,114 +2,58 @@
 
 from __future__ import annotations
 
-from selector.findings import Kind, Kinds
+from selector.findings import Kinds
 from selector.physics.finding_table import FINDINGS as SHARED_FINDINGS
 
-FINDINGS = Kinds(
-    {
-        "unlikely-masses": Kind(
-            "warning", "masses are as large as if they were in g", "Divide mass_kg by 1000 if g was meant."
-        ),
-        "unlikely-eigenfrequency": Kind(
-            "warning",
-            "an eigenfrequency is one that no machine has",
-            "Check the mass (kg, not g) and the stiffness (N/m, not N/µm).",
-        ),
-        "sharp-resonance": Kind(
-            "warning",
-            "a source shakes at a resonance with little damping",
-            "Make sure of the dissipation and the stiffness of the joint: they decide how large it is.",
-        ),
-        "source-in-no-chain": Kind(
-            ("info", "warning"),
-            "lines of sources are missing from the chain method",
-            "Name them in the chains that begin where they act, or take the coupled structure.",
-        ),
-        "no-chain-to-final": Kind(
-            ("info", "warning"),
-            "no chain leads from a source to tool or workpiece",
-            "Add chains from these sources, or take the coupled structure.",
-        ),
-        "chains-off-coupled": Kind(
-            ("info", "warning"),
-            "the chain method differs from the coupled structure",
-            "believe the coupled structure: chains leave out how members act back on those before them, "
-            "and what is merged, held or cut off",
-        ),
-        "height-beyond-motion": Kind(
-            "warning",
-            "the published height of a periodic error is larger than tool and workpiece move",
-            "believe the copied motion, unless a measured surface says otherwise",
-        ),
-        "line-beyond-sampling": Kind(
-            "warning",
-            "a line of a source is faster than the sampling carries; it is left out there",
-            "Sample more often if this line matters.",
-        ),
-        "run-up-too-quick": Kind(
-            "warning",
-            "a run-up passes a resonance too quickly for the motion to be the steady one",
-            "Let the frequency change more slowly there.",
-        ),
-        "line-changes-chains": Kind(
-            "info",
-            "a line passes from the chains of one range to those of another: the motion jumps there",
-            "Simulate a run-up with the coupled structure.",
-        ),
-        "motion-not-compared": Kind(
-            ("info", "warning"),
-            "recorded motions are not known to be of tool or workpiece, and not compared",
-            "Say in the machine file what they moved: place.",
-        ),
-        "channel-of-nothing": Kind(
-            "warning",
-            "a recorded channel belongs to nothing of the model and does not act",
-            "Give it the place of its source or shaft in the machine file.",
-        ),
-        "recorded-gap": SHARED_FINDINGS["recorded-gap"],
-        "recorded-clock-uneven": Kind(
-            ("info", "warning"),
-            "the recorded clock is uneven; forces are brought to even times by splines",
-            "record with an even clock, or give the true one",
-        ),
-        "recorded-clock-jitter": SHARED_FINDINGS["recorded-clock-jitter"],
-        "recorded-rows-lost": Kind(
-            "info", "rows of the clock are missing; they are put in as the force went before and after"
-        ),
-        "ring-longer-than-run": Kind(
-            "warning", "a free vibration takes longer to fade than the run lasts", "give every joint its dissipation"
-        ),
-        "steady-before-recording": Kind(
-            ("info", "warning"),
-            "recorded forces are taken to have gone on before and after the run as they went at its ends",
-            "leave this stretch out when you compare",
-        ),
-        "input-not-recorded": SHARED_FINDINGS["input-not-recorded"],
-        "input-bridged": Kind(
-            "warning",
-            "an input lacks values; they are put in",
-            "cut the run to the stretch that is complete if this matters",
-        ),
-        "speed-without-sign": Kind(
-            ("info", "warning"),
-            "a speed is below 0: the shaft is taken to turn as fast the other way",
-            "Cut the run where the shaft turns round if this matters.",
-        ),
-        "lines-of-the-file": Kind(
-            "info",
-            "recorded forces act, and lines and errors of the surface are those of the model file",
-            "compare the simulated with the recorded channels, or put what was recorded into the spectra",
-        ),
-        "too-many-realisations": Kind(
-            "info", "there are too many phases of the sources to go through", "Take fewer phases or sections."
-        ),
-        "chains-not-judged": Kind(
-            "info", "chains cannot be judged over all frequencies", "See what the finding names."
-        ),
-        "lines-at-mean-speed": Kind(
-            "info",
-            "lines, amplitudes and errors are those of the mean speed; the recording follows the course",
-            "look at the recording for resonances that the run passes, or give the speed as one number",
-        ),
-    }
+FINDINGS = Kinds.of(
+    """
+unlikely-masses [warning] masses are as large as if they were in g
+    → Divide mass_kg by 1000 if g was meant.
+unlikely-eigenfrequency [warning] an eigenfrequency is one that no machine has
+    → Check the mass (kg, not g) and the stiffness (N/m, not N/µm).
+sharp-resonance [warning] a source shakes at a resonance with little damping
+    → Make sure of the dissipation and the stiffness of the joint: they decide how large it is.
+source-in-no-chain [info, warning] lines of sources are missing from the chain method
+    → Name them in the chains that begin where they act, or take the coupled structure.
+no-chain-to-final [info, warning] no chain leads from a source to tool or workpiece
+    → Add chains from these sources, or take the coupled structure.
+chains-off-coupled [info, warning] the chain method differs from the coupled structure
+    → believe the coupled structure: chains leave out how members act back on those before them, and what is merged,
+      held or cut off
+height-beyond-motion [warning] the published height of a periodic error is larger than tool and workpiece move
+    → believe the copied motion, unless a measured surface says otherwise
+line-beyond-sampling [warning] a line of a source is faster than the sampling carries; it is left out there
+    → Sample more often if this line matters.
+run-up-too-quick [warning] a run-up passes a resonance too quickly for the motion to be the steady one
+    → Let the frequency change more slowly there.
+line-changes-chains [info] a line passes from the chains of one range to those of another: the motion jumps there
+    → Simulate a run-up with the coupled structure.
+motion-not-compared [info, warning] recorded motions are not known to be of tool or workpiece, and not compared
+    → Say in the machine file what they moved: place.
+channel-of-nothing [warning] a recorded channel belongs to nothing of the model and does not act
+    → Give it the place of its source or shaft in the machine file.
+recorded-clock-uneven [info, warning] the recorded clock is uneven; forces are brought to even times by splines
+    → record with an even clock, or give the true one
+recorded-rows-lost [info] rows of the clock are missing; they are put in as the force went before and after
+ring-longer-than-run [warning] a free vibration takes longer to fade than the run lasts
+    → give every joint its dissipation
+steady-before-recording [info, warning] recorded forces are taken to have gone on before and after the run as they went
+    at its ends
+    → leave this stretch out when you compare
+input-bridged [warning] an input lacks values; they are put in
+    → cut the run to the stretch that is complete if this matters
+speed-without-sign [info, warning] a speed is below 0: the shaft is taken to turn as fast the other way
+    → Cut the run where the shaft turns round if this matters.
+lines-of-the-file [info] recorded forces act, and lines and errors of the surface are those of the model file
+    → compare the simulated with the recorded channels, or put what was recorded into the spectra
+too-many-realisations [info] there are too many phases of the sources to go through
+    → Take fewer phases or sections.
+chains-not-judged [info] chains cannot be judged over all frequencies
+    → See what the finding names.
+lines-at-mean-speed [info] lines, amplitudes and errors are those of the mean speed; the recording follows the course
+    → look at the recording for resonances that the run passes, or give the speed as one number
+"""
 )
+FINDINGS["recorded-gap"] = SHARED_FINDINGS["recorded-gap"]
+FINDINGS["recorded-clock-jitter"] = SHARED_FINDINGS["recorded-clock-jitter"]
+FINDINGS["input-not-recorded"] = SHARED_FINDINGS["input-not-recorded"]
