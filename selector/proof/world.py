@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,13 +18,25 @@ from selector.types import Vector
 
 Courses = Mapping[str, Vector]
 Runs = Mapping[str, Sequence[Vector]]
-Measure = Callable[[Courses, Courses, Courses, Mapping[str, Noise], Sequence[int]], Concealment]
 
 HIDDEN_FACTOR = 4.0
 """What no catalogue knows is made stronger than what it knows, since nothing can be matched to it."""
 
 
 _DRAWS = 4
+
+
+class Shown(NamedTuple):
+    """Courses of a case without their noise, all runs one after the other, which begin at `starts`."""
+
+    effect: Courses
+    recorded: Courses
+    simulated: Courses
+    noise: Mapping[str, Noise]
+    starts: Sequence[int]
+
+
+Measure = Callable[[Shown], Concealment]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +72,7 @@ class Plan:
     `hidden` names the numbers that are to hold: ``"small"``, ``"absorbed"``, ``"rare"``, ``"ruled out in E"``,
     ``"like E"`` (the effect in that response against the simulation and the recorded channels). `factor` multiplies
     the wanted d′; `size` is that of an effect whose strength is not chosen, since recalibration takes in all of it.
-    `lost` is the share of rows that were never written. `measures` are further ways to be hidden, as functions of the
-    effect, the recorded and the simulated courses without noise (all runs one after the other), the noise and `starts`.
+    `lost` is the share of rows that were never written. `measures` are further ways to be hidden.
     """
 
     name: str
@@ -244,10 +256,10 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
     if size:
         alone = {name: strength.detected({name: course}) for name, course in courses.items()}
         concealed += tuple(_hidden(kind, strength, now, courses, alone) for kind in plan.hidden)
-        seen = (courses, now.recorded, now.simulated, world.noise, starts)
+        seen = Shown(courses, now.recorded, now.simulated, world.noise, starts)
         if world.rival is not None:
             concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
-        concealed += tuple(measure(*seen) for measure in plan.measures)
+        concealed += tuple(measure(seen) for measure in plan.measures)
         truth = replace(truth, effects=world.effects(size), d_prime=strength.weakest(size), concealed=concealed)
     return Case(
         whole.name,

@@ -2,53 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from selector.proof.thermal import hiding
-from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission, with_bath
+from selector.proof.thermal.duty import BOTH, Duty, Omission, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import Scene, of, scenarios_of, thermal_case
+from selector.proof.thermal.scene import WHITE, of, scenarios_of, thermal_case
 from selector.types import Matrix, Vector
 
 
-def windage(axes: Mapping[str, float] = BOTH, exponent: float = 0.3) -> Maker:
+def windage(axes: Mapping[str, float] = BOTH, exponent: float = 0.3) -> Omission:
     """Air that the spindle stirs cools spindle and headstock, by its speed to the power of `exponent`."""
 
-    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
-        def heated(heat: Heat, one: Duty, size: float) -> Heat:
-            stirred = (one["speed"] / tool.highest_rpm) ** exponent
-            return with_bath(heat, "windage", heat.bath_degc["hall"], size * stirred)
+    def heated(tool: Machine, heat: Heat, one: Duty, size: float) -> Heat:
+        stirred = (one["speed"] / tool.highest_rpm) ** exponent
+        return with_bath(heat, "windage", heat.bath_degc["hall"], size * stirred)
 
-        return Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
-
-    return make
+    return Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
 
 
-def rising_film(axes: Mapping[str, float] = BOTH) -> Maker:
-    """Film coefficients that grow with the rise above the hall (natural convection, radiation): `size` per 10 K."""
-
-    def heated(heat: Heat, _duty: Duty, size: float) -> Heat:
-        return replace(heat, natural={**heat.natural, "hall": size})
-
-    omission = Omission("thermal.convection", place="headstock", heated=heated, axes=axes)
-    return lambda _generator, _tool, _duties: omission
+def _risen(_tool: Machine, heat: Heat, _duty: Duty, size: float) -> Heat:
+    return replace(heat, natural={**heat.natural, "hall": size})
 
 
-def product(first: str, second: str, axes: Mapping[str, float] = BOTH) -> Maker:
+RISING_FILM = Omission("thermal.convection", place="headstock", heated=_risen)
+"""Film coefficients that grow with the rise above the hall (natural convection, radiation): `size` per 10 K."""
+
+
+def product(place: str, first: str, second: str, axes: Mapping[str, float] = BOTH) -> Omission:
     """A lever that lengthens with one temperature while another tilts it: their product, 1 µm for 10 K × 10 K."""
 
-    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+    def shifted(tool: Machine, rises: Matrix, _duty: Duty) -> dict[str, Vector]:
         a, b = tool.sensors[first][1], tool.sensors[second][1]
+        return dict.fromkeys(BOTH, (rises @ a) * (rises @ b) / 100.0)
 
-        def shifted(rises: Matrix, _duty: Duty) -> dict[str, Vector]:
-            return dict.fromkeys(BOTH, (rises @ a) * (rises @ b) / 100.0)
-
-        return Omission("thermal.interaction", place=tool.sensors[first][0], shifted=shifted, axes=axes)
-
-    return make
+    return Omission("thermal.interaction", place=place, shifted=shifted, axes=axes)
 
 
 _N = (of("n"),)
@@ -56,78 +45,68 @@ _CASES = (
     thermal_case(
         "thermal.convection/windage",
         "The turning spindle stirs the air, which cools it faster at any speed. Offset and gain are fitted.",
-        Scene(
-            (windage(),),
-            ("intermittent", "steps", "cooling"),
-            _N,
-            law=(1.9, 2.3),
-            refitted=True,
-            noise="white",
-            periods_s=(20.0,),
-        ),
+        (windage(),),
+        ("intermittent", "steps", "cooling"),
+        _N,
         hidden=("absorbed",),
+        law=(1.9, 2.3),
+        refitted=True,
+        **WHITE,
     ),
     thermal_case(
         "thermal.convection/natural",
         "Film coefficients grow with the rise above the hall.",
-        Scene(
-            (rising_film(),),
-            ("staircase", "intermittent", "steps"),
-            (of("n"), of("f")),
-            noise="white",
-            periods_s=(20.0,),
-            hours=(6.0, 8.0),
-        ),
+        (RISING_FILM,),
+        ("staircase", "intermittent", "steps"),
+        (of("n"), of("f")),
         hidden=("absorbed",),
+        hours=(6.0, 8.0),
+        **WHITE,
     ),
     thermal_case(
         "thermal.convection/one axis",
         "Windage that shows in Z alone.",
-        Scene(
-            (windage({"Z": 1.0}, 0.4),),
-            ("steps", "intermittent", "cooling"),
-            _N,
-            law=(1.9, 2.3),
-            noise="heavy",
-            periods_s=(20.0,),
-        ),
+        (windage({"Z": 1.0}, 0.4),),
+        ("steps", "intermittent", "cooling"),
+        _N,
         hidden=("absorbed",),
         measures=(hiding.one_axis("Z"),),
+        law=(1.9, 2.3),
+        noise="heavy",
+        periods_s=(20.0,),
     ),
     thermal_case(
         "thermal.interaction/product",
         "Z follows the product of two temperatures; offset and gain of the simulation were fitted to it.",
-        Scene(
-            (product("T1", "T4"),),
-            ("steps", "intermittent", "warm-up"),
-            _N,
-            must=("T4",),
-            refitted=True,
-            noise="white",
-            periods_s=(20.0,),
-        ),
+        (product("front bearing", "T1", "T4"),),
+        ("steps", "intermittent", "warm-up"),
+        _N,
         hidden=("absorbed",),
+        must=("T4",),
+        refitted=True,
+        **WHITE,
     ),
     thermal_case(
         "thermal.interaction/opposed",
         "The product of nose and motor temperatures tilts the head: up in Z, back in Y.",
-        Scene((product("T6", "T3", {"Z": 1.0, "Y": -0.7}),), ("intermittent", "steps", "warm-up"), _N, must=("T3",)),
+        (product("headstock nose", "T6", "T3", {"Z": 1.0, "Y": -0.7}),),
+        ("intermittent", "steps", "warm-up"),
+        _N,
         measures=(hiding.opposed,),
+        must=("T3",),
     ),
     thermal_case(
         "thermal.interaction/one axis",
         "Product of column and headstock temperatures, Y alone; feed is there and known.",
-        Scene(
-            (product("T4", "T2", {"Y": 1.0}),),
-            ("steps", "cooling", "intermittent"),
-            (of("n"), of("f")),
-            must=("T4",),
-            knows=("feed",),
-            noise="white",
-            periods_s=(15.0, 20.0),
-        ),
+        (product("column front, upper", "T4", "T2", {"Y": 1.0}),),
+        ("steps", "cooling", "intermittent"),
+        (of("n"), of("f")),
         hidden=("absorbed",),
         measures=(hiding.one_axis("Y"),),
+        must=("T4",),
+        knows=("feed",),
+        noise="white",
+        periods_s=(15.0, 20.0),
     ),
 )
 SCENARIOS = scenarios_of(_CASES, 0, 3)

@@ -143,21 +143,53 @@ class Omission:
     id: str  #: Of the catalogue, or ``"hidden.…"``
     accept: tuple[str, ...] = ()  #: Ids that are right; empty = `id` alone
     place: str | None = None
-    #: (Heat, Duty, size) -> Heat: The heat of the true machine, from that of the simulation
-    heated: Callable[[Heat, Duty, float], Heat] = lambda heat, _duty, _size: heat
-    #: (rises, Duty) -> mapping of str to ndarray: Axis → displacement at size 1 [µm] on the grid of the rises of the
-    #: volumes (n_times, n_volumes) [K]
-    shifted: Callable[[Matrix, Duty], Mapping[str, Vector]] | None = None
-    #: (rises of every run, duties) -> sequence of mapping of str to ndarray: What the simulation has in the place of
+    #: (Machine, Heat, Duty, size) -> Heat: The heat of the true machine, from that of the simulation
+    heated: Callable[[Machine, Heat, Duty, float], Heat] = lambda _tool, heat, _duty, _size: heat
+    #: (Machine, rises, Duty) -> mapping of str to ndarray: Axis → displacement at size 1 [µm] on the grid of the rises
+    #: of the volumes (n_times, n_volumes) [K]
+    shifted: Callable[[Machine, Matrix, Duty], Mapping[str, Vector]] | None = None
+    #: (Machine, rises of every run) -> sequence of mapping of str to ndarray: What the simulation has in the place of
     #: `shifted` at size 1, fitted by its author
-    stand_in: Callable[[Sequence[Matrix], Sequence[Duty]], Sequence[Mapping[str, Vector]]] | None = None
+    stand_in: Callable[[Machine, Sequence[Matrix]], Sequence[Mapping[str, Vector]]] | None = None
     #: By what the response of an axis is multiplied, e.g. ``{"Z": 1, "Y": -0.7}``; an axis that is lacking: 0.
     axes: Mapping[str, float] = field(default_factory=lambda: BOTH)
     brief: bool = False  #: It shows for a part of the time only: windows are stated
 
 
-Maker = Callable[[np.random.Generator, Machine, Sequence[Duty]], Omission]
-"""Draws an omission for a machine and its duties."""
+Maker = Callable[[np.random.Generator, Sequence[Duty]], Omission]
+"""Draws an omission for some duties."""
+Change = Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]]
+
+
+def changed(**courses: Callable[[np.random.Generator, Duty], Vector]) -> Change:
+    """Duties with other courses, each drawn from the generator and the duty as it is."""
+
+    def change(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+        result = []
+        for one in duties:
+            for name, course in courses.items():
+                one = one.having(**{name: course(generator, one)})
+            result.append(one)
+        return result
+
+    return change
+
+
+def once(generator: np.random.Generator, one: Duty, low: float, high: float, minutes: tuple[float, float]) -> Vector:
+    """A course that is 1 for drawn minutes once in a run, from between these shares of it on, and never in the first.
+
+    It is 0 besides.
+    """
+    course = np.zeros(len(one.time_s))
+    if one.run != "r1":
+        at = int(len(course) * generator.uniform(low, high))
+        course[at : at + int(60.0 * generator.uniform(*minutes) / STEP_S)] = 1.0
+    return course
+
+
+def load(one: Duty) -> Vector:
+    """Spindle speed as a share of its highest in the run."""
+    return one["speed"] / max(1.0, float(one["speed"].max()))
 
 
 def with_power(heat: Heat, inlet: str, watts: Vector) -> Heat:

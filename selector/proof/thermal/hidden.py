@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 from selector.proof.thermal import hiding
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import STRIDE, Scene, of, scenarios_of, warmed
+from selector.proof.thermal.scene import STRIDE, Gauge, Scene, of, scenarios_of, warmed
 from selector.proof.world import HIDDEN_FACTOR, Plan
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 Draw = Callable[[np.random.Generator, int], Vector]
 """Generator, number of steps → a course that nobody records."""
@@ -41,16 +42,12 @@ def fixture_of(name: str, draw: Draw, tau_s: float, axes: Mapping[str, float] = 
     Two masses, one behind the other, with time constants around `tau_s` and a third of it.
     """
 
-    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
+    def make(generator: np.random.Generator, duties: Sequence[Duty]) -> Omission:
         slow, quick = tau_s * generator.uniform(0.7, 1.4), tau_s * generator.uniform(0.2, 0.5)
         drawn = _drawn(draw, generator, duties)
         mean = np.mean([course.mean() for course in drawn.values()])
         courses = {run: warmed(warmed(course - mean, slow), quick) for run, course in drawn.items()}
-
-        def shifted(rises: NDArray[np.float64], one: Duty) -> dict[str, Vector]:
-            return dict.fromkeys(BOTH, courses[one.run][::STRIDE][: len(rises)])
-
-        return Omission(f"hidden.{name}", place="fixture", shifted=shifted, axes=axes)
+        return _shift(name, courses, place="fixture", axes=axes)
 
     return make
 
@@ -58,10 +55,10 @@ def fixture_of(name: str, draw: Draw, tau_s: float, axes: Mapping[str, float] = 
 def air_of(name: str, bath: str, draw: Draw) -> Maker:
     """Air along a bath's surfaces while a course that nobody records is not 0: so much warmer than the hall."""
 
-    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
+    def make(generator: np.random.Generator, duties: Sequence[Duty]) -> Omission:
         courses = _drawn(draw, generator, duties)
 
-        def heated(heat: Heat, one: Duty, size: float) -> Heat:
+        def heated(_tool: Machine, heat: Heat, one: Duty, size: float) -> Heat:
             excess = courses[one.run]
             return with_bath(heat, bath, one["hall"] + excess, size * (excess != 0.0))
 
@@ -70,18 +67,16 @@ def air_of(name: str, bath: str, draw: Draw) -> Maker:
     return make
 
 
-def shift_of(name: str, draw: Draw, axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
+def shift_of(name: str, draw: Draw, axes: Mapping[str, float], *, brief: bool = False) -> Maker:
     """A displacement [µm] by a course that nobody records."""
+    return lambda generator, duties: _shift(name, _drawn(draw, generator, duties), axes=axes, brief=brief)
 
-    def make(generator: np.random.Generator, _tool: Machine, duties: Sequence[Duty]) -> Omission:
-        courses = _drawn(draw, generator, duties)
 
-        def shifted(rises: NDArray[np.float64], one: Duty) -> dict[str, Vector]:
-            return dict.fromkeys(BOTH, courses[one.run][::STRIDE][: len(rises)])
+def _shift(name: str, courses: Mapping[str, Vector], **omission: Any) -> Omission:
+    def shifted(_tool: Machine, rises: Matrix, one: Duty) -> dict[str, Vector]:
+        return dict.fromkeys(BOTH, courses[one.run][::STRIDE][: len(rises)])
 
-        return Omission(f"hidden.{name}", shifted=shifted, axes=axes, brief=brief)
-
-    return make
+    return Omission(f"hidden.{name}", shifted=shifted, **omission)
 
 
 def _minutes(low: float, high: float) -> tuple[float, float]:
@@ -158,12 +153,18 @@ def _sun(generator: np.random.Generator, n: int) -> Vector:
 
 _N = (of("n"),)
 _MORE = (of("n"), of("f"), of("T10"), of("T11"))
-_MIXED = ("steps", "intermittent", "steps")
 _SOURCE = ("thermal.second_source",)
 
 
-def _plan(name: str, note: str, *tolerated: str) -> Plan:
-    return Plan(
+def _case(
+    name: str,
+    note: str,
+    omission: Maker,
+    gauges: tuple[Gauge, ...] = _N,
+    styles: tuple[str, ...] = ("steps", "intermittent", "steps"),
+    tolerated: tuple[str, ...] = (),
+) -> tuple[Plan, Scene]:
+    plan = Plan(
         f"hidden.thermal/{name}",
         "thermal",
         "out-of-catalogue",
@@ -173,52 +174,71 @@ def _plan(name: str, note: str, *tolerated: str) -> Plan:
         note=note,
         measures=(hiding.unrelated,),
     )
+    return plan, Scene((omission,), styles, gauges)
 
 
 _CASES = (
-    (
-        _plan("door", "A door opens at random times: draught at the column's foot, then warm air.", *_SOURCE),
-        Scene((air_of("door", "draught", _door),), _MIXED, _N),
+    _case(
+        "door",
+        "A door opens at random times: draught at the column's foot, then warm air.",
+        air_of("door", "draught", _door),
+        tolerated=_SOURCE,
     ),
-    (
-        _plan(
-            "thermostat",
-            "The cooler of a rotary table switches with a wandering period; nothing recorded follows it.",
-            *_SOURCE,
-        ),
-        Scene((fixture_of("thermostat", _thermostat, 500.0, {"Z": 0.5, "Y": 1.0}),), _MIXED, _N),
+    _case(
+        "thermostat",
+        "The cooler of a rotary table switches with a wandering period; nothing recorded follows it.",
+        fixture_of("thermostat", _thermostat, 500.0, {"Z": 0.5, "Y": 1.0}),
+        tolerated=_SOURCE,
     ),
-    (
-        _plan("crosstalk", "The square of a signal that nobody records leaks into both probes."),
-        Scene((shift_of("crosstalk", _crosstalk, {"Z": 1.0, "Y": -0.6}),), _MIXED, _N),
+    _case(
+        "crosstalk",
+        "The square of a signal that nobody records leaks into both probes.",
+        shift_of("crosstalk", _crosstalk, {"Z": 1.0, "Y": -0.6}),
     ),
-    (
-        _plan("slips", "A loose foot slips suddenly, in both axes and both directions.", "data.step"),
-        Scene((shift_of("slips", _slips, {"Z": 0.7, "Y": 1.0}),), _MIXED, _N),
+    _case(
+        "slips",
+        "A loose foot slips suddenly, in both axes and both directions.",
+        shift_of("slips", _slips, {"Z": 0.7, "Y": 1.0}),
+        tolerated=("data.step",),
     ),
-    (
-        _plan("neighbour", "A second machine warms the table whenever it works.", *_SOURCE),
-        Scene((fixture_of("neighbour", _neighbour, 700.0),), _MIXED, _MORE),
+    _case(
+        "neighbour",
+        "A second machine warms the table whenever it works.",
+        fixture_of("neighbour", _neighbour, 700.0),
+        _MORE,
+        tolerated=_SOURCE,
     ),
-    (
-        _plan("chips", "Hot chips heap up and on the fixture and are taken away at random times.", *_SOURCE),
-        Scene((fixture_of("chips", _chips, 500.0, {"Z": 1.0, "Y": 0.4}),), _MIXED, _MORE),
+    _case(
+        "chips",
+        "Hot chips heap up and on the fixture and are taken away at random times.",
+        fixture_of("chips", _chips, 500.0, {"Z": 1.0, "Y": 0.4}),
+        _MORE,
+        tolerated=_SOURCE,
     ),
-    (
-        _plan("loads", "Workpieces of unknown weight stand on the table for a while and tilt the machine."),
-        Scene((shift_of("loads", _loads, {"Z": 0.5, "Y": 1.0}),), ("intermittent", "steps", "warm-up"), _N),
+    _case(
+        "loads",
+        "Workpieces of unknown weight stand on the table for a while and tilt the machine.",
+        shift_of("loads", _loads, {"Z": 0.5, "Y": 1.0}),
+        styles=("intermittent", "steps", "warm-up"),
     ),
-    (
-        _plan("blasts", "Compressed air cools the workpiece for some minutes, at random.", *_SOURCE),
-        Scene((fixture_of("blasts", _blasts, 150.0, {"Z": 1.0}),), _MIXED, _N),
+    _case(
+        "blasts",
+        "Compressed air cools the workpiece for some minutes, at random.",
+        fixture_of("blasts", _blasts, 150.0, {"Z": 1.0}),
+        tolerated=_SOURCE,
     ),
-    (
-        _plan("lorries", "Lorries beside the hall tilt its floor for some minutes."),
-        Scene((shift_of("lorries", _lorries, {"Z": 0.4, "Y": 1.0}, brief=True),), _MIXED, _N),
+    _case(
+        "lorries",
+        "Lorries beside the hall tilt its floor for some minutes.",
+        shift_of("lorries", _lorries, {"Z": 0.4, "Y": 1.0}, brief=True),
     ),
-    (
-        _plan("sun", "Sun shines on the table through a window, with clouds.", *_SOURCE),
-        Scene((fixture_of("sun", _sun, 600.0, {"Z": 0.3, "Y": 1.0}),), ("intermittent", "steps", "steps"), _MORE),
+    _case(
+        "sun",
+        "Sun shines on the table through a window, with clouds.",
+        fixture_of("sun", _sun, 600.0, {"Z": 0.3, "Y": 1.0}),
+        _MORE,
+        ("intermittent", "steps", "steps"),
+        _SOURCE,
     ),
 )
 SCENARIOS = scenarios_of(_CASES, 0)

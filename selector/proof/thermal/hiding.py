@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from selector.proof.case import Concealment
-from selector.proof.concealment import Noise, fitted_starts
-from selector.proof.world import Measure
+from selector.proof.concealment import fitted_starts
+from selector.proof.world import Measure, Shown
 from selector.types import Vector
 
-Courses = Mapping[str, Vector]
 OTHER_AXIS_SHARE = 0.01
 OPPOSED_CORRELATION = -0.5
 UNRELATED_CORRELATION = 0.6
@@ -23,53 +21,38 @@ RARE_SHARE = 0.05
 def one_axis(axis: str) -> Measure:
     """Share of the effect's energy, in units of the noise, in the other responses."""
 
-    def measured(
-        effect: Courses, _recorded: Courses, _simulated: Courses, noise: Mapping[str, Noise], starts: Sequence[int]
-    ) -> Concealment:
-        stop = fitted_starts(starts)[-1]
-        energy = {name: float(np.sum((course[:stop] / noise[name].sd) ** 2)) for name, course in effect.items()}
+    def measured(shown: Shown) -> Concealment:
+        stop = fitted_starts(shown.starts)[-1]
+        energy = {n: float(np.sum((course[:stop] / shown.noise[n].sd) ** 2)) for n, course in shown.effect.items()}
         share = 1.0 - energy[axis] / sum(energy.values())
         return Concealment(f"only in {axis}: share elsewhere", share, OTHER_AXIS_SHARE, share <= OTHER_AXIS_SHARE)
 
     return measured
 
 
-def opposed(
-    effect: Courses, _recorded: Courses, _simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
-) -> Concealment:
+def opposed(shown: Shown) -> Concealment:
     """Correlation of the effect in Z with that in Y."""
-    stop = fitted_starts(starts)[-1]
-    found = _correlation(effect["Z"][:stop], effect["Y"][:stop])
+    stop = fitted_starts(shown.starts)[-1]
+    found = _correlation(shown.effect["Z"][:stop], shown.effect["Y"][:stop])
     return Concealment("opposed signs: correlation", found, OPPOSED_CORRELATION, found <= OPPOSED_CORRELATION)
 
 
-def like_in_first_run(*channels: str) -> Measure:
-    """Largest correlation of the effect, in the first run, with one of these channels or with the simulation."""
-
-    def measured(
-        effect: Courses, recorded: Courses, simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
-    ) -> Concealment:
-        rows = slice(starts[0], starts[1])
-        known = [recorded[name] for name in channels] if channels else list(simulated.values())
-        found = max(abs(_correlation(course[rows], other[rows])) for course in effect.values() for other in known)
-        which = " and ".join(channels) or "the simulation"
-        return Concealment(
-            f"confounded with {which} in the first run: cosine", found, LIKE_COSINE, found >= LIKE_COSINE
-        )
-
-    return measured
+def like_in_first_run(shown: Shown) -> Concealment:
+    """Largest correlation of the effect, in the first run, with the simulation."""
+    rows, known = slice(*shown.starts[:2]), shown.simulated.values()
+    found = max(abs(_correlation(course[rows], other[rows])) for course in shown.effect.values() for other in known)
+    kind = "confounded with the simulation in the first run: cosine"
+    return Concealment(kind, found, LIKE_COSINE, found >= LIKE_COSINE)
 
 
-def unrelated(
-    effect: Courses, recorded: Courses, simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
-) -> Concealment:
+def unrelated(shown: Shown) -> Concealment:
     """Largest correlation of the effect with any recorded channel in the fitted rows, offset and gain off both."""
-    stop = fitted_starts(starts)[-1]
-    others = np.column_stack([course[:stop] for name, course in recorded.items() if name not in effect])
+    stop = fitted_starts(shown.starts)[-1]
+    others = np.column_stack([course[:stop] for name, course in shown.recorded.items() if name not in shown.effect])
     found = 0.0
-    for name, course in effect.items():
+    for name, course in shown.effect.items():
         if np.any(course[:stop]):
-            free = np.column_stack([np.ones(stop), simulated[name][:stop]])
+            free = np.column_stack([np.ones(stop), shown.simulated[name][:stop]])
             both = np.column_stack([course[:stop], others])
             left = both - free @ np.linalg.lstsq(free, both, rcond=None)[0]
             sizes = np.linalg.norm(left, axis=0)
@@ -83,24 +66,18 @@ def unrelated(
 def seldom(channel: str, above: float = 0.0) -> Measure:
     """Share of the fitted time in which a recorded channel is above this share of its largest value."""
 
-    def measured(
-        _effect: Courses, recorded: Courses, _simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
-    ) -> Concealment:
-        fitted = recorded[channel][: fitted_starts(starts)[-1]]
+    def measured(shown: Shown) -> Concealment:
+        fitted = shown.recorded[channel][: fitted_starts(shown.starts)[-1]]
         share = float(np.mean(fitted > above * float(fitted.max())))
         return Concealment(f"rare: share of the time with {channel}", share, RARE_SHARE, 0.0 < share <= RARE_SHARE)
 
     return measured
 
 
-def cold_spells(
-    _effect: Courses, recorded: Courses, _simulated: Courses, _noise: Mapping[str, Noise], starts: Sequence[int]
-) -> Concealment:
+def cold_spells(shown: Shown) -> Concealment:
     """Share of the fitted time in which the hall is 2 K below its median of the run."""
-    spells = [
-        recorded["Tamb"][a:b] < np.median(recorded["Tamb"][a:b]) - 2.0 for a, b in pairwise(fitted_starts(starts))
-    ]
-    share = float(np.mean(np.concatenate(spells)))
+    halls = [shown.recorded["Tamb"][a:b] for a, b in pairwise(fitted_starts(shown.starts))]
+    share = float(np.mean(np.concatenate([hall < np.median(hall) - 2.0 for hall in halls])))
     return Concealment("rare: share of the time with a cold hall", share, RARE_SHARE, 0.0 < share <= RARE_SHARE)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from selector.proof.thermal import hiding
-from selector.proof.thermal.duty import BOTH, Duty, Maker, Omission
+from selector.proof.thermal.duty import BOTH, Duty, Omission
 from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.scene import GRID_S, Scene, of, scenarios_of, thermal_case
+from selector.proof.thermal.scene import GRID_S, WHITE, of, scenarios_of, thermal_case
 from selector.types import Matrix, Vector
 
 QUIET_HALL = (21.0, 0.2, 0.03)
@@ -19,37 +19,33 @@ _N = (of("n"),)
 
 def member_by(
     sensor: str, member: str = "bed", axes: Mapping[str, float] = BOTH, hours: float | None = None, behind: bool = False
-) -> Maker:
+) -> Omission:
     """A member that the simulation has as a constant times one temperature, fitted to the first run (its first hours).
 
     With `behind` the simulation has that temperature behind the first-order lag that fits best.
     """
 
-    def make(_generator: np.random.Generator, tool: Machine, _duties: Sequence[Duty]) -> Omission:
+    def shifted(tool: Machine, rises: Matrix, _duty: Duty) -> dict[str, Vector]:
         row = tool.displacement((member,))
-        felt = tool.sensors[sensor][1]
+        return {axis: rises @ row[axis] for axis in BOTH}
 
-        def shifted(rises: Matrix, _duty: Duty) -> dict[str, Vector]:
-            return {axis: rises @ row[axis] for axis in BOTH}
+    def stand_in(tool: Machine, rises: Sequence[Matrix]) -> list[dict[str, Vector]]:
+        row, felt = tool.displacement((member,)), tool.sensors[sensor][1]
+        stop = len(rises[0]) if hours is None else int(3600.0 * hours / GRID_S)
+        result: list[dict[str, Vector]] = [{} for _ in rises]
+        for axis in BOTH:
+            truth = (rises[0] @ row[axis])[:stop]
+            errors = []
+            for lag_s in np.geomspace(300.0, 20000.0, 40) if behind else (0.0,):
+                source = _behind(rises[0] @ felt, lag_s)[:stop]
+                factor = float(source @ truth) / float(source @ source)
+                errors.append((float(np.sum((truth - factor * source) ** 2)), lag_s, factor))
+            _, lag_s, factor = min(errors)
+            for run, part in enumerate(rises):
+                result[run][axis] = factor * _behind(part @ felt, lag_s)
+        return result
 
-        def stand_in(rises: Sequence[Matrix], _duties: Sequence[Duty]) -> list[dict[str, Vector]]:
-            stop = len(rises[0]) if hours is None else int(3600.0 * hours / GRID_S)
-            result: list[dict[str, Vector]] = [{} for _ in rises]
-            for axis in BOTH:
-                truth = (rises[0] @ row[axis])[:stop]
-                errors = []
-                for lag_s in np.geomspace(300.0, 20000.0, 40) if behind else (0.0,):
-                    source = _behind(rises[0] @ felt, lag_s)[:stop]
-                    factor = float(source @ truth) / float(source @ source)
-                    errors.append((float(np.sum((truth - factor * source) ** 2)), lag_s, factor))
-                _, lag_s, factor = min(errors)
-                for run, part in enumerate(rises):
-                    result[run][axis] = factor * _behind(part @ felt, lag_s)
-            return result
-
-        return Omission("thermal.memory", place="column", shifted=shifted, stand_in=stand_in, axes=axes)
-
-    return make
+    return Omission("thermal.memory", place="column", shifted=shifted, stand_in=stand_in, axes=axes)
 
 
 def _behind(course: Vector, lag_s: float) -> Vector:
@@ -63,46 +59,42 @@ _CASES = (
     thermal_case(
         "thermal.memory/static",
         "A part of the machine is a constant times the temperature of the front bearing, fitted to one warm-up.",
-        Scene(
-            (member_by("T1"),), ("warm-up", "intermittent", "steps"), hall=QUIET_HALL, noise="white", periods_s=(20.0,)
-        ),
+        (member_by("T1"),),
+        ("warm-up", "intermittent", "steps"),
+        (),
         hidden=("absorbed",),
+        hall=QUIET_HALL,
+        **WHITE,
     ),
     thermal_case(
         "thermal.memory/tail",
         "One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
-        Scene(
-            (member_by("T1", hours=2.5, behind=True),),
-            ("warm-up", "cooling", "steps"),
-            _N,
-            hall=QUIET_HALL,
-            hours=(6.0, 8.0),
-        ),
+        (member_by("T1", hours=2.5, behind=True),),
+        ("warm-up", "cooling", "steps"),
+        _N,
         hidden=("absorbed",),
+        hall=QUIET_HALL,
+        hours=(6.0, 8.0),
     ),
     thermal_case(
         "thermal.memory/one axis",
         "Only Y bends late; noise is white.",
-        Scene(
-            (member_by("T6", "scale", {"Y": 1.0}),),
-            ("steps", "warm-up", "intermittent"),
-            _N,
-            noise="white",
-            hall=QUIET_HALL,
-        ),
+        (member_by("T6", "scale", {"Y": 1.0}),),
+        ("steps", "warm-up", "intermittent"),
+        _N,
         hidden=("absorbed",),
+        noise="white",
+        hall=QUIET_HALL,
     ),
     thermal_case(
         "thermal.memory/opposed",
         "The late member acts against the rest in Z and with it in Y; coolant, feed and a cabinet do nothing.",
-        Scene(
-            (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
-            ("intermittent", "steps", "cooling"),
-            (*_N, of("M8"), of("f"), of("T10")),
-            hall=QUIET_HALL,
-            refitted=True,
-        ),
+        (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
+        ("intermittent", "steps", "cooling"),
+        (*_N, of("M8"), of("f"), of("T10")),
         measures=(hiding.opposed,),
+        hall=QUIET_HALL,
+        refitted=True,
     ),
 )
 SCENARIOS = scenarios_of(_CASES, 0, 3)

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from selector.proof.thermal.duty import Duty, held
+from selector.proof.case import Kind
+from selector.proof.thermal.duty import Duty, changed, held
 from selector.proof.thermal.scene import CABINETS, Gauge, Scene, decoy, of, scenarios_of
 from selector.proof.world import Plan
 from selector.recording import Channel
+from selector.types import Vector
 
 _MIXED = ("steps", "warm-up", "intermittent")
 _N = (of("n"),)
 
 
-def _clean(name: str, note: str, *verdicts: str, lost: float = 0.0) -> Plan:
-    return Plan(f"clean.thermal/{name}", "thermal", "clean", ("nothing-missing", *verdicts), lost=lost, note=note)
+def _case(
+    kind: Kind, name: str, note: str, verdicts: tuple[str, ...], lost: float = 0.0, **scene: Any
+) -> tuple[Plan, Scene]:
+    plan = Plan(f"{kind}.thermal/{name}", "thermal", kind, verdicts, lost=lost, note=note)
+    return plan, Scene(**({"styles": _MIXED, "gauges": _N} | scene))
 
 
-def _wrong(name: str, note: str) -> Plan:
-    return Plan(f"miscalibrated.thermal/{name}", "thermal", "miscalibrated", ("miscalibrated",), note=note)
+def _clean(name: str, note: str, *verdicts: str, **case: Any) -> tuple[Plan, Scene]:
+    return _case("clean", name, note, ("nothing-missing", *verdicts), **case)
 
 
-def _shut(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+def _wrong(name: str, note: str, **scene: Any) -> tuple[Plan, Scene]:
+    return _case("miscalibrated", name, note, ("miscalibrated",), **scene)
+
+
+def _shut(generator: np.random.Generator, one: Duty) -> Vector:
     """The pump's bit follows the programme of the spindle half of the time; no jet is open."""
-    return [
-        one.having(
-            coolant=np.maximum(
-                (one["speed"] > 0.0) * held(generator, len(one.time_s), 20.0, 60.0, np.array([0.0, 1.0])),
-                held(generator, len(one.time_s), 15.0, 90.0, np.array([0.0, 0.0, 1.0])),
-            )
-        )
-        for one in duties
-    ]
+    followed = held(generator, len(one.time_s), 20.0, 60.0, np.array([0.0, 1.0]))
+    own = held(generator, len(one.time_s), 15.0, 90.0, np.array([0.0, 0.0, 1.0]))
+    return np.asarray(np.maximum((one["speed"] > 0.0) * followed, own))
 
 
 _WANDERERS = tuple(
@@ -45,84 +48,69 @@ _WANDERERS = tuple(
     for k, place in enumerate(("window frame", "tool magazine", "lamp", "pallet changer", "chip bin", "operator panel"))
 )
 _CASES = (
-    (_clean("white", "White noise."), Scene(styles=_MIXED, gauges=_N, noise="white")),
-    (_clean("ar", "AR(1) noise, 0.85 from sample to sample."), Scene(styles=_MIXED, gauges=_N, noise="ar")),
-    (
-        _clean("walk", "Noise that is almost a random walk.", "unexplained"),
-        Scene(styles=_MIXED, gauges=_N, noise="walk"),
+    _clean("white", "White noise.", noise="white"),
+    _clean("ar", "AR(1) noise, 0.85 from sample to sample.", noise="ar"),
+    _clean("walk", "Noise that is almost a random walk.", "unexplained", noise="walk"),
+    _clean("cycle", "A part of the noise is repeated with every machine cycle.", "unexplained", noise="cycle"),
+    _clean("heavy", "Noise with the tails of Student's t, 3 degrees.", noise="heavy"),
+    _clean(
+        "quantised",
+        "A probe that reads in steps of 0.5 µm.",
+        styles=("warm-up", "steps", "cooling"),
+        noise="quantised",
     ),
-    (
-        _clean("cycle", "A part of the noise is repeated with every machine cycle.", "unexplained"),
-        Scene(styles=_MIXED, gauges=_N, noise="cycle"),
+    _clean("distractors", "Four cabinets and a feed that wander with the duty.", gauges=(*_N, of("f"), *CABINETS)),
+    _clean(
+        "decoy",
+        "Two cabinets that warmed up like the machine in the first run, six random walks.",
+        styles=("warm-up", "steps", "intermittent"),
+        gauges=(*_N, decoy("T10", "control cabinet", 3000.0), decoy("T11", "drive cabinet", 7000.0), *_WANDERERS),
+        noise="ar",
     ),
-    (
-        _clean("heavy", "Noise with the tails of Student's t, 3 degrees."),
-        Scene(styles=_MIXED, gauges=_N, noise="heavy"),
+    _clean(
+        "dry coolant",
+        "The coolant pump's bit toggles, the jets are shut.",
+        gauges=(*_N, of("M8"), of("T8")),
+        duties=changed(coolant=_shut),
     ),
-    (
-        _clean("quantised", "A probe that reads in steps of 0.5 µm."),
-        Scene(styles=("warm-up", "steps", "cooling"), gauges=_N, noise="quantised"),
+    _clean(
+        "all known",
+        "Coolant and feed act, and the simulation has them.",
+        gauges=(*_N, of("M8"), of("T8"), of("f")),
+        knows=("coolant", "feed"),
     ),
-    (
-        _clean("distractors", "Four cabinets and a feed that wander with the duty."),
-        Scene(styles=_MIXED, gauges=(*_N, of("f"), *CABINETS)),
+    _clean(
+        "uneven",
+        "Uneven sampling, lost rows, the simulation on a clock of its own.",
+        lost=0.06,
+        sampling="uneven",
+        own_clock=True,
     ),
-    (
-        _clean("decoy", "Two cabinets that warmed up like the machine in the first run, six random walks."),
-        Scene(
-            styles=("warm-up", "steps", "intermittent"),
-            gauges=(*_N, decoy("T10", "control cabinet", 3000.0), decoy("T11", "drive cabinet", 7000.0), *_WANDERERS),
-            noise="ar",
-        ),
+    _clean("jitter", "Stamps that jitter; speed is not recorded.", gauges=(), sampling="jitter", own_clock=True),
+    _clean("one run", "A single run of 1.5 to 2 h.", styles=("intermittent",), hours=(1.5, 2.0)),
+    _clean(
+        "hot hall",
+        "30 °C, a hall that drifts by kelvins, a quick programme; five runs.",
+        styles=("intermittent", "steps", "intermittent", "warm-up", "steps"),
+        gauges=(*_N, *CABINETS[:2]),
+        hall=(30.0, 1.4, 1.5),
+        hours=(3.0, 4.5),
     ),
-    (
-        _clean("dry coolant", "The coolant pump's bit toggles, the jets are shut."),
-        Scene(styles=_MIXED, gauges=(*_N, of("M8"), of("T8")), duties=_shut),
+    _clean(
+        "one speed",
+        "All runs at one speed: hardly any excitation.",
+        styles=("one speed", "one speed", "warm-up"),
     ),
-    (
-        _clean("all known", "Coolant and feed act, and the simulation has them."),
-        Scene(styles=_MIXED, gauges=(*_N, of("M8"), of("T8"), of("f")), knows=("coolant", "feed")),
-    ),
-    (
-        _clean("uneven", "Uneven sampling, lost rows, the simulation on a clock of its own.", lost=0.06),
-        Scene(styles=_MIXED, gauges=_N, sampling="uneven", own_clock=True),
-    ),
-    (
-        _clean("jitter", "Stamps that jitter; speed is not recorded."),
-        Scene(styles=_MIXED, sampling="jitter", own_clock=True),
-    ),
-    (_clean("one run", "A single run of 1.5 to 2 h."), Scene(styles=("intermittent",), gauges=_N, hours=(1.5, 2.0))),
-    (
-        _clean("hot hall", "30 °C, a hall that drifts by kelvins, a quick programme; five runs."),
-        Scene(
-            styles=("intermittent", "steps", "intermittent", "warm-up", "steps"),
-            gauges=(*_N, *CABINETS[:2]),
-            hall=(30.0, 1.4, 1.5),
-            hours=(3.0, 4.5),
-        ),
-    ),
-    (
-        _clean("one speed", "All runs at one speed: hardly any excitation."),
-        Scene(styles=("one speed", "one speed", "warm-up"), gauges=_N),
-    ),
-    (_wrong("strong", "20 % too much heat."), Scene(styles=_MIXED, gauges=_N, gain=1.2)),
-    (
-        _wrong("weak", "20 % too little heat; zero was set elsewhere."),
-        Scene(styles=_MIXED, gauges=_N, gain=0.8, offset_um=3.0),
-    ),
-    (
-        _wrong("late", "The simulation comes 18 s late, with 7 % too little heat."),
-        Scene(styles=_MIXED, gauges=_N, noise="white", delay_s=18.0, gain=0.93),
-    ),
-    (
-        _wrong("strong beside distractors", "15 % too much heat; coolant, feed, cabinets are there."),
-        Scene(
-            styles=_MIXED,
-            gauges=(*_N, of("f"), of("M8"), of("T8"), *CABINETS),
-            knows=("coolant", "feed"),
-            gain=1.15,
-            noise="ar",
-        ),
+    _wrong("strong", "20 % too much heat.", gain=1.2),
+    _wrong("weak", "20 % too little heat; zero was set elsewhere.", gain=0.8, offset_um=3.0),
+    _wrong("late", "The simulation comes 18 s late, with 7 % too little heat.", noise="white", delay_s=18.0, gain=0.93),
+    _wrong(
+        "strong beside distractors",
+        "15 % too much heat; coolant, feed, cabinets are there.",
+        gauges=(*_N, of("f"), of("M8"), of("T8"), *CABINETS),
+        knows=("coolant", "feed"),
+        gain=1.15,
+        noise="ar",
     ),
 )
 SCENARIOS = scenarios_of(_CASES)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,18 +15,20 @@ from selector.proof.concealment import Noise, d_prime, recalibration, scale_for
 from selector.proof.thermal.duty import (
     BOTH,
     STEP_S,
+    Change,
     Duty,
     Maker,
     Omission,
     duty,
     held,
     lagged,
+    load,
     wandering,
     with_bath,
     with_power,
 )
 from selector.proof.thermal.machine import Heat, Machine, machine, temperatures
-from selector.proof.world import Plan, World, scenario, twin
+from selector.proof.world import Measure, Plan, World, scenario, twin
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -35,6 +37,8 @@ _ALONE = 8.0
 STRIDE = 2
 GRID_S = STRIDE * STEP_S
 """Grid on which temperatures and displacements are kept before they are sampled [s]."""
+WHITE: Mapping[str, Any] = {"noise": "white", "periods_s": (20.0,)}
+"""What a `Scene` says of a recording in which small effects are to be seen."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class Gauge:
 class Scene:
     """What a scenario says of machine, runs and recording; the rest is drawn."""
 
-    omissions: tuple[Maker, ...] = ()
+    omissions: tuple[Omission | Maker, ...] = ()
     styles: tuple[str, ...] = ("warm-up", "steps", "intermittent")  #: Programme of every run, the held-out one last
     gauges: tuple[Gauge, ...] = ()  #: Channels beside temperatures, ambient and responses
     must: tuple[str, ...] = ()  #: Temperatures that are recorded in any case
@@ -76,10 +80,7 @@ class Scene:
     hours: tuple[float, float] = (5.0, 6.5)
     periods_s: tuple[float, ...] = (20.0, 30.0, 60.0)  #: Sampling periods to choose from
     hall: tuple[float, float, float] = (21.0, 0.5, 0.4)
-    #: (generator, duties) -> duties: What a scenario changes in the programmes
-    duties: Callable[[np.random.Generator, Sequence[Duty]], Sequence[Duty]] = field(
-        default_factory=lambda: lambda _generator, duties: duties
-    )
+    duties: Change = lambda _generator, duties: duties  #: What a scenario changes in the programmes
 
 
 def noise_of(generator: np.random.Generator, kind: str) -> Noise:
@@ -104,9 +105,21 @@ def world_of(scene: Scene) -> Callable[[np.random.Generator], World]:
     return lambda generator: stage_of(scene, generator).world()
 
 
-def thermal_case(name: str, note: str, scene: Scene, *, kind: Kind = "single", **plan: Any) -> tuple[Plan, Scene]:
-    """What is said of a case, see `Plan`, and its scene."""
-    return Plan(name, "thermal", kind, note=note, **plan), scene
+def thermal_case(
+    name: str,
+    note: str,
+    omissions: tuple[Omission | Maker, ...],
+    styles: tuple[str, ...],
+    gauges: tuple[Gauge, ...],
+    *,
+    kind: Kind = "single",
+    hidden: tuple[str, ...] = (),
+    measures: tuple[Measure, ...] = (),
+    **scene: Any,
+) -> tuple[Plan, Scene]:
+    """What is said of a case with effects, see `Plan`, and its scene, see `Scene`."""
+    plan = Plan(name, "thermal", kind, hidden=hidden, note=note, measures=measures)
+    return plan, Scene(omissions, styles, gauges, **scene)
 
 
 def scenarios_of(cases: Sequence[tuple[Plan, Scene]], *twins: int) -> tuple[Scenario, ...]:
@@ -134,7 +147,8 @@ def stage_of(scene: Scene, generator: np.random.Generator) -> Stage:
         for k, style in enumerate(scene.styles)
     ]
     duties = scene.duties(generator, duties)
-    return Stage(scene, generator, tool, duties, [make(generator, tool, duties) for make in scene.omissions])
+    omissions = [one if isinstance(one, Omission) else one(generator, duties) for one in scene.omissions]
+    return Stage(scene, generator, tool, duties, omissions)
 
 
 class Stage:
@@ -185,7 +199,7 @@ class Stage:
         return temperatures(self.tool.body, heat, float(one["hall"][0]), STEP_S, STRIDE)
 
     def _with(self, k: int, run: int, size: float) -> Matrix:
-        changed = self.omissions[k].heated(self.base[run], self.duties[run], size)
+        changed = self.omissions[k].heated(self.tool, self.base[run], self.duties[run], size)
         return self.fields[run] if changed is self.base[run] else self._solved(changed, self.duties[run])
 
     def rises(self, run: int) -> Matrix:
@@ -197,7 +211,7 @@ class Stage:
         omission, now = self.omissions[number], self._with(number, run, size)
         result = {axis: (now - self.fields[run]) @ self.expansion[axis] for axis in BOTH}
         if omission.shifted is not None:
-            for axis, course in omission.shifted(now - now[0], self.duties[run]).items():
+            for axis, course in omission.shifted(self.tool, now - now[0], self.duties[run]).items():
                 result[axis] = result[axis] + size * course
         return {axis: omission.axes.get(axis, 0.0) * course for axis, course in result.items()}
 
@@ -207,7 +221,7 @@ class Stage:
         result = [{axis: self.rises(run) @ self.expansion[axis] for axis in BOTH} for run in runs]
         for omission, weight in zip(self.omissions, self.weights, strict=True):
             if omission.stand_in is not None and size:
-                instead = omission.stand_in([self.rises(run) for run in runs], self.duties)
+                instead = omission.stand_in(self.tool, [self.rises(run) for run in runs])
                 for run, axes in enumerate(instead):
                     for axis, course in axes.items():
                         result[run][axis] = result[run][axis] + size * weight * omission.axes.get(axis, 0.0) * course
@@ -272,7 +286,7 @@ class Stage:
     def _temperatures(self, run: int, size: float) -> dict[str, Vector]:
         changed = self.base[run]
         for omission, weight in zip(self.omissions, self.weights, strict=True):
-            changed = omission.heated(changed, self.duties[run], size * weight)
+            changed = omission.heated(self.tool, changed, self.duties[run], size * weight)
         now = self.fields[run] if changed is self.base[run] or not size else self._solved(changed, self.duties[run])
         errors = self.errors[self.duties[run].run]
         result = {}
@@ -401,34 +415,26 @@ def warmed(course: Vector, tau_s: float) -> Vector:
     return lagged(course, tau_s, STEP_S)
 
 
-def _cabinet(tau_s: float, swing_k: float, load_k: float) -> Gauge:
+def _cabinet(name: str, place: str, tau_s: float, swing_k: float, load_k: float) -> Gauge:
     def course(one: Duty, generator: np.random.Generator) -> Vector:
         n = len(one.time_s)
         own = held(generator, n, 10.0, 50.0, np.array([0.0, 0.4, 1.0]))
-        duty = one["speed"] / max(1.0, float(one["speed"].max()))
-        warm = warmed(swing_k * own + load_k * duty, tau_s * generator.uniform(0.7, 1.4))
+        warm = warmed(swing_k * own + load_k * load(one), tau_s * generator.uniform(0.7, 1.4))
         return np.asarray(27.0 + warm + 0.6 * wandering(generator, n, 2500.0))
 
-    return Gauge(Channel("", "temperature", "degC"), course, noise=0.03)
-
-
-def _named(gauge: Gauge, name: str, place: str) -> Gauge:
-    return Gauge(
-        Channel(name, "temperature", "degC", place), gauge.course, gauge.resolution, gauge.lag_s, noise=gauge.noise
-    )
+    return Gauge(Channel(name, "temperature", "degC", place), course, noise=0.03)
 
 
 def decoy(name: str, place: str, tau_s: float) -> Gauge:
     """A cabinet that in the first run happens to warm up as if the spindle did it, and goes its own way afterwards."""
-    own = _cabinet(1500.0, 5.0, 0.0)
+    own = _cabinet(name, place, 1500.0, 5.0, 0.0)
 
     def course(one: Duty, generator: np.random.Generator) -> Vector:
         if one.run != "r1":
             return own.course(one, generator)
-        load = one["speed"] / max(1.0, float(one["speed"].max()))
-        return np.asarray(27.0 + 5.0 * warmed(load, tau_s) + 0.15 * wandering(generator, len(load), 1500.0))
+        return np.asarray(27.0 + 5.0 * warmed(load(one), tau_s) + 0.15 * wandering(generator, len(one.time_s), 1500.0))
 
-    return Gauge(Channel(name, "temperature", "degC", place), course, noise=0.03)
+    return replace(own, course=course)
 
 
 _GAUGES = {
@@ -441,10 +447,10 @@ _GAUGES = {
         Gauge(Channel("T8", "temperature", "degC", "coolant tank"), lambda one, _: one["coolant_degc"], lag_s=60.0),
         Gauge(Channel("T9", "temperature", "degC", "hydraulic tank"), lambda one, _: one["oil_degc"], lag_s=60.0),
         Gauge(Channel("M20", "state", "1", "hydraulic pump"), lambda one, _: one["hydraulics"], 1.0, held=True),
-        _named(_cabinet(1800.0, 6.0, 2.5), "T10", "control cabinet"),
-        _named(_cabinet(3600.0, 4.0, 3.5), "T11", "drive cabinet"),
-        _named(_cabinet(900.0, 3.0, 1.0), "T12", "transformer"),
-        _named(_cabinet(5400.0, 5.0, 1.5), "T13", "chip conveyor"),
+        _cabinet("T10", "control cabinet", 1800.0, 6.0, 2.5),
+        _cabinet("T11", "drive cabinet", 3600.0, 4.0, 3.5),
+        _cabinet("T12", "transformer", 900.0, 3.0, 1.0),
+        _cabinet("T13", "chip conveyor", 5400.0, 5.0, 1.5),
     )
 }
 CABINETS = tuple(_GAUGES[name] for name in ("T10", "T11", "T12", "T13"))

@@ -6,42 +6,41 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from selector.proof.thermal.duty import Duty, gated
+from selector.proof.thermal.duty import Duty, changed, gated
 from selector.proof.thermal.memory import QUIET_HALL, member_by
-from selector.proof.thermal.scene import Scene, decoy, of, scenarios_of, thermal_case, warmed
+from selector.proof.thermal.scene import decoy, of, scenarios_of, thermal_case, warmed
 from selector.proof.thermal.sources import feed_watts, source, with_hydraulics
 from selector.proof.thermal.speed import growth, heating
-from selector.proof.thermal.surroundings import changed, chilled, hall, jets
+from selector.proof.thermal.surroundings import DRIFT, chilled, hall, jets, while_turning
+from selector.types import Vector
 
 
-def _always_with_spindle(_generator: np.random.Generator, one: Duty) -> np.ndarray:
-    return (one["speed"] > 0.0).astype(np.float64)
+def _pump(generator: np.random.Generator, one: Duty) -> Vector:
+    return gated(generator, len(one.time_s), (250.0, 800.0), (250.0, 800.0))
 
 
-def _exhaust(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
-    """The hydraulic unit blows its heat into the hall: the hall follows its tank and nothing else."""
-    result = []
-    for one in duties:
-        on = gated(generator, len(one.time_s), (250.0, 800.0), (250.0, 800.0))
-        rise = warmed(on, 1500.0)
-        level = one["hall"][0]
-        result.append(one.having(hydraulics=on, oil_degc=level + 14.0 * rise, hall=level + 4.0 * rise))
-    return result
+def _rise(one: Duty) -> Vector:
+    return warmed(one["hydraulics"], 1500.0)
 
 
-def _one_speed_by_turns(generator: np.random.Generator, duties: Sequence[Duty]) -> list[Duty]:
+_exhaust = changed(
+    hydraulics=_pump,
+    oil_degc=lambda _, one: one["hall"][0] + 14.0 * _rise(one),
+    hall=lambda _, one: one["hall"][0] + 4.0 * _rise(one),
+)
+"""The hydraulic unit blows its heat into the hall: the hall follows its tank and nothing else."""
+
+
+def _one_speed_by_turns(generator: np.random.Generator, duties: Sequence[Duty]) -> Sequence[Duty]:
     """The spindle turns at one speed or not at all, by turns."""
-    highest = max(float(one["speed"].max()) for one in duties)
-    return [
-        one.having(speed=0.7 * highest * gated(generator, len(one.time_s), (80.0, 700.0), (200.0, 900.0)))
-        for one in duties
-    ]
+    speed = 0.7 * max(float(one["speed"].max()) for one in duties)
+    turning = changed(speed=lambda draw, one: speed * gated(draw, len(one.time_s), (80.0, 700.0), (200.0, 900.0)))
+    return turning(generator, duties)
 
 
 def _one_speed_wet(generator: np.random.Generator, duties: Sequence[Duty]) -> Sequence[Duty]:
-    return changed(coolant=_always_with_spindle, coolant_degc=chilled)(
-        generator, _one_speed_by_turns(generator, duties)
-    )
+    wet = changed(coolant=while_turning, coolant_degc=chilled)
+    return wet(generator, _one_speed_by_turns(generator, duties))
 
 
 _N, _F, _M8 = of("n"), of("f"), of("M8")
@@ -49,116 +48,105 @@ _CASES = (
     thermal_case(
         "several.thermal/memory and feed",
         "A late member and the heat of a feed drive.",
-        Scene(
-            (member_by("T1"), source("nut", feed_watts)),
-            ("warm-up", "steps", "intermittent"),
-            (_N, _F),
-            hall=QUIET_HALL,
-        ),
+        (member_by("T1"), source("nut", feed_watts)),
+        ("warm-up", "steps", "intermittent"),
+        (_N, _F),
+        hall=QUIET_HALL,
         kind="several",
     ),
     thermal_case(
         "several.thermal/hall and growth",
         "The hall acts slowly, the spindle grows at once.",
-        Scene(
-            (hall(), growth(2.0, {"Z": 1.0})),
-            ("steps", "intermittent", "steps"),
-            (_N,),
-            knows=("constant hall",),
-            hall=(21.0, 0.8, 1.3),
-        ),
+        (hall(), growth(2.0, {"Z": 1.0})),
+        ("steps", "intermittent", "steps"),
+        (_N,),
+        knows=("constant hall",),
+        hall=DRIFT,
         kind="several",
     ),
     thermal_case(
         "several.thermal/coolant against law of speed",
         "Coolant takes away heat of which the spindle makes more than the simulation knows.",
-        Scene(
-            (jets(), heating({"front bearing": 40.0, "rear bearing": 20.0}, 2.9)),
-            ("steps", "intermittent", "staircase"),
-            (_N, _M8),
-            law=(0.9, 1.1),
-            duties=changed(coolant_degc=chilled),
-        ),
+        (jets(), heating({"front bearing": 40.0, "rear bearing": 20.0}, 2.9)),
+        ("steps", "intermittent", "staircase"),
+        (_N, _M8),
+        law=(0.9, 1.1),
+        duties=changed(coolant_degc=chilled),
         kind="several",
     ),
     thermal_case(
         "several.thermal/hall, hydraulics, growth",
         "Three at once: hall, hydraulic unit, growth of the spindle.",
-        Scene(
-            (hall(), source("hydraulics", lambda one: 90.0 * one["hydraulics"]), growth(2.0, {"Z": 1.0, "Y": 0.3})),
-            ("steps", "intermittent", "steps"),
-            (_N, of("M20"), of("T9")),
-            knows=("constant hall",),
-            hall=(21.0, 0.8, 1.3),
-            duties=with_hydraulics,
-        ),
+        (hall(), source("hydraulics", lambda one: 90.0 * one["hydraulics"]), growth(2.0, {"Z": 1.0, "Y": 0.3})),
+        ("steps", "intermittent", "steps"),
+        (_N, of("M20"), of("T9")),
+        knows=("constant hall",),
+        hall=DRIFT,
+        duties=with_hydraulics,
         kind="several",
     ),
     thermal_case(
         "thermal.coolant/wrong gain",
         "The simulation has 20 % too much heat as well; only the coolant is physics.",
-        Scene((jets(),), ("steps", "intermittent", "steps"), (_N, _M8, of("T8")), gain=1.2, offset_um=-2.0),
+        (jets(),),
+        ("steps", "intermittent", "steps"),
+        (_N, _M8, of("T8")),
+        gain=1.2,
+        offset_um=-2.0,
     ),
     thermal_case(
         "thermal.second_source/wrong gain",
         "The simulation has 20 % too little heat as well; only the feed drive is physics.",
-        Scene((source("nut", feed_watts),), ("steps", "warm-up", "intermittent"), (_N, _F), gain=0.8),
+        (source("nut", feed_watts),),
+        ("steps", "warm-up", "intermittent"),
+        (_N, _F),
+        gain=0.8,
     ),
     thermal_case(
         "thermal.memory/decoy",
         "Two cabinets warmed up like the late member in the first run, and went their own way afterwards.",
-        Scene(
-            (member_by("T1"),),
-            ("warm-up", "intermittent", "steps"),
-            (_N, decoy("T10", "control cabinet", 4500.0), decoy("T11", "drive cabinet", 9000.0)),
-            hall=QUIET_HALL,
-        ),
+        (member_by("T1"),),
+        ("warm-up", "intermittent", "steps"),
+        (_N, decoy("T10", "control cabinet", 4500.0), decoy("T11", "drive cabinet", 9000.0)),
+        hall=QUIET_HALL,
         kind="decoy",
     ),
     thermal_case(
         "thermal.instant_speed/decoy",
         "A feed channel and a cabinet went with the spindle in the first run only.",
-        Scene(
-            (growth(2.0, {"Z": 1.0, "Y": -0.4}),),
-            ("intermittent", "steps", "cooling"),
-            (_N, _F, decoy("T10", "control cabinet", 60.0)),
-        ),
+        (growth(2.0, {"Z": 1.0, "Y": -0.4}),),
+        ("intermittent", "steps", "cooling"),
+        (_N, _F, decoy("T10", "control cabinet", 60.0)),
         kind="decoy",
     ),
     thermal_case(
         "undecidable.thermal/one speed",
         "One speed only: a rear bearing that heats more by speed, or a slower answer to the same heat.",
-        Scene(
-            (heating({"rear bearing": 40.0}, 2.0, accept=("thermal.speed_heating", "thermal.memory")),),
-            ("steps", "steps", "steps"),
-            (_N,),
-            hall=QUIET_HALL,
-            duties=_one_speed_by_turns,
-        ),
+        (heating({"rear bearing": 40.0}, 2.0, accept=("thermal.speed_heating", "thermal.memory")),),
+        ("steps", "steps", "steps"),
+        (_N,),
+        hall=QUIET_HALL,
+        duties=_one_speed_by_turns,
         kind="undecidable",
     ),
     thermal_case(
         "undecidable.thermal/wet at one speed",
         "Coolant runs whenever the spindle does, at one speed: it, cooling by speed, or less heat by speed.",
-        Scene(
-            (jets(accept=("thermal.coolant", "thermal.convection", "thermal.speed_heating", "thermal.memory")),),
-            ("steps", "steps", "steps"),
-            (_N, _M8),
-            hall=QUIET_HALL,
-            duties=_one_speed_wet,
-        ),
+        (jets(accept=("thermal.coolant", "thermal.convection", "thermal.speed_heating", "thermal.memory")),),
+        ("steps", "steps", "steps"),
+        (_N, _M8),
+        hall=QUIET_HALL,
+        duties=_one_speed_wet,
         kind="undecidable",
     ),
     thermal_case(
         "undecidable.thermal/exhaust",
         "The hydraulic unit warms the hall, which follows it alone: its heat at the foot, or the hall's.",
-        Scene(
-            (hall(accept=("thermal.ambient", "thermal.second_source")),),
-            ("steps", "intermittent", "steps"),
-            (_N, of("T9"), of("M20")),
-            knows=("constant hall",),
-            duties=_exhaust,
-        ),
+        (hall(accept=("thermal.ambient", "thermal.second_source")),),
+        ("steps", "intermittent", "steps"),
+        (_N, of("T9"), of("M20")),
+        knows=("constant hall",),
+        duties=_exhaust,
         kind="undecidable",
     ),
 )
