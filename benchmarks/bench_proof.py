@@ -17,12 +17,11 @@ from pathlib import Path
 
 from selector.atomic_file import folder_written_whole
 from selector.cli.shared.showing import json_text
-from selector.proof.results import cases_csv, line_of, page_of, row_texts, score_object, tables
+from selector.proof.results import cases_csv, line_of, proof_account, row_texts, score_object, tables
 from selector.proof.rivals import rivals
 from selector.proof.runner import TOOL, Answerer, Exam, Outcome, answer_of_selector, outcomes, questions
 from selector.proof.scenarios import scenarios
 from selector.telling.page import account_page
-from selector.telling.proof_report import proof_account
 
 PORTION = 40
 
@@ -65,7 +64,7 @@ def main() -> None:
             score = json_text(score_object(found, is_exam=options.exam)) + "\n"
             (folder / "score.json").write_text(score, encoding="utf-8")
             (folder / "cases.csv").write_text(cases_csv(found), encoding="utf-8")
-            told = proof_account(page_of(found, is_exam=options.exam), drawn=True)
+            told = proof_account(found, is_exam=options.exam, drawn=True)
             (folder / "report.html").write_text(account_page(told), encoding="utf-8")
 
 

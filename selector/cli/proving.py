@@ -119,11 +119,9 @@ def prove(
 
 
 def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, console: Console, as_json: bool) -> None:
-    from selector.proof.results import cases_csv, page_of, score_object
-    from selector.telling.proof_report import proof_account
+    from selector.proof.results import cases_csv, proof_account, score_object
 
     result = score_object(outcomes, is_exam=is_exam)
-    page = page_of(outcomes, is_exam=is_exam)
     if out is not None:
         from selector.telling.page import write_account
 
@@ -131,10 +129,10 @@ def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, consol
             files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
             for name, text in files.items():
                 (folder / name).write_text(text, encoding="utf-8", newline="\n")
-            write_account(proof_account(page, result, drawn=True), folder / "report.html")
+            write_account(proof_account(outcomes, result, is_exam=is_exam, drawn=True), folder / "report.html")
     if as_json:
         showing.print_json(result)
     else:
-        showing.show_account(console, proof_account(page, result))
+        showing.show_account(console, proof_account(outcomes, result, is_exam=is_exam))
     if out is not None:
         showing.show_written(console, out, ("score.json", "cases.csv", "report.html"))

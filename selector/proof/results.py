@@ -1,33 +1,41 @@
-"""What comes out of the proof: the score as JSON, rows for every case, and what stands on its page."""
+"""What comes out of the proof: the score as JSON, rows for every case, and what is told of it: is it good enough."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selector import __version__
 from selector.csv_text import csv_text
-from selector.figures.proof_scores import Share
+from selector.figures.proof_scores import (
+    Share,
+    answerers_compared,
+    confusion_matrix,
+    gap_closed,
+    power_by_effect,
+    reliability,
+    seconds_histogram,
+)
+from selector.proof import scoring
 from selector.proof.case import detection_probability, seal_of, sealed_text, sha256_of_text
 from selector.proof.rivals import RIVALS
 from selector.proof.runner import TOOL, Outcome
 from selector.proof.scoring import (
-    NOTHING_NAMED,
     ROWS,
-    SET,
     STRONG,
-    UNEXPLAINED,
+    Confusion,
     Measured,
     Row,
     calibration,
     confusion,
+    is_strong,
     power,
     score_table,
     scores,
     share_measured,
 )
-from selector.telling.proof_report import ConfusionOnPage, ProofPage
+from selector.telling.account import Account, Block, Captioned, Drawing, Section, section, sections, table
 
 SCHEMA = "selector.proof/1"
 _NONE = "–"
@@ -121,36 +129,37 @@ def judgement(outcome: Outcome) -> str:
 
 def cases_csv(outcomes: Sequence[Outcome]) -> str:
     """Every outcome as a row of a CSV table."""
-    rows: list[Sequence[object]] = []
-    for one in outcomes:
-        judged, truth = one.judged, one.truth
-        rows.append(
-            [
-                one.answerer,
-                one.scenario,
-                one.family,
-                one.kind,
-                _cell(one.d_prime_asked),
-                _cell(None if truth is None else truth.d_prime),
-                one.seed,
-                " ".join(truth.verdicts) if truth else "",
-                " ".join(effect.id for effect in truth.effects) if truth else "",
-                " ".join(f"{c.kind}={c.measured:.4g}" for c in truth.concealed) if truth else "",
-                one.stated.verdict,
-                " ".join(named_texts(one)),
-                judged.verdict_right,
-                " ".join(judged.credits),
-                " ".join(judged.false_names),
-                _cell(judged.unexplained_right),
-                _cell(judged.channel_right),
-                _cell(judged.window_iou),
-                _cell(judged.gap_closed),
-                f"{one.seconds:.3f}",
-                one.seal,
-                one.stated.error,
-            ]
-        )
-    return csv_text(_COLUMNS, rows)
+    rows = [_columns(one) for one in outcomes]
+    return csv_text(list(rows[0]) if rows else [], [list(row.values()) for row in rows])
+
+
+def _columns(one: Outcome) -> dict[str, object]:
+    judged, truth = one.judged, one.truth
+    cells = {
+        "answerer": one.answerer,
+        "scenario": one.scenario,
+        "family": one.family,
+        "kind": one.kind,
+        "d_prime_asked": one.d_prime_asked,
+        "d_prime": None if truth is None else truth.d_prime,
+        "seed": one.seed,
+        "verdicts": " ".join(truth.verdicts) if truth else "",
+        "effects": " ".join(effect.id for effect in truth.effects) if truth else "",
+        "concealment": " ".join(f"{c.kind}={c.measured:.4g}" for c in truth.concealed) if truth else "",
+        "verdict": one.stated.verdict,
+        "named": " ".join(named_texts(one)),
+        "verdict_right": judged.verdict_right,
+        "credits": " ".join(judged.credits),
+        "false_names": " ".join(judged.false_names),
+        "unexplained_right": judged.unexplained_right,
+        "channel_right": judged.channel_right,
+        "window_iou": judged.window_iou,
+        "gap_closed": judged.gap_closed,
+        "seconds": f"{one.seconds:.3f}",
+        "seal": one.seal,
+        "error": one.stated.error,
+    }
+    return {name: "" if cell is None else cell for name, cell in cells.items()}
 
 
 def row_texts(row: Row) -> tuple[str, str, str, str, str, str, str]:
@@ -193,85 +202,176 @@ def named_texts(outcome: Outcome) -> list[str]:
     return texts
 
 
-def _cell(value: float | bool | None) -> str:
-    return "" if value is None else str(value)
-
-
-_COLUMNS = (
-    "answerer",
-    "scenario",
-    "family",
-    "kind",
-    "d_prime_asked",
-    "d_prime",
-    "seed",
-    "verdicts",
-    "effects",
-    "concealment",
-    "verdict",
-    "named",
-    "verdict_right",
-    "credits",
-    "false_names",
-    "unexplained_right",
-    "channel_right",
-    "window_iou",
-    "gap_closed",
-    "seconds",
-    "seal",
-    "error",
-)
-
-
-_RIVAL_SCORES = ("false_on_clean", "found_6", "exact_6", "unexplained", "gap_closed", "false_on_all", "seconds")
+MOST_WRONG = 200
+_RIVAL_SCORES = {
+    "false_on_clean": ">false on clean",
+    "found_6": ">right or in a set, d′ = 6",
+    "exact_6": ">exactly right, d′ = 6",
+    "unexplained": ">unexplained right",
+    "gap_closed": ">gap closed",
+    "false_on_all": ">false on all",
+    "seconds": ">seconds",
+}
+_SCORE_COLUMNS = ("score", ">measured", ">95 % interval", ">n", ">first bar", ">goal", "met")
+_SCORES = "Shares with the exact binomial interval, all others with a bootstrap over cases."
+_FAMILY_COLUMNS = ("family", ">cases", ">found, d′ ≥ 6", ">exact, d′ ≥ 6", ">false names", ">verdict right")
 _ALL = "all"
 
+Answered = Mapping[str, Sequence[Outcome]]
 
-def page_of(outcomes: Sequence[Outcome], *, is_exam: bool) -> ProofPage:
-    """Everything that the page shows."""
+
+def proof_account(
+    outcomes: Sequence[Outcome], data: Mapping[str, Any] | None = None, *, is_exam: bool, drawn: bool = False
+) -> Account:
+    """What is told of a proof; `data` is its JSON, and `drawn` says whether a page needs the drawings too."""
     parts = by_answerer(outcomes)
     own = parts.get(TOOL, ())
     measured = {name: scores(part) for name, part in parts.items()}
     rows = score_table(measured[TOOL])
-    units = {score.key: score.unit for score in ROWS}
-    limits = next(score for score in ROWS if score.key == "seconds")
-    strengths = sorted({one.d_prime_asked for one in own if one.d_prime_asked is not None})
-    titles = {rival.name: rival.title for rival in RIVALS}
+    drawings = _drawings(parts, measured) if drawn else {}
+    families = [_family(name, own) for name in (*sorted({one.family for one in own}), _ALL)]
+    units, titles = {score.key: score.unit for score in ROWS}, {rival.name: rival.title for rival in RIVALS}
+    rivals = [
+        (titles.get(name, name), *(measured_text(values[key], units[key]) for key in _RIVAL_SCORES))
+        for name, values in measured.items()
+    ]
+    compared = Captioned("", table(("who", *_RIVAL_SCORES.values()), rivals)) if len(rivals) > 1 else None
+    told = {
+        "seeds": ", ".join(str(seed) for seed in sorted({one.seed for one in own})),
+        "SHA-256 of all cases": seal_of(one.seal for one in own if one.seal),
+        "SHA-256 of all answers": answers_sha256(own),
+    }
+    return Account(
+        "Blind proof: what a simulation left out",
+        (_first(rows), _more(own, is_exam)),
+        sections(
+            section(
+                "scores", "Scores", Captioned("", table(_SCORE_COLUMNS, [row_texts(row) for row in rows], _SCORES))
+            ),
+            section(
+                "found",
+                "How often it is found",
+                *drawings.get("found", ()),
+                Captioned("By family", table(_FAMILY_COLUMNS, families)),
+                link="By effect",
+            ),
+            section("confusion", "What is taken for what", *drawings.get("confusion", ())),
+            section("trust", "Confidence, gain and time", *drawings.get("trust", ()), link="Confidence, gain, time"),
+            section("rivals", "Rivals at the same exam", *drawings.get("rivals", ()), compared, link="Rivals"),
+            _wrong(own),
+            section("origin", "Origin", Captioned("", table(["", ""], list(told.items())))),
+        ),
+        verdict="bad" if any(row.meets_bar is False for row in rows) else "good",
+        data=data or {},
+        footer="The same seeds give the same answers.",
+    )
+
+
+def _first(rows: Sequence[Row]) -> str:
+    unmet = [row.score.title for row in rows if row.meets_bar is False]
+    if unmet:
+        return f"Not good enough yet: {len(unmet)} of the scores miss their first bar ({'; '.join(unmet)})."
+    met = [row_texts(row)[-1] for row in rows]
+    return f"Every first bar is met; {met.count('goal')} of {len(met) - met.count('')} scores reach their goal."
+
+
+def _more(own: Sequence[Outcome], is_exam: bool) -> str:
+    seeds = (
+        "These are seeds of the exam, which nobody has developed with."
+        if is_exam
+        else "These are seeds of development: the program was improved on such cases. Only --exam tells how good it is."
+    )
+    return f"{len(own)} cases of {len({one.scenario for one in own})} scenarios. {seeds}"
+
+
+def _family(name: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+    part = [one for one in outcomes if name in (_ALL, one.family)]
+    given = [
+        credit for one in part if one.d_prime_asked is not None and is_strong(one) for credit in one.judged.credits
+    ]
+    shares = (
+        share_measured([credit != "missed" for credit in given]),
+        share_measured([credit == "exact" for credit in given]),
+        share_measured([bool(one.judged.false_names) for one in part]),
+        share_measured([one.judged.verdict_right for one in part]),
+    )
+    return (name, str(len(part)), *(measured_text(share, "share") for share in shares))
+
+
+def _wrong(outcomes: Sequence[Outcome]) -> Section | None:
+    wrong = [one for one in outcomes if _is_wrong(one)]
+    if not wrong:
+        return None
+    rows = [
+        (
+            one.scenario,
+            "" if one.d_prime_asked is None else f"{one.d_prime_asked:g}",
+            str(one.seed),
+            ", ".join(effect.id for effect in (() if one.truth is None else one.truth.effects)),
+            one.stated.verdict,
+            ", ".join(named_texts(one)),
+            one.stated.error or judgement(one),
+        )
+        for one in wrong[:MOST_WRONG]
+    ]
+    left = len(wrong) - MOST_WRONG
+    columns = ["scenario", ">d′", ">seed", "put in", "verdict", "named", "judgement"]
+    told = table(columns, rows, f"{left} more are in cases.csv." if left > 0 else "")
+    return section("wrong", "Wrong answers", Captioned("", told))
+
+
+def _is_wrong(outcome: Outcome) -> bool:
+    judged = outcome.judged
+    missed = not judged.verdict_right or "missed" in judged.credits
+    return bool(judged.false_names) or outcome.failed or (missed and is_strong(outcome))
+
+
+def _drawings(parts: Answered, measured: Mapping[str, Mapping[str, Measured]]) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    own = parts.get(TOOL, ())
+    drawn: dict[str, list[Block]] = {"trust": _trust(parts, measured[TOOL]["calibration"].value)}
     by_id: dict[str, dict[float, Share]] = {}
     for one in power(own):
         if (share := _share(one.found)) is not None:
             by_id.setdefault(one.id, {})[one.d_prime] = share
-    compared = {
-        name: (_share(values["false_on_clean"]), _share(values["found_6"])) for name, values in measured.items()
+    if by_id:
+        strengths = sorted({one.d_prime_asked for one in own if one.d_prime_asked is not None})
+        asked = {d: [one for one in own if one.d_prime_asked == d] for d in strengths}
+        found = {d: [credit != "missed" for one in part for credit in one.judged.credits] for d, part in asked.items()}
+        everything = {d: share for d, hits in found.items() if (share := _share(share_measured(hits))) is not None}
+        oracle = {d: float(detection_probability(d)) for d in strengths}
+        drawn["found"] = [Drawing(power_by_effect(by_id, oracle, all_effects=everything), _POWER)]
+    matrix = confusion(own, least_d_prime=STRONG)
+    if matrix.true:
+        right = _right(matrix, own)
+        picture = confusion_matrix(matrix.true, matrix.said, matrix.counts, matrix.cases, right)
+        drawn["confusion"] = [Drawing(picture, _MATRIX)]
+    shares = {name: (_share(values["false_on_clean"]), _share(values["found_6"])) for name, values in measured.items()}
+    false = {name: clean for name, (clean, named) in shares.items() if clean and named}
+    named = {name: found for name, (clean, found) in shares.items() if clean and found}
+    if len(named) > 1:
+        drawn["rivals"] = [Drawing(answerers_compared(false, named, strength=6.0), _COMPARED)]
+    return drawn
+
+
+def _trust(parts: Answered, error: float | None) -> list[Block]:
+    own, shown = parts.get(TOOL, ()), list[Block]()
+    bins = [(one.confidence, share, one.right.n) for one in calibration(own) if (share := _share(one.right))]
+    if bins and error is not None:
+        confidence, right, counts = zip(*bins, strict=True)
+        shown.append(Drawing(reliability(confidence, right, counts, error), _RELIABILITY))
+    gaps = {
+        name: [one.judged.gap_closed for one in part if is_strong(one) and one.judged.credits]
+        for name, part in parts.items()
     }
-    return ProofPage(
-        is_exam=is_exam,
-        scores=[row_texts(row) for row in rows],
-        unmet=[number for number, row in enumerate(rows) if row.meets_bar is False],
-        n_cases=len(own),
-        n_scenarios=len({one.scenario for one in own}),
-        confusion=_confusion(own),
-        found=by_id,
-        all_found={d: share for d in strengths if (share := _share(_found_at(own, d))) is not None},
-        oracle={d: float(detection_probability(d)) for d in strengths},
-        bins=[(one.confidence, share, one.right.n) for one in calibration(own) if (share := _share(one.right))],
-        calibration_error=measured[TOOL]["calibration"].value,
-        gaps={name: _gaps(part) for name, part in parts.items()},
-        seconds=[one.seconds for one in own if one.truth is not None],
-        seconds_limits=tuple(limit for limit in (limits.goal, limits.bar) if limit is not None),
-        rivals=[
-            (titles.get(name, name), *(measured_text(values[key], units[key]) for key in _RIVAL_SCORES))
-            for name, values in measured.items()
-        ],
-        compared={name: (clean, found) for name, (clean, found) in compared.items() if clean and found},
-        families=[_family(name, own) for name in (*sorted({one.family for one in own}), _ALL)],
-        wrong=[_wrong(one) for one in own if _is_wrong(one)],
-        told={
-            "seeds": ", ".join(str(seed) for seed in sorted({one.seed for one in own})),
-            "SHA-256 of all cases": seal_of(one.seal for one in own if one.seal),
-            "SHA-256 of all answers": answers_sha256(own),
-        },
-    )
+    closed = {name: [value for value in values if value is not None] for name, values in gaps.items()}
+    if any(closed.values()):
+        shown.append(Drawing(gap_closed(closed), _GAP))
+    seconds = [one.seconds for one in own if one.truth is not None]
+    if seconds:
+        limits = next((score.goal, score.bar) for score in ROWS if score.key == "seconds")
+        shown.append(Drawing(seconds_histogram(seconds, [one for one in limits if one is not None]), _SECONDS))
+    return shown
 
 
 def _share(measured: Measured) -> Share | None:
@@ -280,61 +380,32 @@ def _share(measured: Measured) -> Share | None:
     return Share(measured.value, measured.low, measured.high)
 
 
-def _found_at(outcomes: Sequence[Outcome], d_prime: float) -> Measured:
-    asked = [one for one in outcomes if one.d_prime_asked == d_prime]
-    return share_measured([credit != "missed" for one in asked for credit in one.judged.credits])
-
-
-def _confusion(outcomes: Sequence[Outcome]) -> ConfusionOnPage:
-    matrix = confusion(outcomes, least_d_prime=STRONG)
+def _right(matrix: Confusion, outcomes: Sequence[Outcome]) -> list[tuple[str, ...]]:
+    """What is right of what was said, row by row."""
     accepted: dict[str, set[str]] = {}
     for outcome in outcomes:
         for effect in () if outcome.truth is None else outcome.truth.effects:
             accepted.setdefault(effect.id, set()).update(effect.accept)
-    right: list[tuple[str, ...]] = []
-    for name in matrix.true:
-        if name.startswith("hidden."):
-            right.append((UNEXPLAINED,))
-        elif name.startswith("("):
-            right.append((NOTHING_NAMED,))
-        else:
-            right.append((*sorted(accepted.get(name, ())), SET))
-    return ConfusionOnPage(matrix.true, matrix.said, matrix.counts, matrix.cases, tuple(right))
+    return [
+        (scoring.UNEXPLAINED,)
+        if name.startswith("hidden.")
+        else (scoring.NOTHING_NAMED,)
+        if name.startswith("(")
+        else (*sorted(accepted.get(name, ())), scoring.SET)
+        for name in matrix.true
+    ]
 
 
-def _gaps(outcomes: Sequence[Outcome]) -> list[float]:
-    strong = [one for one in outcomes if one.d_prime_asked is None or one.d_prime_asked >= STRONG]
-    return [one.judged.gap_closed for one in strong if one.judged.gap_closed is not None and one.judged.credits]
-
-
-def _family(name: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    part = [one for one in outcomes if name in (_ALL, one.family)]
-    strong = [one for one in part if one.d_prime_asked is not None and one.d_prime_asked >= STRONG]
-    credits_given = [credit for one in strong for credit in one.judged.credits]
-    shares = (
-        share_measured([credit != "missed" for credit in credits_given]),
-        share_measured([credit == "exact" for credit in credits_given]),
-        share_measured([bool(one.judged.false_names) for one in part]),
-        share_measured([one.judged.verdict_right for one in part]),
-    )
-    return (name, str(len(part)), *(measured_text(share, "share") for share in shares))
-
-
-def _is_wrong(outcome: Outcome) -> bool:
-    judged = outcome.judged
-    weak = outcome.d_prime_asked is not None and outcome.d_prime_asked < STRONG
-    missed = not judged.verdict_right or "missed" in judged.credits
-    return bool(judged.false_names) or outcome.failed or (missed and not weak)
-
-
-def _wrong(outcome: Outcome) -> tuple[str, ...]:
-    effects = () if outcome.truth is None else outcome.truth.effects
-    return (
-        outcome.scenario,
-        "" if outcome.d_prime_asked is None else f"{outcome.d_prime_asked:g}",
-        str(outcome.seed),
-        ", ".join(effect.id for effect in effects),
-        outcome.stated.verdict,
-        ", ".join(named_texts(outcome)),
-        outcome.stated.error or judgement(outcome),
-    )
+_COMPARED = "All sit the same cases and choose from the same columns. Lines: 95 % intervals."
+_POWER = (
+    "d′ is how far an oracle, who knows the course of the effect and the noise, could tell it from nothing, in "
+    "standard deviations. Dotted: how often the oracle finds it at 1 % false alarms. Lines: 95 % intervals."
+)
+_MATRIX = (
+    "Strengths d′ ≥ 6. Blue is right, orange is not; the colour is the share of the row's cases, the number counts "
+    "them. Ids that are accepted for a row are right there, too. A row may say more than it has cases, where false "
+    "names stand beside right ones."
+)
+_RELIABILITY = "Named effects in bins of their confidence. On the dashed line the answer is as sure as it is right."
+_GAP = "Held-out rows. Each case counts once; values beyond −1 and 1.5 are drawn there. d′ ≥ 6 and real recordings."
+_SECONDS = "Wall time of an answer, one thread. Dotted: goal and first bar of the median."

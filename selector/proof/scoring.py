@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from selector.proof.judging import FAILED, Named, is_hidden
+from selector.proof.judging import FAILED, Credit, Named, is_hidden
 from selector.proof.runner import Outcome
 from selector.types import Vector
 
@@ -79,11 +79,6 @@ class Power:
     exact: Measured
 
 
-def scores(outcomes: Sequence[Outcome]) -> Mapping[str, Measured]:
-    """Every score by its key, see `selector.proof.scoring.ROWS`; of one answerer's outcomes."""
-    return {key: measure(outcomes) for key, measure in _MEASURES.items()}
-
-
 def is_clean(outcome: Outcome) -> bool:
     """Whether nothing at all is missing: no effect was put in, and the parameters are not wrong either."""
     return outcome.truth is not None and not outcome.truth.effects and outcome.kind in ("clean", "decoy")
@@ -113,88 +108,63 @@ def power(outcomes: Iterable[Outcome]) -> tuple[Power, ...]:
     )
 
 
-def _credits(outcomes: Iterable[Outcome], d_prime: float | None) -> list[str]:
-    return [credit for one in outcomes if _asked(one, d_prime) for credit in one.judged.credits]
+Better = Literal["low", "high", "zero", "neither"]
+Measure = Callable[[Sequence[Outcome]], Measured]
 
 
-def _asked(outcome: Outcome, d_prime: float | None) -> bool:
-    return outcome.d_prime_asked == d_prime
+@dataclass(frozen=True)
+class Score:
+    """What a score is: its key, name, what measures it, unit (``"share"``, ``"1"``, ``"s"``), what is good enough.
+
+    `better` says on which side of `bar` and `goal` it has to be: "low", "high", or "zero" = 0 within the interval or
+    above it.
+    """
+
+    key: str
+    title: str
+    measure: Measure
+    better: Better = "neither"
+    bar: float | None = None
+    goal: float | None = None
+    unit: str = "share"
 
 
-def _strong(outcomes: Iterable[Outcome]) -> list[Outcome]:
-    return [one for one in outcomes if one.d_prime_asked is None or one.d_prime_asked >= STRONG]
+def is_strong(outcome: Outcome) -> bool:
+    """Whether place, gain and what lies outside the catalogue are scored."""
+    return outcome.d_prime_asked is None or outcome.d_prime_asked >= STRONG
 
 
-def _found(d_prime: float | None) -> Callable[[Sequence[Outcome]], Measured]:
-    return lambda outcomes: share_measured([credit != "missed" for credit in _credits(outcomes, d_prime)])
+def _share(hits: Callable[[Outcome], Iterable[bool | None]]) -> Measure:
+    """Of all hits of all outcomes; None counts neither way."""
+    return lambda outcomes: share_measured([hit for one in outcomes for hit in hits(one) if hit is not None])
 
 
-def _exact(d_prime: float | None) -> Callable[[Sequence[Outcome]], Measured]:
-    return lambda outcomes: share_measured([credit == "exact" for credit in _credits(outcomes, d_prime)])
+def _of(values: Callable[[Outcome], Iterable[float | None]], statistic: Callable[[Vector], np.floating]) -> Measure:
+    """A statistic over the values of all outcomes; None counts neither way."""
 
-
-def _first(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([credit in ("exact", "first") for credit in _credits(outcomes, STRONG)])
-
-
-def _unexplained(outcomes: Sequence[Outcome]) -> Measured:
-    hits = [one.judged.unexplained_right for one in _strong(outcomes)]
-    return share_measured([hit for hit in hits if hit is not None])
-
-
-def _false_outside(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([bool(o.judged.false_names) for o in outcomes if o.judged.unexplained_right is not None])
-
-
-def _false_on_clean(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([bool(one.judged.false_names) for one in outcomes if is_clean(one)])
-
-
-def _false_on_all(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([bool(one.judged.false_names) for one in outcomes if one.truth is not None])
-
-
-def _channel(outcomes: Sequence[Outcome]) -> Measured:
-    hits = [one.judged.channel_right for one in _strong(outcomes)]
-    return share_measured([hit for hit in hits if hit is not None])
-
-
-def _iou(outcomes: Sequence[Outcome]) -> Measured:
-    values = [one.judged.window_iou for one in _strong(outcomes)]
-    return bootstrapped(np.array([value for value in values if value is not None]), _median)
-
-
-def _gap(outcomes: Sequence[Outcome]) -> Measured:
-    values = [one.judged.gap_closed for one in _strong(outcomes) if one.judged.credits]
-    return bootstrapped(np.array([value for value in values if value is not None]), _median)
-
-
-def _placebo(outcomes: Sequence[Outcome]) -> Measured:
-    values = [value for one in outcomes for value, _, _ in one.judged.placebo]
-    return bootstrapped(np.array(values), _mean)
-
-
-def _placebo_covers(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([low <= 0.0 <= high for one in outcomes for _, low, high in one.judged.placebo])
-
-
-def _ece(outcomes: Sequence[Outcome]) -> Measured:
-    return bootstrapped(_confidences(outcomes), _calibration_error)
-
-
-def _seconds(outcomes: Sequence[Outcome]) -> Measured:
-    return bootstrapped(np.array([one.seconds for one in outcomes if one.truth is not None]), _median)
-
-
-def _verdicts(*kinds: str) -> Callable[[Sequence[Outcome]], Measured]:
     def measure(outcomes: Sequence[Outcome]) -> Measured:
-        return share_measured([one.judged.verdict_right for one in outcomes if not kinds or one.kind in kinds])
+        known = [value for one in outcomes for value in values(one) if value is not None]
+        return bootstrapped(np.array(known, dtype=np.float64), lambda drawn: float(statistic(drawn)))
 
     return measure
 
 
-def _failed(outcomes: Sequence[Outcome]) -> Measured:
-    return share_measured([one.failed for one in outcomes])
+def _credited(d_prime: float | None, *given: Credit) -> Measure:
+    """Share of the true effects, in cases of this strength, that one of these credits was given for."""
+    return _share(lambda one: [credit in given for credit in one.judged.credits if one.d_prime_asked == d_prime])
+
+
+def _false(asked: Callable[[Outcome], bool]) -> Measure:
+    """Share of these cases in which a false name was given."""
+    return _share(lambda one: [bool(one.judged.false_names)] if asked(one) else [])
+
+
+def _verdicts(*kinds: str) -> Measure:
+    return _share(lambda one: [one.judged.verdict_right] if not kinds or one.kind in kinds else [])
+
+
+def _calibration(outcomes: Sequence[Outcome]) -> Measured:
+    return bootstrapped(_confidences(outcomes), _calibration_error)
 
 
 def _confidences(outcomes: Iterable[Outcome]) -> Vector:
@@ -213,58 +183,49 @@ def _calibration_error(pairs: Vector) -> float:
     return float(sum(gaps) / len(pairs))
 
 
-def _median(values: Vector) -> float:
-    return float(np.median(values))
+_FOUND: tuple[Credit, ...] = ("exact", "first", "set")
+_IN_SET = "right name, or a set that contains it"
+_UNEXPLAINED = _share(lambda one: [one.judged.unexplained_right if is_strong(one) else None])
+_CHANNEL = _share(lambda one: [one.judged.channel_right if is_strong(one) else None])
+_WINDOWS = _of(lambda one: [one.judged.window_iou if is_strong(one) else None], np.median)
+_GAP = _of(lambda one: [one.judged.gap_closed if is_strong(one) and one.judged.credits else None], np.median)
+_PLACEBO = _of(lambda one: [value for value, _, _ in one.judged.placebo], np.mean)
+_COVERS = _share(lambda one: [low <= 0.0 <= high for _, low, high in one.judged.placebo])
+_SECONDS = _of(lambda one: [one.seconds if one.truth is not None else None], np.median)
+_OUTSIDE = _false(lambda one: one.judged.unexplained_right is not None)
+
+ROWS: tuple[Score, ...] = (
+    Score("false_on_clean", "any false name on clean cases", _false(is_clean), "low", 0.05, 0.01),
+    Score("found_6", f"{_IN_SET}, at d′ = 6", _credited(6.0, *_FOUND), "high", 0.90, 0.95),
+    Score("exact_6", "exactly the right name at d′ = 6", _credited(6.0, "exact"), "high", 0.75, 0.90),
+    Score(
+        "unexplained", "outside the catalogue, d′ ≥ 6: unexplained and no wrong name", _UNEXPLAINED, "high", 0.8, 0.95
+    ),
+    Score("window_iou", "windows: intersection over union, median, d′ ≥ 6", _WINDOWS, "high", 0.5, 0.8, "1"),
+    Score("channel", "channel right, d′ ≥ 6", _CHANNEL, "high", 0.90, 0.98),
+    Score("gap_closed", "held-out gap recalibrated → oracle closed, median, d′ ≥ 6", _GAP, "high", 0.70, 0.90),
+    Score("placebo", "gain of placebos, mean", _PLACEBO, "zero", 0.0, 0.0),
+    Score("calibration", "calibration error of the confidence (ECE)", _calibration, "low", 0.10, 0.05, "1"),
+    Score("seconds", "seconds a case, median", _SECONDS, "low", 60.0, 10.0, "s"),
+    Score("first_6", "right name first, whatever else is in the set, at d′ = 6", _credited(6.0, "exact", "first")),
+    Score("found_3", f"{_IN_SET}, at d′ = 3", _credited(3.0, *_FOUND)),
+    Score("exact_3", "exactly the right name at d′ = 3", _credited(3.0, "exact")),
+    Score("found_12", f"{_IN_SET}, at d′ = 12", _credited(12.0, *_FOUND)),
+    Score("exact_12", "exactly the right name at d′ = 12", _credited(12.0, "exact")),
+    Score("found_real", f"{_IN_SET}, where no strength can be chosen", _credited(None, *_FOUND)),
+    Score("verdict", "verdict right, all cases", _verdicts()),
+    Score("verdict_miscalibrated", "verdict right, miscalibrated cases", _verdicts("miscalibrated")),
+    Score("verdict_data", "verdict right, faults of the data", _verdicts("data")),
+    Score("false_on_all", "any false name, all cases", _false(lambda one: one.truth is not None)),
+    Score("false_outside", "any false name, outside the catalogue", _OUTSIDE),
+    Score("placebo_covers", "placebos whose own interval holds 0", _COVERS),
+    Score("failed", "cases that raised an error", _share(lambda one: [one.failed])),
+)
 
 
-def _mean(values: Vector) -> float:
-    return float(np.mean(values))
-
-
-_MEASURES: Mapping[str, Callable[[Sequence[Outcome]], Measured]] = {
-    "false_on_clean": _false_on_clean,
-    "found_6": _found(6.0),
-    "exact_6": _exact(6.0),
-    "first_6": _first,
-    "found_3": _found(3.0),
-    "exact_3": _exact(3.0),
-    "found_12": _found(12.0),
-    "exact_12": _exact(12.0),
-    "found_real": _found(None),
-    "unexplained": _unexplained,
-    "false_outside": _false_outside,
-    "window_iou": _iou,
-    "channel": _channel,
-    "gap_closed": _gap,
-    "placebo": _placebo,
-    "placebo_covers": _placebo_covers,
-    "calibration": _ece,
-    "seconds": _seconds,
-    "verdict": _verdicts(),
-    "verdict_miscalibrated": _verdicts("miscalibrated"),
-    "verdict_data": _verdicts("data"),
-    "false_on_all": _false_on_all,
-    "failed": _failed,
-}
-
-
-Better = Literal["low", "high", "zero", "neither"]
-
-
-@dataclass(frozen=True)
-class Score:
-    """What a score is: its key, name, unit (``"share"``, ``"1"``, ``"s"``), and what would be good enough.
-
-    `better` says on which side of `bar` and `goal` it has to be: "low", "high", or "zero" = 0 within the interval or
-    above it.
-    """
-
-    key: str
-    title: str
-    better: Better = "neither"
-    bar: float | None = None
-    goal: float | None = None
-    unit: str = "share"
+def scores(outcomes: Sequence[Outcome]) -> Mapping[str, Measured]:
+    """Every score by its key, see `ROWS`; of one answerer's outcomes."""
+    return {score.key: score.measure(outcomes) for score in ROWS}
 
 
 @dataclass(frozen=True)
@@ -287,33 +248,6 @@ class Row:
             "meets_first_bar": self.meets_bar,
             "meets_goal": self.meets_goal,
         }
-
-
-ROWS: tuple[Score, ...] = (
-    Score("false_on_clean", "any false name on clean cases", "low", 0.05, 0.01),
-    Score("found_6", "right name, or a set that contains it, at d′ = 6", "high", 0.90, 0.95),
-    Score("exact_6", "exactly the right name at d′ = 6", "high", 0.75, 0.90),
-    Score("unexplained", "outside the catalogue, d′ ≥ 6: unexplained and no wrong name", "high", 0.80, 0.95),
-    Score("window_iou", "windows: intersection over union, median, d′ ≥ 6", "high", 0.5, 0.8, "1"),
-    Score("channel", "channel right, d′ ≥ 6", "high", 0.90, 0.98),
-    Score("gap_closed", "held-out gap recalibrated → oracle closed, median, d′ ≥ 6", "high", 0.70, 0.90),
-    Score("placebo", "gain of placebos, mean", "zero", 0.0, 0.0),
-    Score("calibration", "calibration error of the confidence (ECE)", "low", 0.10, 0.05, "1"),
-    Score("seconds", "seconds a case, median", "low", 60.0, 10.0, "s"),
-    Score("first_6", "right name first, whatever else is in the set, at d′ = 6"),
-    Score("found_3", "right name, or a set that contains it, at d′ = 3"),
-    Score("exact_3", "exactly the right name at d′ = 3"),
-    Score("found_12", "right name, or a set that contains it, at d′ = 12"),
-    Score("exact_12", "exactly the right name at d′ = 12"),
-    Score("found_real", "right name, or a set that contains it, where no strength can be chosen"),
-    Score("verdict", "verdict right, all cases"),
-    Score("verdict_miscalibrated", "verdict right, miscalibrated cases"),
-    Score("verdict_data", "verdict right, faults of the data"),
-    Score("false_on_all", "any false name, all cases"),
-    Score("false_outside", "any false name, outside the catalogue"),
-    Score("placebo_covers", "placebos whose own interval holds 0"),
-    Score("failed", "cases that raised an error"),
-)
 
 
 def score_table(measured: Mapping[str, Measured]) -> tuple[Row, ...]:

@@ -130,6 +130,16 @@ def twin(plan: Plan, world: Callable[[np.random.Generator], World]) -> Scenario:
     return Scenario(name, plan.family, "clean", build, note, has_strength=False)
 
 
+def scenarios_of(
+    cases: Sequence[tuple[Plan, Callable[[np.random.Generator], World]]], *twins: str
+) -> tuple[Scenario, ...]:
+    """The scenarios of plans with their worlds, and the clean twins of those with these names."""
+    return (
+        *(scenario(plan, made, has_strength=plan.kind != "clean" and not plan.size) for plan, made in cases),
+        *(twin(*case) for case in cases if case[0].name in twins),
+    )
+
+
 class _Seen:
     """A world at one size; its courses at the recorded rows, all runs one after the other."""
 

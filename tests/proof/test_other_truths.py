@@ -57,19 +57,19 @@ def test_sliders_hold_no_more_than_their_limits():
 @pytest.mark.parametrize("feed", [5.0, 8.0])
 def test_lag_costs_feed_times_delay(feed):
     one = np.ones(1)
-    size = ground_sizes(80.0 * one, feed * one, 0.12, 0.0 * one, 0.3 * one)[0]
+    size = ground_sizes(80.0 * one, feed * one, 0.12, 0.0 * one)[0]
     # the wheel has settled to the fine feed long before; half a step of 4 ms
     assert size == pytest.approx(-feed * 0.12, abs=feed * 0.004)
 
 
 def test_perfect_gauge_stops_at_the_target():
     one = np.ones(3)
-    assert ground_sizes(np.array([60.0, 80.0, 110.0]), 6.0 * one, 0.0, 0.0 * one, 0.3 * one) == pytest.approx(0.0)
+    assert ground_sizes(np.array([60.0, 80.0, 110.0]), 6.0 * one, 0.0, 0.0 * one) == pytest.approx(0.0)
 
 
 def test_grooves_stop_early_and_by_less_than_their_depth():
     many = np.ones(50)
-    sizes = ground_sizes(np.linspace(60.0, 110.0, 50), 6.0 * many, 0.0, 3.0 * many, 0.3 * many)
+    sizes = ground_sizes(np.linspace(60.0, 110.0, 50), 6.0 * many, 0.0, 3.0 * many)
     assert np.all(sizes > 0.5)
     assert np.all(sizes <= 3.0)
     assert np.std(sizes) < 0.2 * np.mean(sizes)  # the groove that stops it comes 23 times a second

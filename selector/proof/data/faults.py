@@ -8,12 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from selector.proof.case import Window
 from selector.proof.concealment import Noise
 from selector.recording import Channel
 from selector.types import Vector
 
 Reading = Callable[[Vector, Vector, float], Vector]
 """(times [s], course, size) → what is read."""
+Runs = Mapping[str, Sequence[Vector]]
+RUNS = ("r1", "r2", "r3")
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,26 @@ class Fault:
     reading: Reading  #: (times [s], course, size) -> course
     from_s: float  #: When it begins
     to_s: Callable[[float], float]  #: (size) -> float: When it ends
+
+    def windows(self, runs: Sequence[int], size: float) -> tuple[Window, ...]:
+        """When it acts, in these runs."""
+        return tuple(Window(RUNS[run], self.from_s, self.to_s(size)) for run in runs)
+
+    def read(
+        self, time_s: Sequence[Vector], channels: Sequence[str], runs: Sequence[int]
+    ) -> Callable[[Runs, float], Runs]:
+        """What becomes of courses, by size, whose channels are read with it in some runs; `time_s` are of all runs."""
+
+        def read(courses: Runs, size: float) -> Runs:
+            if not size:
+                return courses
+            result = {name: list(parts) for name, parts in courses.items()}
+            for name in channels:
+                for run in runs:
+                    result[name][run] = self.reading(time_s[run], result[name][run], size)
+            return result
+
+        return read
 
 
 def late(length_s: float, unit_s: float, from_s: float = 0.0) -> Fault:
@@ -92,7 +115,6 @@ def frozen(length_s: float, unit_s: float, from_s: float) -> Fault:
     return Fault("data.stuck", reading, from_s, end)
 
 
-RUNS = ("r1", "r2", "r3")
 PERIOD_S = 10.0
 LENGTH_S = 5.0 * 3600.0
 SENSORS = ("T1", "T2", "T3", "T4")

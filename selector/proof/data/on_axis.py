@@ -2,34 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from selector.proof.case import TrueEffect, Window
+from selector.proof.case import TrueEffect
 from selector.proof.data import faults
 from selector.proof.data.faults import Fault
-from selector.proof.data.on_heat import plan
+from selector.proof.data.on_heat import fault_plan
 from selector.proof.drive.recorded import Change, Drive, axis_world, plus
-from selector.proof.drive.true_axis import LENGTH_S, RUNS, Bench
+from selector.proof.drive.true_axis import LENGTH_S, Bench
 from selector.proof.world import Plan, size_with
-from selector.types import Vector
 
-Runs = Mapping[str, Sequence[Vector]]
 Drawing = Callable[[np.random.Generator], Fault]
 _UNIT_D_PRIME = 8.0
-
-
-def _read(bench: Bench, fault: Fault, channel: str, run: int) -> Callable[[Runs, float], Runs]:
-    def read(courses: Runs, size: float) -> Runs:
-        if not size:
-            return courses
-        result = {name: list(parts) for name, parts in courses.items()}
-        result[channel][run] = fault.reading(bench.stamps[run], result[channel][run], size)
-        return result
-
-    return read
 
 
 def misread(drawing: Drawing, channel: str, accept: tuple[str, ...] = ()) -> Any:
@@ -37,11 +25,10 @@ def misread(drawing: Drawing, channel: str, accept: tuple[str, ...] = ()) -> Any
 
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
         run, fault = int(generator.integers(0, 2)), drawing(generator)
-        read = _read(bench, fault, channel, run)
+        read = fault.read(bench.stamps, (channel,), (run,))
 
         def effects(size: float) -> tuple[TrueEffect, ...]:
-            window = Window(RUNS[run], fault.from_s, fault.to_s(size))
-            return (TrueEffect(fault.id, accept or (fault.id,), (channel,), None, (window,)),)
+            return (TrueEffect(fault.id, accept or (fault.id,), (channel,), None, fault.windows((run,), size)),)
 
         found: dict[str, Any] = {"recorded_as": read, "effects": effects}
         return found | ({"distorted": read} if fault.id == "data.stuck" else {})
@@ -55,13 +42,12 @@ def beside(
     id: str,  # noqa: A002 - the word of the contract
     change: Change,
     first: float,
-    channels: tuple[str, ...] = ("E", "I"),
 ) -> Any:
     """The same beside missing physics, each as strong as the other."""
 
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
         run, fault, start = int(generator.integers(0, 2)), drawing(generator), bench.axis
-        read = _read(bench, fault, channel, run)
+        read = fault.read(bench.stamps, (channel,), (run,))
 
         def changed(size: float) -> Any:
             return change(start, size) if size else start
@@ -71,11 +57,8 @@ def beside(
         reading = size_with(alone, _UNIT_D_PRIME)
 
         def effects(size: float) -> tuple[TrueEffect, ...]:
-            window = Window(RUNS[run], fault.from_s, fault.to_s(size * reading))
-            return (
-                TrueEffect(id, (id,), channels, None),
-                TrueEffect(fault.id, (fault.id,), (channel,), None, (window,)),
-            )
+            windows = fault.windows((run,), size * reading)
+            return (TrueEffect(id, (id,), ("E", "I")), TrueEffect(fault.id, (fault.id,), (channel,), None, windows))
 
         return {
             "true": lambda size: changed(size * physics),
@@ -96,32 +79,39 @@ def _entry(plan: Plan, prepared: Any, bench: Mapping[str, Any] | None = None, fi
 
 
 _END_S = LENGTH_S - 0.05
+_absorbed = partial(fault_plan, hidden=("absorbed",))
 DRIVES = (
-    _entry(plan("data.clock/current"), misread(lambda g: faults.late(_END_S, 1e-4), "I")),
-    _entry(plan("data.clock/error-jumps"), misread(lambda g: faults.late(_END_S, 1e-4, _moment(g)), "E")),
-    _entry(plan("data.gain/current-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "I"), {"colour": "ar"}),
-    _entry(plan("data.gain/error-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "E")),
+    _entry(_absorbed("data.clock/current"), misread(lambda g: faults.late(_END_S, 1e-4), "I")),
+    _entry(_absorbed("data.clock/error-jumps"), misread(lambda g: faults.late(_END_S, 1e-4, _moment(g)), "E")),
     _entry(
-        plan("data.zero/current-run", verdicts=("data-fault", "missing-physics"), kind="undecidable"),
+        _absorbed("data.gain/current-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "I"), {"colour": "ar"}
+    ),
+    _entry(_absorbed("data.gain/error-run"), misread(lambda g: faults.stretched(_END_S, 0.01), "E")),
+    _entry(
+        _absorbed("data.zero/current-run", verdicts=("data-fault", "missing-physics"), kind="undecidable"),
         misread(lambda g: faults.moved(_END_S, 0.01), "I", ("data.zero", "drive.offset_force")),
     ),
-    _entry(plan("data.zero/error-run"), misread(lambda g: faults.moved(_END_S, 0.05), "E"), {"colour": "heavy-tailed"}),
-    _entry(plan("data.drift/error"), misread(lambda g: faults.running_away(_END_S, 0.3, _moment(g)), "E")),
     _entry(
-        plan("data.step/error"), misread(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E"), {"on_scale": False}
+        _absorbed("data.zero/error-run"), misread(lambda g: faults.moved(_END_S, 0.05), "E"), {"colour": "heavy-tailed"}
+    ),
+    _entry(_absorbed("data.drift/error"), misread(lambda g: faults.running_away(_END_S, 0.3, _moment(g)), "E")),
+    _entry(
+        _absorbed("data.step/error"),
+        misread(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E"),
+        {"on_scale": False},
     ),
     _entry(
-        plan("data.stuck/error", (), size=1.0, note="A third of a second; the axis starts or stops within it."),
+        fault_plan("data.stuck/error", size=1.0, note="A third of a second; the axis starts or stops within it."),
         misread(lambda g: faults.frozen(_END_S, 0.3, _moment(g)), "E"),
     ),
     _entry(
-        plan("data.several/coulomb+step", (), kind="several", verdicts=("missing-physics",)),
+        fault_plan("data.several/coulomb+step", kind="several", verdicts=("missing-physics",)),
         beside(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E", "drive.coulomb", plus("coulomb_n"), 1.0),
         {"friction": False},
         0.3,
     ),
     _entry(
-        plan("data.several/ripple+gain", (), kind="several", verdicts=("missing-physics",)),
+        fault_plan("data.several/ripple+gain", kind="several", verdicts=("missing-physics",)),
         beside(lambda g: faults.stretched(_END_S, 0.01), "I", "drive.ripple", plus("ripple_n"), 4.0),
         {},
         0.3,

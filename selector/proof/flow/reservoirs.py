@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numba import njit
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.concealment import Noise
-from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenarios_of
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -116,7 +117,7 @@ def _case(
     def made(generator: np.random.Generator) -> World:
         drawn = stores(generator)
         if returned is not None:
-            drawn = Stores(drawn.pumps, drawn.outlets, drawn.pump, returned)
+            drawn = replace(drawn, returned=returned)
         plain = [drawn.levels(run, every_s=FINE_S) for run in range(len(RUNS))]
         highest = max(float(part[:, store].max()) for part in plain[:-1])
 
@@ -125,8 +126,7 @@ def _case(
             return (edge, 1e9) if store == 0 else (1e9, edge)
 
         def recorded(size: float) -> Runs:
-            found = [drawn.levels(run, ceilings(size)) for run in range(len(RUNS))]
-            return _runs(drawn, found)
+            return _runs(drawn, [drawn.levels(run, ceilings(size)) for run in range(len(RUNS))])
 
         effect = TrueEffect("flow.overflow", ("flow.overflow",), responses, CHANNELS[1 + store].place)
         return _world(drawn, recorded, lambda size: (effect,), responses, _noise(colour, generator), 10.0)
@@ -192,25 +192,23 @@ def _blocked(generator: np.random.Generator) -> World:
     return _world(drawn, recorded, lambda size: (effect,), ("h1", "h2"), _noise("white", generator), 5.0)
 
 
-def plan(name: str, hidden: tuple[str, ...] = ("absorbed",), **rest: Any) -> Plan:
-    """A plan of the flow family."""
-    settings: dict[str, Any] = {"family": "flow", "kind": "single", "hidden": hidden}
-    return Plan(name, **(settings | rest))
-
-
+_plan = partial(Plan, family="flow", kind="single")
+_absorbed = partial(_plan, hidden=("absorbed",))
 _CLEAN: Mapping[str, Any] = {"kind": "clean", "verdicts": ("nothing-missing",)}
 _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
-    (plan("flow.overflow/upper"), _case(0)),
+    (_absorbed("flow.overflow/upper"), _case(0)),
     (
-        plan("flow.overflow/lower-seen", note="As in the benchmark: only the lower level is recorded."),
+        _absorbed("flow.overflow/lower-seen", note="As in the benchmark: only the lower level is recorded."),
         _case(0, responses=("h2",)),
     ),
-    (plan("flow.overflow/lower", ()), _case(1, colour="ar")),
-    (plan("flow.overflow/lost", ("rare",), note="What spills is gone."), _case(0, returned=0.0, colour="quantised")),
+    (_plan("flow.overflow/lower"), _case(1, colour="ar")),
     (
-        plan(
+        _plan("flow.overflow/lost", hidden=("rare",), note="What spills is gone."),
+        _case(0, returned=0.0, colour="quantised"),
+    ),
+    (
+        _plan(
             "hidden.flow/blocked",
-            (),
             kind="out-of-catalogue",
             verdicts=("unexplained",),
             factor=HIDDEN_FACTOR,
@@ -218,10 +216,7 @@ _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
         ),
         _blocked,
     ),
-    (plan("clean.flow/white", (), **_CLEAN), _case(0)),
-    (plan("clean.flow/ar", (), **_CLEAN), _case(0, colour="ar")),
+    (_plan("clean.flow/white", **_CLEAN), _case(0)),
+    (_plan("clean.flow/ar", **_CLEAN), _case(0, colour="ar")),
 )
-SCENARIOS = (
-    *(scenario(plan, made, has_strength=plan.kind != "clean") for plan, made in _PLANS),
-    *(twin(*entry) for entry in _PLANS if entry[0].name == "flow.overflow/upper"),
-)
+SCENARIOS = scenarios_of(_PLANS, "flow.overflow/upper")

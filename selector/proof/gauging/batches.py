@@ -12,7 +12,7 @@ import numpy as np
 from selector.proof.case import TrueEffect
 from selector.proof.concealment import Noise
 from selector.proof.gauging.ground_parts import ground_sizes, read_course
-from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenarios_of
 from selector.recording import Channel
 from selector.types import Vector
 
@@ -43,17 +43,10 @@ class Batches:
     grooved: tuple[Vector, ...]
     growth_um_per_k: float
 
-    def sizes(self, lag_s: float = 0.0, groove_um: float = 0.0, groove_share: float = 0.3) -> list[Vector]:
+    def sizes(self, lag_s: float = 0.0, groove_um: float = 0.0) -> list[Vector]:
         """Sizes of the parts of every run [µm]: what the gauge lets through, and growth with the coolant."""
         return [
-            ground_sizes(
-                self.allowances[run],
-                self.feeds[run],
-                lag_s,
-                groove_um * self.grooved[run],
-                np.full(PARTS, groove_share),
-            )
-            + self.growth(run)
+            ground_sizes(self.allowances[run], self.feeds[run], lag_s, groove_um * self.grooved[run]) + self.growth(run)
             for run in range(len(RUNS))
         ]
 
@@ -67,15 +60,17 @@ def batches(
 ) -> Batches:
     """Three runs of parts; `feeds` varied or even (in the runs that are fitted); every so many parts a dressing."""
     fine = generator.uniform(4.0, 9.0)
-    per_run: dict[str, list[Vector]] = {name: [] for name in ("feed", "allowance", "T", "dressed", "grooved")}
+    per_run: dict[str, list[Vector]] = {
+        name: [] for name in ("feeds", "allowances", "temperatures", "dressed", "grooved")
+    }
     for run in range(len(RUNS)):
         spread = 0.02 if feeds == "even" and run < 2 else 0.3
         levels = fine * (1.0 + spread * generator.uniform(-1.0, 1.0, PARTS // 20))
-        per_run["feed"].append(np.round(np.repeat(levels, 20) * 0.06, 4) / 0.06)
-        per_run["allowance"].append(generator.uniform(60.0, 110.0, PARTS))
+        per_run["feeds"].append(np.round(np.repeat(levels, 20) * 0.06, 4) / 0.06)
+        per_run["allowances"].append(generator.uniform(60.0, 110.0, PARTS))
         part = np.arange(PARTS)
         wave = np.sin(2 * np.pi * (part / generator.uniform(300.0, 700.0) + generator.random()))
-        per_run["T"].append(np.round(21.5 + generator.uniform(0.5, 1.2) * wave + 0.4 * part / PARTS, 3))
+        per_run["temperatures"].append(np.round(21.5 + generator.uniform(0.5, 1.2) * wave + 0.4 * part / PARTS, 3))
         gaps = generator.integers(dressing // 2, dressing + dressing // 2, 60)
         dressed = np.zeros(PARTS)
         dressed[[k for k in np.r_[0, np.cumsum(gaps)] if k < PARTS]] = 1.0
@@ -84,14 +79,8 @@ def batches(
         if grooves > 0.0 and not kinds.any():
             kinds[len(kinds) // 2] = 1.0
         per_run["grooved"].append(np.repeat(kinds, 16))
-    return Batches(
-        tuple(per_run["feed"]),
-        tuple(per_run["allowance"]),
-        tuple(per_run["T"]),
-        tuple(per_run["dressed"]),
-        tuple(per_run["grooved"]),
-        float(generator.uniform(0.6, 1.5)),
-    )
+    growth = float(generator.uniform(0.6, 1.5))
+    return Batches(**{name: tuple(parts) for name, parts in per_run.items()}, growth_um_per_k=growth)
 
 
 def lagging(made: Batches, size: float) -> list[Vector]:
@@ -137,13 +126,17 @@ def lagging_and_worn(made: Batches, size: float) -> list[Vector]:
     return [late + less - base for late, less, base in three]
 
 
+def _shifted(changes: Sequence[Vector]) -> Change:
+    return lambda made, size: [part + size * change for part, change in zip(made.sizes(), changes, strict=True)]
+
+
 def _touched(generator: np.random.Generator) -> Change:
     """Somebody turns the zero of the gauge at random and back again; nobody wrote it down."""
     changes = []
     for _ in RUNS:
         moments = np.sort(generator.uniform(20.0, PARTS - 20.0, int(generator.integers(12, 20))))
         changes.append(np.r_[0.0, generator.standard_normal(len(moments))][np.searchsorted(moments, np.arange(PARTS))])
-    return lambda made, size: [part + size * change for part, change in zip(made.sizes(), changes, strict=True)]
+    return _shifted(changes)
 
 
 def _cycling(generator: np.random.Generator) -> Change:
@@ -153,13 +146,7 @@ def _cycling(generator: np.random.Generator) -> Change:
         turns = np.cumsum(generator.uniform(12.0, 40.0, 60)) - 20.0
         heights = np.where(np.arange(60) % 2 == 0, -1.0, 1.0) * generator.uniform(0.7, 1.3, 60)
         changes.append(np.interp(np.arange(PARTS), turns, heights))
-    return lambda made, size: [part + size * change for part, change in zip(made.sizes(), changes, strict=True)]
-
-
-def plan(name: str, hidden: tuple[str, ...] = ("absorbed",), **rest: Any) -> Plan:
-    """A plan of the gauging family."""
-    settings: dict[str, Any] = {"family": "gauging", "kind": "single", "hidden": hidden}
-    return Plan(name, **(settings | rest))
+    return _shifted(changes)
 
 
 def _noise(colour: str, sd: float) -> Noise:
@@ -251,14 +238,18 @@ def _reading(generator: np.random.Generator) -> World:
 
 _OUTSIDE: Mapping[str, Any] = {"kind": "out-of-catalogue", "verdicts": ("unexplained",), "factor": HIDDEN_FACTOR}
 _CLEAN: Mapping[str, Any] = {"kind": "clean", "verdicts": ("nothing-missing",)}
+_plan = partial(Plan, family="gauging", kind="single")
+_absorbed = partial(_plan, hidden=("absorbed",))
 _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
-    (plan("gauging.lag/parts"), _case("gauging.lag", lagging)),
+    (_absorbed("gauging.lag/parts"), _case("gauging.lag", lagging)),
     (
-        plan("gauging.lag/even-feed", note="Feeds are nearly even in the fitted runs: the offset takes most of it."),
+        _absorbed(
+            "gauging.lag/even-feed", note="Feeds are nearly even in the fitted runs: the offset takes most of it."
+        ),
         _case("gauging.lag", lagging, feeds="even", colour="heavy-tailed", first=3.0),
     ),
     (
-        plan(
+        _absorbed(
             "gauging.lag/reading",
             verdicts=("missing-physics", "miscalibrated", "data-fault"),
             tolerated=("data.clock",),
@@ -266,10 +257,10 @@ _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
         ),
         _reading,
     ),
-    (plan("gauging.wear/wheel"), _case("gauging.wear", worn, place="wheel", dressing=60)),
-    (plan("gauging.wear/seldom-dressed", ()), _case("gauging.wear", worn, place="wheel", dressing=160, colour="ar")),
+    (_absorbed("gauging.wear/wheel"), _case("gauging.wear", worn, place="wheel", dressing=60)),
+    (_plan("gauging.wear/seldom-dressed"), _case("gauging.wear", worn, place="wheel", dressing=160, colour="ar")),
     (
-        plan(
+        _absorbed(
             "gauging.wear/probe",
             kind="undecidable",
             verdicts=("missing-physics", "data-fault"),
@@ -277,30 +268,22 @@ _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
         ),
         _case("gauging.wear", worn_probe, accept=("gauging.wear", "data.drift", "data.zero"), place="probe"),
     ),
-    (plan("gauging.interrupted/keyways"), _case("gauging.interrupted", falling_in, first=0.5)),
+    (_absorbed("gauging.interrupted/keyways"), _case("gauging.interrupted", falling_in, first=0.5)),
     (
-        plan("gauging.interrupted/rare", ("rare",), note="One lot in thirty has keyways."),
+        _plan("gauging.interrupted/rare", hidden=("rare",), note="One lot in thirty has keyways."),
         _case("gauging.interrupted", falling_in, first=0.5, grooves=0.03, colour="quantised"),
     ),
     (
-        plan("gauging.several/lag+wear", (), kind="several"),
-        _case(
-            "gauging.lag",
-            lagging_and_worn,
-            beside=("gauging.wear", "wheel"),
-            lacking=(as_worn_as_lagging, lagging),
-        ),
+        _plan("gauging.several/lag+wear", kind="several"),
+        _case("gauging.lag", lagging_and_worn, beside=("gauging.wear", "wheel"), lacking=(as_worn_as_lagging, lagging)),
     ),
     (
-        plan("hidden.gauging/zero-touched", (), tolerated=("data.step",), **_OUTSIDE),
+        _plan("hidden.gauging/zero-touched", tolerated=("data.step",), **_OUTSIDE),
         _case("hidden.zero-touched", drawing=_touched, place=None),
     ),
-    (plan("hidden.gauging/cooler", (), **_OUTSIDE), _case("hidden.cooler", drawing=_cycling, place=None)),
-    (plan("clean.gauging/white", (), **_CLEAN), _case("")),
-    (plan("clean.gauging/ar", (), **_CLEAN), _case("", colour="ar")),
-    (plan("clean.gauging/quantised", (), **_CLEAN), _case("", colour="quantised")),
+    (_plan("hidden.gauging/cooler", **_OUTSIDE), _case("hidden.cooler", drawing=_cycling, place=None)),
+    (_plan("clean.gauging/white", **_CLEAN), _case("")),
+    (_plan("clean.gauging/ar", **_CLEAN), _case("", colour="ar")),
+    (_plan("clean.gauging/quantised", **_CLEAN), _case("", colour="quantised")),
 )
-SCENARIOS = (
-    *(scenario(plan, made, has_strength=plan.kind != "clean") for plan, made in _PLANS),
-    *(twin(*entry) for entry in _PLANS if entry[0].name == "gauging.wear/seldom-dressed"),
-)
+SCENARIOS = scenarios_of(_PLANS, "gauging.wear/seldom-dressed")

@@ -11,17 +11,19 @@ STEP_S = 4e-3
 """Step of the grinding of a part [s]."""
 
 
-def ground_sizes(
-    allowance_um: Vector, feed_um_per_s: Vector, lag_s: float, groove_um: Vector, groove_share: Vector
-) -> Vector:
+GROOVE_SHARE = 0.3
+"""Share of the time in which the finger falls in."""
+
+
+def ground_sizes(allowance_um: Vector, feed_um_per_s: Vector, lag_s: float, groove_um: Vector) -> Vector:
     """Size of every part when the gauge let go [µm over the target], shape (n_parts,).
 
     The wheel comes in with four times the fine feed until the reading is 25 µm over the target, then with the fine
     feed `feed_um_per_s`; machine and part give way with a time constant of 0.3 s. The gauge reads through two lags in
-    a row that delay it by `lag_s` altogether. Grooves pass 23 times a second: in `groove_share` of the time the finger
+    a row that delay it by `lag_s` altogether. Grooves pass 23 times a second: in `GROOVE_SHARE` of the time the finger
     falls in, by up to `groove_um`, and comes out again slowly, so that the reading is too low.
     """
-    result: Vector = _ground(allowance_um, feed_um_per_s, lag_s, groove_um, groove_share)
+    result: Vector = _ground(allowance_um, feed_um_per_s, lag_s, groove_um)
     return result
 
 
@@ -32,7 +34,7 @@ def read_course(allowance_um: float, feed_um_per_s: float, lag_s: float, n_rows:
 
 
 @njit(cache=True, nogil=True)
-def _ground(allowance, feed, lag_s, depth, share):  # type: ignore[no-untyped-def]
+def _ground(allowance, feed, lag_s, depth):  # type: ignore[no-untyped-def]
     result = np.empty(len(allowance))
     h = STEP_S
     pole = 1.0 - np.exp(-h / (0.5 * lag_s)) if lag_s > 0.0 else 1.0
@@ -55,7 +57,7 @@ def _ground(allowance, feed, lag_s, depth, share):  # type: ignore[no-untyped-de
             last_size = size
             size -= h * rate
             turn = (k * h * 23.0 + 0.37 * part) % 1.0
-            drop = depth[part] if turn < share[part] else 0.0
+            drop = depth[part] if turn < GROOVE_SHARE else 0.0
             finger += 0.85 * (drop - finger) if drop > finger else 0.2 * (drop - finger)
             seen = size - finger
             first += pole * (seen - first)

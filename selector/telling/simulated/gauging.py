@@ -349,16 +349,10 @@ def _thresholds(one: Setting) -> str:
 
 def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSummary) -> dict[str, Any]:
     """`gauging` of `selector.simulation/1`."""
-    gauge, curve, one = summary.gauge, summary.characteristic, summary.trade_off
+    curve, filters = summary.characteristic, summary.trade_off
+    within = {"linear_range_um": list(summary.linear_range_um), "linear_within_um": summary.linear_within_um}
     return {
-        "gauge": {
-            "gain_v_per_um": gauge.gain_v_per_um,
-            "bias_v": gauge.bias_v,
-            "time_constant_s": gauge.time_constant_s,
-            "allowance_um": gauge.allowance_um,
-            "linear_range_um": list(summary.linear_range_um),
-            "linear_within_um": summary.linear_within_um,
-        },
+        "gauge": {**vars(summary.gauge), **within},
         "characteristic": None
         if curve is None
         else {
@@ -367,27 +361,14 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
             "monotone_um": list(curve.monotone_um),
             "free_amplitude_um": curve.free_amplitude_um,
         },
-        "stages": [
-            {
-                "until_um": stage.until_um,
-                "feed_um_per_s": stage.feed_um_per_s,
-                "rate_um_per_s": stage.rate_um_per_s,
-                "threshold_v": stage.threshold_v,
-            }
-            for stage in summary.stages
-        ],
+        "stages": [dict(vars(stage)) for stage in summary.stages],
         "wanted_um": model.setup.wanted_um,
         "parts": None if simulation.sizes is None else _parts_data(simulation.sizes),
         "monte_carlo": _monte_carlo(summary.sizes),
-        "formula": _formula(summary.formula),
+        "formula": {name: one for name, one in vars(summary.formula).items() if name not in ("probability", "size_um")},
         "capability": None if summary.capability is None else _capability_data(summary.capability),
         "trade_off": {
-            "time_constant_s": one.time_constant_s,
-            "bias_um": one.bias_um,
-            "sd_um": one.sd_um,
-            "threshold_v": one.threshold_v,
-            "centred_threshold_v": one.centred_threshold_v,
-            "at_edge": one.at_edge,
+            **{name: getattr(filters, name) for name in _OF_TRADE_OFF},
             "settings": [
                 {
                     "setting": setting.name,
@@ -408,20 +389,15 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
     }
 
 
+_OF_TRADE_OFF = ("time_constant_s", "bias_um", "sd_um", "threshold_v", "centred_threshold_v", "at_edge")
+_OF_PART = ("size_um", "duration_s", "tripped", "at_once")
+_OF_CAPABILITY = ("cp", "cpk", "share_outside")
+"""Those with an interval."""
+
+
 def _parts_data(sizes: FinishedSizes) -> list[dict[str, Any]]:
-    return [
-        {"part": number, "size_um": size, "duration_s": duration, "tripped": tripped, "at_once": at_once}
-        for number, (size, duration, tripped, at_once) in enumerate(
-            zip(
-                sizes.size_um.tolist(),
-                sizes.duration_s.tolist(),
-                sizes.tripped.tolist(),
-                sizes.at_once.tolist(),
-                strict=True,
-            ),
-            start=1,
-        )
-    ]
+    rows = zip(*(getattr(sizes, name).tolist() for name in _OF_PART), strict=True)
+    return [{"part": number, **dict(zip(_OF_PART, row, strict=True))} for number, row in enumerate(rows, start=1)]
 
 
 def _monte_carlo(sizes: FinishedSizes) -> dict[str, Any]:
@@ -436,33 +412,11 @@ def _monte_carlo(sizes: FinishedSizes) -> dict[str, Any]:
     }
 
 
-def _formula(one: SizeDistribution) -> dict[str, Any]:
-    return {
-        "method": one.method,
-        "mean_um": one.mean_um,
-        "sd_um": one.sd_um,
-        "within_um": one.within_um,
-        "between_um": one.between_um,
-        "restlessness": one.restlessness,
-        "ripple_rate": one.ripple_rate,
-        "curvature_um": one.curvature_um,
-        "linear_holds": one.linear_holds,
-        "passage_holds": one.passage_holds,
-    }
-
-
 def _capability_data(one: Capability) -> dict[str, Any]:
-    return {
-        "parts": one.count,
-        "confidence": CONFIDENCE,
-        "cp": one.cp,
-        "cp_interval": [one.cp_low, one.cp_high],
-        "cpk": one.cpk,
-        "cpk_interval": [one.cpk_low, one.cpk_high],
-        "cp_quantiles": one.cp_quantiles,
-        "cpk_quantiles": one.cpk_quantiles,
-        "share_below": one.share_below,
-        "share_above": one.share_above,
-        "share_outside": one.share_outside,
-        "share_outside_interval": [one.share_outside_low, one.share_outside_high],
-    }
+    told: dict[str, Any] = {"parts": one.count, "confidence": CONFIDENCE}
+    for name, value in vars(one).items():
+        if name in _OF_CAPABILITY:
+            told |= {name: value, f"{name}_interval": [getattr(one, f"{name}_{end}") for end in ("low", "high")]}
+        elif name not in ("count", "mean_um", "sd_um") and not name.endswith(("_low", "_high")):
+            told[name] = value
+    return told
