@@ -21,6 +21,7 @@ from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 
@@ -98,13 +99,15 @@ def course_um(machine: VirtualMachine, cycle: Cyclogram, time_s: Vector) -> Vect
     """
     day = 86_400.0
     rest = Conditions.held([0.0, 40 * day], spindle_speed=[0.0, 0.0], ambient_degc=[HALL_DEGC] * 2)
-    settled = machine.simulate(rest, time_s=[40 * day], step_s=3600.0)
+    settled = simulate_heat(machine.system, machine.laws, rest, time_s=[40 * day], step_s=3600.0, start_degc=HALL_DEGC)
     conditions = Conditions.held(
         np.append(cycle.start_s, cycle.end_s),
         spindle_speed=np.append(cycle.speed_rpm, 0.0),
         ambient_degc=np.full(len(cycle.start_s) + 1, HALL_DEGC),
     )
-    history = machine.simulate(conditions, time_s=time_s, start_state=settled.end_state)
+    history = simulate_heat(
+        machine.system, machine.laws, conditions, time_s=time_s, step_s=20.0, start_state=settled.end_state
+    )
     columns = [history.displacements.index(axis) for axis in AXES]
     course = history.displacement_um[:, columns]
     return course - course[0]

@@ -1,6 +1,6 @@
 """Finished sizes by two formulas and by Monte Carlo: where they agree, and what each takes.
 
-python -m benchmarks.bench_gauging [--parts 20000] [--threads 2]
+python -m benchmarks.bench_gauging [--parts 20000]
 
 Mean is the finished size less the wanted one. *r* is σ_ẏ/(|K|·a), how restless the noise is against the course of the
 reading; *wave* the largest rate of the smoothed surface over a. Monte Carlo: ± one standard error. The times of one
@@ -85,7 +85,6 @@ def cases() -> dict[str, GaugedGrinding]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", type=int, default=20_000)
-    parser.add_argument("--threads", type=int, default=2)
     options = parser.parse_args()
     finished_sizes(BASE, 1)
     size_distribution(replace(BASE, noise=Noise(1.0, 10.0)))
@@ -97,7 +96,7 @@ def main() -> None:
         passage = size_distribution(setup)
         formula_s = time.perf_counter() - begin
         begin = time.perf_counter()
-        sizes = finished_sizes(setup, options.parts, seed=1, threads=options.threads)
+        sizes = finished_sizes(setup, options.parts, seed=1)
         parts_s = time.perf_counter() - begin
         wanted = setup.wanted_um
         moved = f", curve {passage.curvature_um:+.3f}" if setup.characteristic is not None else ""

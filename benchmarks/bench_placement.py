@@ -37,6 +37,7 @@ from bench_reduction import shift
 from selector.models.design import datum_of, lagged, rows_of
 from selector.physics.thermal.field.candidates import sensor_candidates
 from selector.physics.thermal.field.machine import Sensor, VirtualMachine, virtual_machining_centre
+from selector.physics.thermal.network.transient import simulate_heat
 from selector.recording import Channel, Recording
 from selector.selection import Options, Selection, select
 
@@ -84,7 +85,9 @@ def simulated(machine: VirtualMachine, names: Sequence[str], conditions, seed: i
     noise = np.random.RandomState(seed)
     found = []
     for name, acting, time_s in conditions:
-        history = machine.simulate(acting, time_s=time_s)
+        history = simulate_heat(
+            machine.system, machine.laws, acting, time_s=time_s, step_s=20.0, start_degc=float(acting.ambient_degc[0])
+        )
         degc = history.probe_degc[:, [history.probes.index(each) for each in names]]
         hall = acting.ambient_degc[np.searchsorted(acting.time_s, time_s, side="right") - 1]
         degc = np.column_stack([degc, hall])

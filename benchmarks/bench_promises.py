@@ -22,6 +22,7 @@ from selector.controllers import evaluate
 from selector.controllers.model_file import Input, ModelFile, Output, Term
 from selector.physics.thermal.field.machine import virtual_machining_centre
 from selector.physics.thermal.network.laws import Conditions
+from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times
 from selector.physics.vibration.vibration_model import vibration_model
@@ -70,7 +71,7 @@ def shift_of_the_machine() -> Callable[[], object]:
     machine = virtual_machining_centre(refinement=0.5)
     time_s = np.arange(0.0, 8 * 3600 + 1, 60.0)
     conditions = Conditions.held(time_s, spindle_speed=np.where(time_s < 14_400, 3000.0, 500.0))
-    return lambda: machine.simulate(conditions, time_s=time_s, start_degc=20.0)
+    return lambda: simulate_heat(machine.system, machine.laws, conditions, time_s=time_s, step_s=20.0, start_degc=20.0)
 
 
 def hostile_name() -> Callable[[], object]:

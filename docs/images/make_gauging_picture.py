@@ -39,13 +39,12 @@ def page() -> str:
     found = trade_off(setup, time_constants_s=np.geomspace(0.003, 0.8, 60))
     at = np.geomspace(0.003, 0.8, CHECKED)
     wrong_um = [
-        finished_sizes(setup.with_filter(one), PARTS, seed=1, threads=2).finished_um - setup.wanted_um
-        for one in at.tolist()
+        finished_sizes(setup.with_filter(one), PARTS, seed=1).finished_um - setup.wanted_um for one in at.tolist()
     ]
     squares = np.array([np.mean(one**2) for one in wrong_um])
     errors = np.array([np.std(one**2) / np.sqrt(len(one)) for one in wrong_um])
     restless = replace(BASE, noise=Noise(2.0, 100.0))
-    sizes = finished_sizes(restless, 20_000, seed=1, threads=2).size_um
+    sizes = finished_sizes(restless, 20_000, seed=1).size_um
     drawn = make_subplots(
         rows=2,
         cols=1,

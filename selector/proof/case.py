@@ -103,14 +103,13 @@ class Scenario:
     has_seeds: bool = True
 
 
-def truth_as_dict(truth: Truth) -> dict[str, Any]:
-    """The truth as JSON values."""
-    return {name: _plain(getattr(truth, name)) for name in (field.name for field in dataclasses.fields(truth))}
-
-
 def sealed_text(answers: Mapping[str, Mapping[str, Any]]) -> str:
     """Answers by case as canonical JSON: sorted keys, so that equal answers have equal bytes and equal hashes."""
-    return json.dumps(answers, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+    def plain(value: np.generic) -> Any:
+        return value.item()
+
+    return json.dumps(answers, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1, default=plain) + "\n"
 
 
 def sha256_of_text(text: str) -> str:
@@ -126,7 +125,7 @@ def sealed_sha256_of_case(case: Case) -> str:
     """
     digest = hashlib.sha256()
     digest.update(
-        sealed_text({case.name: {"truth": truth_as_dict(case.truth), "responses": list(case.responses)}}).encode()
+        sealed_text({case.name: {"truth": dataclasses.asdict(case.truth), "responses": list(case.responses)}}).encode()
     )
     for recording in (case.recording, case.simulation):
         _update(digest, recording)
@@ -145,18 +144,6 @@ def _update(digest: Any, recording: Recording) -> None:
         digest.update(run.encode())
         for values in (recording.time_s(run), recording.values(run, recording.names)):
             digest.update(np.ascontiguousarray(values, dtype="<f8").tobytes())
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
 
 
 def detection_probability(d_prime: ArrayLike, *, false_alarm: float = 0.01, n_looks: int = 1) -> NDArray[np.float64]:

@@ -125,19 +125,12 @@ _CLEAR_NATS = 4.0
 """Gain of log likelihood over noise alone that is called structure: two parameters and more by Akaike."""
 
 
-@dataclass(frozen=True, eq=False)
-class Discrepancy:
-    """What the process leaves of the difference over all rows [unit], and whether it saw more than noise."""
-
-    left: Vector
-    is_structured: bool
-
-
-def discrepancy(comparison: Comparison, offered: Candidates, seed: int) -> Discrepancy:
+def discrepancy(comparison: Comparison, offered: Candidates, seed: int) -> tuple[Vector, bool]:
     """The discrepancy term of Kennedy and O'Hagan (J. R. Statist. Soc. B 63, 2001, 425), after recalibration.
 
-    Its inputs are the recorded channels that are no response and the simulated response; it is fitted to at most
-    `MOST_POINTS` evenly taken rows.
+    What the process leaves of the difference over all rows [unit], and whether it saw more than noise. Its inputs are
+    the recorded channels that are no response and the simulated response; it is fitted to at most `MOST_POINTS`
+    evenly taken rows.
     """
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -152,7 +145,7 @@ def discrepancy(comparison: Comparison, offered: Candidates, seed: int) -> Discr
     rows = rows[np.linspace(0, len(rows) - 1, min(MOST_POINTS, len(rows))).astype(int)]
     size = float(left[rows].std())
     if size == 0.0:
-        return Discrepancy(left, False)
+        return left, False
     target = left[rows] / size
     kernel = ConstantKernel(0.3, (1e-4, 1e2)) * RBF(2.0, (0.1, 1e2)) + WhiteKernel(0.7, (1e-4, 1e1))
     with warnings.catch_warnings():
@@ -164,7 +157,7 @@ def discrepancy(comparison: Comparison, offered: Candidates, seed: int) -> Discr
     kept = np.flatnonzero(offered.held_out)
     result = left.copy()
     result[kept] -= size * process.predict(inputs[kept]) if len(kept) else 0.0
-    return Discrepancy(result, bool(likelihood - noise_alone > _CLEAR_NATS))
+    return result, bool(likelihood - noise_alone > _CLEAR_NATS)
 
 
 _FALSE_ALARM = 0.01
@@ -195,9 +188,9 @@ class Rival:
         for response in comparison.responses:
             offered = candidates(comparison, response)
             if self.choose is None:
-                found = discrepancy(comparison, offered, seed)
-                structured = structured or found.is_structured
-                fits[response] = _fit(offered, found.left)
+                left, more_than_noise = discrepancy(comparison, offered, seed)
+                structured = structured or more_than_noise
+                fits[response] = _fit(offered, left)
                 continue
             chosen = self.choose(offered, seed) if offered.owners else ()
             named = list(dict.fromkeys(offered.owners[k] for k in chosen))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from selector.proof.case import (
     sealed_sha256_of_case,
     sealed_text,
     sha256_of_text,
-    truth_as_dict,
 )
 from selector.proof.judging import FAILED, Judged, Stated, judged, stated
 from selector.readers.writing import run_files, write_recording
@@ -171,7 +170,10 @@ def _case(number: int, question: Question, answerers: Sequence[Answerer]) -> tup
             case = question.scenario.build(question.seed, question.d_prime)
             seal = sealed_sha256_of_case(case)
         except Exception as error:
-            return number, tuple(_unbuilt(question, one.name, error) for one in answerers)
+            said = Stated(FAILED, error="the case could not be built: " + _text(error))
+            scenario, unjudged = question.scenario, Judged(verdict_right=False)
+            about = (scenario.name, scenario.family, scenario.kind, question.d_prime, question.seed)
+            return number, tuple(Outcome(*about, one.name, None, said, unjudged, seconds=0.0) for one in answerers)
         return number, tuple(_outcome(question, case, seal, one) for one in answerers)
 
 
@@ -182,20 +184,9 @@ def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> O
     except Exception as error:
         said = Stated(FAILED, error=_text(error))
     seconds = time.perf_counter() - started
-    return Outcome(
-        scenario=case.name,
-        family=case.family,
-        kind=case.kind,
-        d_prime_asked=question.d_prime,
-        seed=question.seed,
-        answerer=answerer.name,
-        truth=case.truth,
-        stated=said,
-        judged=judged(said, case.truth, spans(case.recording)),
-        seconds=seconds,
-        seal=seal,
-        responses=case.responses,
-    )
+    verdict = judged(said, case.truth, spans(case.recording))
+    about = (case.name, case.family, case.kind, question.d_prime, question.seed)
+    return Outcome(*about, answerer.name, case.truth, said, verdict, seconds, seal, case.responses)
 
 
 def _blind(case: Case) -> Comparison:
@@ -208,22 +199,6 @@ def _blind(case: Case) -> Comparison:
 def spans(recording: Recording) -> dict[str, tuple[float, float]]:
     """First and last time of every run [s]."""
     return {run: (float(recording.time_s(run)[0]), float(recording.time_s(run)[-1])) for run in recording.runs}
-
-
-def _unbuilt(question: Question, answerer: str, error: Exception) -> Outcome:
-    scenario = question.scenario
-    return Outcome(
-        scenario=scenario.name,
-        family=scenario.family,
-        kind=scenario.kind,
-        d_prime_asked=question.d_prime,
-        seed=question.seed,
-        answerer=answerer,
-        truth=None,
-        stated=Stated(FAILED, error="the case could not be built: " + _text(error)),
-        judged=Judged(verdict_right=False),
-        seconds=0.0,
-    )
 
 
 def _text(error: Exception) -> str:
@@ -266,7 +241,7 @@ def write_bundles(
             "d_prime_asked": question.d_prime,
             "spans_s": {run: list(span) for run, span in spans(case.recording).items()},
             "seal": sealed_sha256_of_case(case),
-            "truth": truth_as_dict(case.truth),
+            "truth": asdict(case.truth),
         }
         if progress is not None:
             progress(place + 1, len(questions), name)

@@ -14,7 +14,6 @@ from selector.proof.case import (
     sealed_sha256_of_case,
     sealed_text,
     sha256_of_text,
-    truth_as_dict,
 )
 from selector.proof.runner import questions, write_bundles
 from selector.readers import Overrides, read
@@ -45,7 +44,7 @@ def test_seal_of_many_knows_no_order():
 
 def test_truth_survives_its_text():
     truth = Truth(("unexplained",), (DOOR,), d_prime=np.float64(6.0), held_out={"Z": HeldOut(4.0, 3.0, 2.0, 1.0)})
-    back = json.loads(sealed_text({"case": truth_as_dict(truth)}))["case"]
+    back = json.loads(sealed_text({"case": dataclasses.asdict(truth)}))["case"]
     assert back["effects"][0]["windows"] == [{"run": "r1", "from_s": 0.0, "to_s": 3000.0}]
     assert back["held_out"]["Z"]["oracle"] == 2.0
     assert back["d_prime"] == 6.0

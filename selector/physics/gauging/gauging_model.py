@@ -297,11 +297,7 @@ class GaugingModel:
         """
         random = self.file.run.seed if seed is None else seed
         setup, parts = self.setup, self.file.run.parts
-
-        def told(done: int, of: int) -> None:
-            if progress is not None:
-                progress(done, of, "parts")
-
+        told = None if progress is None else lambda done, of: progress(done, of, "parts")
         sizes = finished_sizes(setup, parts, seed=random, progress=told)
         names = [name or run for name in self.runs if name != WAVEFORM_RUN]
         courses = {

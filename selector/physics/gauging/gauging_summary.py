@@ -157,27 +157,6 @@ _BETTER, _LEAST_UM = 0.9, 1e-3
 """A filter is better that leaves at most this share of the error, and so much less of it [µm]."""
 
 
-def size_findings(
-    model: GaugingModel,
-    formula: SizeDistribution,
-    sizes: FinishedSizes,
-    capability: Capability | None,
-    settings: tuple[Setting, ...],
-) -> tuple[Finding, ...]:
-    """Noise and surfaces that trip the relay early, low capability, sizes off what is wanted, a better filter.
-
-    `formula` is by first passage, `sizes` are by Monte Carlo; `settings` are what other thresholds and filters give.
-    """
-    by_name = {one.name: one for one in settings}
-    return (
-        *early_findings(model, formula),
-        *_off(model, sizes, by_name.get(CENTRED)),
-        *_capability(model, formula, capability, by_name.get(BEST_CENTRED)),
-        *_filter(by_name),
-        *differing_findings(model, formula, sizes),
-    )
-
-
 def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> Iterator[Finding]:
     off_um = sizes.mean_um - model.setup.wanted_um
     if abs(off_um) <= max(mattering_um(model), _ERRORS * sizes.mean_error_um):
@@ -366,6 +345,7 @@ def gauging_summary(
     known = None if tolerance is None else capability(sizes.finished_um, tolerance)
     filters = trade_off(setup, parts=parts)
     settings = gauging_settings(model, sizes, filters, lambda other: _sizes(other, seed, progress, is_trial=True))
+    by_name = {one.name: one for one in settings}
     return GaugingSummary(
         gauge=setup.gauge,
         characteristic=curve,
@@ -382,7 +362,14 @@ def gauging_summary(
         if curve is None
         else linear_range_um(curve, setup.gauge, mattering_um(model)),
         linear_within_um=mattering_um(model),
-        findings=(*threshold_findings(model, seed), *size_findings(model, formula, sizes, known, settings)),
+        findings=(
+            *threshold_findings(model, seed),
+            *early_findings(model, formula),
+            *_off(model, sizes, by_name.get(CENTRED)),
+            *_capability(model, formula, known, by_name.get(BEST_CENTRED)),
+            *_filter(by_name),
+            *differing_findings(model, formula, sizes),
+        ),
     )
 
 
@@ -398,11 +385,12 @@ def _sizes(model: GaugingModel, seed: int, progress: Progress | None, *, is_tria
     batches = math.ceil(enough / batch)
     seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))
 
+    found: list[FinishedSizes] = []
+
     def told(done: int, of: int) -> None:
         if progress is not None:
             progress(len(found) * of + done, batches * of, "settings" if is_trial else "sizes")
 
-    found: list[FinishedSizes] = []
     for one in seeds:
         found.append(finished_sizes(model.setup, batch, seed=int(one), progress=told))
     columns = {one.name: [getattr(batch, one.name) for batch in found] for one in fields(FinishedSizes)}

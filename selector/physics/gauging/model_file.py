@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from selector.errors import InputError
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, removal_rate_um_per_s, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import (
     FEWEST_SIZES,
@@ -41,7 +41,7 @@ from selector.physics.model_text import (
     bound_contradictions,
     limited,
 )
-from selector.physics.model_values import entry_of, given, refused, value_of
+from selector.physics.model_values import entry_of, given, refusals, value_of
 
 MOST_ALLOWANCE_UM = 1e6
 """In recordings: allowances and sizes [µm]."""
@@ -170,19 +170,13 @@ def part_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
         (Noise, file.noise, ("noise",)),
         (Tolerance, file.tolerance, ("tolerance",)),
     ]
-    refusals = []
-    for kind, section, key in kinds:
-        if section is not None:
-            try:
-                value_of(kind, section)
-            except InputError as error:
-                refusals.append(refused(error, key, section))
-    yield from refusals
-    if not refusals:
-        try:
-            _grinding(file.grinding)
-        except InputError as error:
-            yield refused(error, ("grinding",), file.grinding)
+    wrong = [
+        one
+        for kind, section, key in kinds
+        if section is not None
+        for one in refusals(partial(value_of, kind, section), key, section)
+    ]
+    yield from wrong or refusals(partial(_grinding, file.grinding), ("grinding",), file.grinding)
 
 
 def _grinding(section: Entry) -> Grinding:
@@ -237,9 +231,8 @@ def finest_s(parts: FileParts) -> float:
     return min(wanted)
 
 
-def length_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
+def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
     """Parts that take too many samples to be held, or all of them too many to be waited for."""
-    parts = file_parts(file)
     duration_s, period_s = planned_s(parts), sampling_s(file, parts)
     key = ("run", "period_s") if file.run.period_s is not None else ("grinding", "stages")
     samples = duration_s / period_s
@@ -341,14 +334,8 @@ def early_slips(file: GaugingFile) -> Iterator[Contradiction]:
         yield ("grinding", "feed_sd"), f"feed_sd = {spread:g}", expected, advice
 
 
-def late_slips(file: GaugingFile) -> Iterator[Contradiction]:
-    """Times that are longer than the grinding, and thresholds of a line that no part comes near."""
-    parts = file_parts(file)
-    yield from _of_times(parts)
-    yield from _of_volts(file, parts)
-
-
 def _of_times(parts: FileParts) -> Iterator[Contradiction]:
+    """Times that are longer than the grinding."""
     lasts_s = grinding_s(parts, parts.grinding.allowance_um)
     for key, time_s in slow_times(parts).items():
         if time_s > lasts_s:
@@ -367,6 +354,7 @@ def _of_times(parts: FileParts) -> Iterator[Contradiction]:
 
 
 def _of_volts(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+    """Thresholds of a line that no part comes near."""
     gauge, grinding, surface = parts.linear, parts.grinding, parts.surface
     if file.thresholds is None or gauge is None:
         return
@@ -397,12 +385,14 @@ def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     yield from _of_gauge(file)
     yield from early_slips(file)
     yield from part_contradictions(file)
-    yield from _of_linear(file)
-    yield from _of_wear(file)
-    yield from _of_thresholds(file)
-    yield from late_slips(file)
+    parts = file_parts(file)
+    yield from _of_linear(parts)
+    yield from _of_wear(file, parts)
+    yield from _of_thresholds(file, parts)
+    yield from _of_times(parts)
+    yield from _of_volts(file, parts)
     yield from bound_contradictions(file.bounds)
-    yield from length_contradictions(file)
+    yield from length_contradictions(file, parts)
 
 
 def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
@@ -424,8 +414,8 @@ def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
         yield ("run", "waveform_s"), found, expected, "leave it out, or describe the gauge by its parts"
 
 
-def _of_linear(file: GaugingFile) -> Iterator[Contradiction]:
-    gauge = file_parts(file).linear
+def _of_linear(parts: FileParts) -> Iterator[Contradiction]:
+    gauge = parts.linear
     if gauge is not None and gauge.gain_v_per_um >= 0:
         yield (
             ("linear", "gain_v_per_um"),
@@ -435,17 +425,13 @@ def _of_linear(file: GaugingFile) -> Iterator[Contradiction]:
         )
 
 
-def _of_wear(file: GaugingFile) -> Iterator[Contradiction]:
-    grinding = file_parts(file).grinding
+def _of_wear(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
+    grinding = parts.grinding
     since = min(file.run.parts, grinding.dress_every or file.run.parts)
-    try:
-        wear_share(grinding, since - 1)
-    except InputError as error:
-        yield refused(error, ("grinding",), file.grinding)
+    yield from refusals(lambda: wear_share(grinding, since - 1), ("grinding",), file.grinding)
 
 
-def _of_thresholds(file: GaugingFile) -> Iterator[Contradiction]:
-    parts = file_parts(file)
+def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
     stages = len(parts.grinding.stages)
     if stages > MOST_STAGES:
         yield ("grinding", "stages"), f"{stages} stages", f"at most {MOST_STAGES}", "leave stages out"

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,16 @@ from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import (
     SENSORS,
     Physics,
+    VirtualMachine,
     film_sets,
     foot_springs,
     machine_laws,
     virtual_machining_centre,
 )
-from selector.physics.thermal.field.mesh import BlockMesh, probe_row
+from selector.physics.thermal.field.mesh import probe_row
 from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
 from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
-from selector.physics.thermal.network.heat_system import HeatSystem, projected, reduced_basis
+from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import condensed
@@ -106,40 +107,29 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
                 raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
             beside = np.zeros(full.size - len(row))
             full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
-    return projected(full, _basis(machine._replace(full=full), settings.physics, laws))
-
-
-class FieldBody(NamedTuple):
-    """The machine before its reduction, the basis of the reduction, and its mesh, whose nodes are the first states."""
-
-    full: HeatSystem
-    basis: Vector
-    mesh: BlockMesh
+    return _with_laws(dataclasses.replace(machine, full=full), laws).system
 
 
 @functools.lru_cache(maxsize=1)
-def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> FieldBody:
-    """The machine without its stiffness, which takes the most memory; the last one is kept for the next model."""
-    machine = virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
-    return FieldBody(machine.full, machine.basis, machine.field.mesh)
+def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refinement: float) -> VirtualMachine:
+    """The last machine is kept for the next model."""
+    return virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
 
 
-def _shipped_of(file: FieldFile) -> FieldBody:
+def _shipped_of(file: FieldFile) -> VirtualMachine:
     settings = file.field
     return _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
 
 
-def field_of(file: FieldFile, laws: Laws) -> FieldBody:
-    """The body that `system_of` reduces, with the shipped thermometers; at once after it."""
-    machine = _shipped_of(file)
-    return machine._replace(basis=_basis(machine, file.field.physics, laws))
+def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
+    """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
+    return _with_laws(_shipped_of(file), laws)
 
 
-def _basis(machine: FieldBody, physics: Physics, laws: Laws) -> Vector:
-    if laws.films == machine_laws(physics).films:
-        return machine.basis
+def _with_laws(machine: VirtualMachine, laws: Laws) -> VirtualMachine:
     # other film coefficients ask for other fields
-    return reduced_basis(machine.full, film_sets(laws))
+    basis = machine.basis if laws.films == machine.laws.films else reduced_basis(machine.full, film_sets(laws))
+    return dataclasses.replace(machine, laws=laws, basis=basis)
 
 
 def _film(law: FilmLaw, sections: Mapping[str, FieldFilm]) -> FilmLaw:
@@ -215,10 +205,11 @@ def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldM
     Raises InputError: the time is outside the conditions.
     """
     laws = laws_of(file)
-    full, basis, mesh = field_of(file, laws)
+    machine = field_of(file, laws)
+    mesh = machine.mesh
     start_degc = float(conditions.ambient_degc[0]) if file.run.start_degc is None else file.run.start_degc
     history = simulate_heat(
-        projected(full, basis),
+        machine.system,
         laws,
         condensed(conditions, file.run.step_s),
         time_s=[],
@@ -226,7 +217,7 @@ def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldM
         start_degc=start_degc,
         keep_states_at_s=[at_s],
     )
-    degc = basis[: len(mesh.nodes_m)] @ history.states[0]
+    degc = machine.basis[: len(mesh.nodes_m)] @ history.states[0]
     geometry = MachineGeometry(**dict(file.field.geometry))
     elastic = elasticity(mesh, MATERIALS, foot_springs(mesh, geometry))
     return FieldMoment(at_s, mesh.nodes_m, mesh.triangles(), degc, elastic.displacement_um(degc - start_degc))

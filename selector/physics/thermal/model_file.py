@@ -437,18 +437,8 @@ def _of_names(file: ModelFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[ModelFile] = ModelFamily(
     "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
 )
-read_model_file = FAMILY.read
-"""The model file at a path, see `ModelFamily.read`."""
-
-
-def parsed_model_file(text: str, *, where: str = "model file") -> ModelFile:
-    """The model file with this content, see `ModelFamily.parsed`."""
-    return FAMILY.parsed(text, where=where)
-
-
-def checked_model_file(values: Mapping[str, Any], *, where: str = "model file") -> ModelFile:
-    """The model file with these sections as plain values, see `ModelFamily.checked`."""
-    return FAMILY.checked(values, where=where)
+read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
+"""The model file at a path, of a text, and of plain values; see `ModelFamily`."""
 
 
 _SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes", "run")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
@@ -43,22 +42,6 @@ _STROKES_SHOWN = 6.0
 _SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
 """Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
 run-out, of which some dozens of turns and feeds are pooled."""
-
-
-@dataclass(frozen=True, eq=False)
-class PartInTime:
-    """A part, or a recorded run, over time."""
-
-    name: str
-    time_s: Vector  #: (n_samples,): [s]
-    #: allowance_um, measured_um and voltage_v: (n_samples,): True and measured allowance [µm], voltage behind the
-    #: filter [V]
-    allowance_um: Vector
-    measured_um: Vector
-    voltage_v: Vector
-    feed_um_per_s: Vector | None = None  #: (n_samples,): Infeed [µm/s]
-    ends_s: tuple[float, ...] = ()  #: When the stages ended [s]
-    is_finished: bool = True  #: Whether the gauge stopped it, so that its last allowance is a size
 
 
 def drawings(result: SimulationResult) -> dict[str, list[Block]]:
@@ -107,20 +90,18 @@ def _filter(summary: GaugingSummary) -> Drawing:
 
 def _parts(result: SimulationResult) -> list[Block]:
     """The first part, whole and near its stop; of recorded runs the first ones."""
-    done, summary, parts = result.simulated.details, result.summary, parts_in_time(result)
+    done, summary, parts = result.simulated.details, result.summary, _in_time(result)
     thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
-    shown = parts[: MOST_PARTS if done.sizes is not None else MOST_RUNS]
+    shown = dict(list(parts.items())[: MOST_PARTS if done.sizes is not None else MOST_RUNS])
     drawn: list[Block] = []
-    for part in shown:
-        courses = (part.time_s, part.allowance_um, part.measured_um, part.voltage_v, part.feed_um_per_s)
-        name = part.name if len(parts) > 1 else ""
-        whole = part_in_time(*courses, thresholds, part.ends_s, is_finished=part.is_finished, name=name)
+    for run, (courses, ends_s, is_finished) in shown.items():
+        name = run if len(parts) > 1 else ""
+        whole = part_in_time(*courses, thresholds, ends_s, is_finished=is_finished, name=name)
         drawn.append(Drawing(whole, _PART))
-        if part.is_finished and part.ends_s:
-            end = part.ends_s[-1]
-            from_s = end - _BEFORE_S * summary.gauge.time_constant_s
-            if from_s > _SHARE_OF_PART * end:
-                near = part_in_time(*courses, thresholds, part.ends_s, from_s=from_s, name=name)
+        if is_finished and ends_s:
+            from_s = ends_s[-1] - _BEFORE_S * summary.gauge.time_constant_s
+            if from_s > _SHARE_OF_PART * ends_s[-1]:
+                near = part_in_time(*courses, thresholds, ends_s, from_s=from_s, name=name)
                 drawn.append(Drawing(near, _NEAR))
     more = len(done.recording.runs) - (done.waveform is not None) - len(shown)
     return [*drawn, Note(f"{more} more parts were recorded; they are in their files.")] if drawn and more else drawn
@@ -156,34 +137,35 @@ def _waveform(motion: GaugeMotion, transducer: Transducer) -> go.Figure:
     )
 
 
-def parts_in_time(result: SimulationResult) -> tuple[PartInTime, ...]:
-    """Parts that were ground, or recorded runs as the gauge would have seen them."""
+_InTime = tuple[tuple[Vector, Vector, Vector, Vector, Vector | None], tuple[float, ...], bool]
+
+
+def _in_time(result: SimulationResult) -> dict[str, _InTime]:
+    """Parts that were ground, or recorded runs as the gauge would have seen them.
+
+    Run → time [s], allowance, measured allowance [µm], voltage [V], feed [µm/s] if known; when stages ended [s];
+    whether the gauge stopped it, so that its last allowance is a size.
+    """
     model, done = result.simulated.model, result.simulated.details
     if done.courses:
-        return tuple(
-            PartInTime(
-                name=name,
-                time_s=course.time_s,
-                allowance_um=course.allowance_um,
-                measured_um=model.measured_um(course.voltage_v),
-                voltage_v=course.voltage_v,
-                feed_um_per_s=course.feed_um_per_s,
-                ends_s=course.stage_end_s,
-                is_finished=course.tripped,
+        return {
+            name: (
+                (one.time_s, one.allowance_um, model.measured_um(one.voltage_v), one.voltage_v, one.feed_um_per_s),
+                one.stage_end_s,
+                one.tripped,
             )
-            for name, course in done.courses.items()
-        )
+            for name, one in done.courses.items()
+        }
     recording = done.recording
     # channels stand in the order of `gauging_driving`
     sizes, voltages = recording.with_role(ALLOWANCE.role), recording.with_role(GAUGE.role)
     assert MEASURED.role == ALLOWANCE.role
-    found = []
+    found: dict[str, _InTime] = {}
     for run in recording.runs[:MOST_RUNS]:
-        allowance, measured = (recording.values(run, [name])[:, 0] for name in sizes[:2])
-        voltage = recording.values(run, voltages[:1])[:, 0]
         time_s = recording.time_s(run)
-        found.append(PartInTime(run, time_s - time_s[0], allowance, measured, np.asarray(voltage), is_finished=False))
-    return tuple(found)
+        allowance, measured, voltage = recording.values(run, [*sizes[:2], *voltages[:1]]).T
+        found[run] = (time_s - time_s[0], allowance, measured, voltage, None), (), False
+    return found
 
 
 def size_density(one: SizeDistribution) -> tuple[Vector, Vector]:

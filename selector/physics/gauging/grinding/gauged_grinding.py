@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -388,13 +387,12 @@ def finished_sizes(
     *,
     seed: int = 0,
     steps: int | None = None,
-    threads: int = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> FinishedSizes:
     """Grinds `parts` parts one after the other and tells what became of them.
 
-    The wheel is fresh and the probe unworn at the first. A part depends on seed and number alone, so that more parts or
-    threads change none of them, and `part_course` shows the same. The relay compares all the time. Noise and filter
+    The wheel is fresh and the probe unworn at the first. A part depends on seed and number alone, so that more parts
+    change none of them, and `part_course` shows the same. The relay compares all the time. Noise and filter
     go in exact steps, `steps` in T_Φ (None: as many as resolve 1/β, T_Φ, lag and run-out), crossings are located
     within them. `progress(done, parts)` is called now and then.
 
@@ -408,19 +406,11 @@ def finished_sizes(
     nothing = np.empty((0, COLUMNS))
     many = int(min(max(_STEPS_OF_CHUNK / steps_per_part(setup, steps), 1.0), _CHUNK))
 
-    def chunk(first: int) -> None:
+    for first in range(0, parts, many):
         own = slice(first, min(first + many, parts))
         grind(plan, numbers[own], seeds[own], size[own], duration[own], ends[own], state[own], nothing, 1.0)
-
-    starts = range(0, parts, many)
-    if threads > 1:
-        with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(chunk, starts))
-    else:
-        for first in starts:
-            chunk(first)
-            if progress is not None:
-                progress(min(first + many, parts), parts)
+        if progress is not None:
+            progress(own.stop, parts)
     return FinishedSizes(size, duration, ends, state != NEVER, state == AT_ONCE)
 
 

@@ -174,16 +174,11 @@ def on_line(setup: GaugedGrinding) -> GaugedGrinding:
     return replace(setup, characteristic=None, surface=replace(surface, groove_depth_um=seen))
 
 
-def last_stage(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> MeanCourse:
-    """The last feed of a part whose allowance falls `pace` times as fast as with the mean feed and a fresh wheel.
+def stage_courses(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> list[MeanCourse]:
+    """The feeds of a part, the first one first, whose allowance falls `pace` times as with mean feed and fresh wheel.
 
     By the line and without noise; the workpiece begins the first stage at `turn`.
     """
-    return stage_courses(setup, pace, turn)[-1]
-
-
-def stage_courses(setup: GaugedGrinding, pace: float = 1.0, turn: float = 0.0) -> list[MeanCourse]:
-    """The same of all feeds, the first one first."""
     levels, rates = threshold_readings_um(setup), setup.rates_um_per_s
     unit = LinearGauge(1.0, 0.0, setup.gauge.time_constant_s)
     lag_s, x = setup.grinding.lag_s, setup.grinding.allowance_um
@@ -442,7 +437,9 @@ def relay_law(setup: GaugedGrinding, probability: Vector, rate_um_per_s: float |
         for phase in (np.arange(_RELAY_PHASES) + 0.5) / _RELAY_PHASES:
             ends = np.arange(height[0] + phase * step, height[-1] - step, -step)
             passed = np.concatenate([[0.0], np.cumsum(log_ndtr(ends / sd))])
-            survival += _passed_share(height, ends, passed) * ndtr(height / sd) / _RELAY_PHASES
+            # share that has not tripped in samples that ended above each height; `passed` are its logarithms
+            share = np.exp(passed[np.searchsorted(-ends, -height, side="left")])
+            survival += share * ndtr(height / sd) / _RELAY_PHASES
     return _law_of(survival, height, probability)
 
 
@@ -453,11 +450,6 @@ def _law_of(survival: Vector, size: Vector, probability: Vector) -> PassageLaw:
     square = float(integrate.trapezoid(2.0 * distance * survival, distance))
     sizes = np.interp(probability, survival[::-1], size[::-1])
     return PassageLaw(float(size[0]) + mean, max(square - mean**2, 0.0), sizes)
-
-
-def _passed_share(height: Vector, ends: Vector, passed: Vector) -> Vector:
-    """Share that has not tripped in samples that ended above each height; `ends` fall, `passed` are its logarithms."""
-    return np.asarray(np.exp(passed[np.searchsorted(-ends, -height, side="left")]))
 
 
 def _survival(time: Vector, q: Vector, approach: Vector, sd: float, rate_sd: float) -> Vector:

@@ -24,7 +24,6 @@ from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
 from selector.physics.gauging.process import Tolerance, mean_surface_um, smoothed_surface, surface_um
 from selector.physics.gauging.sizes.first_passage import (
     is_settled,
-    last_stage,
     masses,
     on_line,
     passage_law,
@@ -138,12 +137,8 @@ def size_distribution(setup: GaugedGrinding, *, method: Method = "first-passage"
     )  # fmt: skip
 
 
-def size_moments_um(setup: GaugedGrinding, *, parts: int) -> tuple[float, float]:
-    """Mean and standard deviation by first passage, without the quantiles: quicker, where many are wanted [µm]."""
-    return _moments_um(on_line(setup), "first-passage", parts)
-
-
 def _moments_um(line: GaugedGrinding, method: Method, parts: int) -> tuple[float, float]:
+    """Mean and standard deviation without the quantiles: quicker, where many are wanted [µm]."""
     lot = _lot(line, method, parts)
     early, white, _ = _of_relay(line, method)
     return lot.mean_um + early, math.sqrt(lot.within_um2 + lot.between_um2 + white)
@@ -194,7 +189,7 @@ class _Lot:
 
 
 def _lot(line: GaugedGrinding, method: Method, parts: int) -> _Lot:
-    smooth = method == "linear" or last_stage(line).is_whole
+    smooth = method == "linear" or stage_courses(line)[-1].is_whole
     return _smooth_lot(line, method, parts) if smooth else _rippled_lot(line, parts)
 
 
@@ -471,7 +466,7 @@ def trade_off(
     def moments(filter_s: float | None) -> tuple[float, float]:
         """Bias and standard deviation; None: as it is."""
         other = setup if filter_s is None else setup.with_filter(filter_s)
-        mean, sd_um = size_moments_um(other, parts=parts)
+        mean, sd_um = _moments_um(on_line(other), "first-passage", parts)
         return mean + curvature_um(other) - setup.wanted_um, sd_um
 
     bias, sd = np.array([moments(float(one)) for one in filters]).T.copy()

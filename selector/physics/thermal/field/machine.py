@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.field.geometry import (
@@ -41,7 +42,6 @@ from selector.physics.thermal.network.heat_system import (
     reduced_basis,
 )
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
-from selector.physics.thermal.network.transient import HeatHistory, simulate_heat
 from selector.types import Vector
 
 CELL_M = 0.04
@@ -296,10 +296,6 @@ def _films(*, moving: bool) -> tuple[FilmLaw, ...]:
     )
 
 
-STEP_S = 20.0
-"""Longest step of a simulation [s]: bearings need minutes to warm."""
-
-
 @dataclass(frozen=True)
 class Sensor:
     """A thermometer: where it sits in words, and its place [m]."""
@@ -356,40 +352,21 @@ _IN_PARTS = {"T15": "hydraulic unit", "T37": "coolant tank"}
 
 @dataclass(frozen=True)
 class VirtualMachine:
-    """A machine that can be run."""
+    """A machine that can be run; its stiffness, which takes the most memory, is not kept."""
 
-    #: Reduced field: displacements X, Y, Z, Y_lower, Y_upper; probes: the sensors and the `LUBRICATED` parts
-    system: HeatSystem
-    laws: Laws  #: What heats and cools it
-    field: FieldMachine  #: The whole field, for pictures and for sensors anywhere
-    full: HeatSystem  #: The field joined with the parts beside it, before the reduction
+    #: The field joined with the parts beside it, before the reduction: displacements X, Y, Z, Y_lower, Y_upper; probes:
+    #: the sensors and the `LUBRICATED` parts
+    full: HeatSystem
     #: (n_full, n_reduced): Temperatures of the states of `full` are ``basis @ state``; the first are the nodes of the
     #: mesh
     basis: Vector
+    laws: Laws  #: What heats and cools it
+    mesh: BlockMesh  #: For pictures and for sensors anywhere
 
-    def simulate(
-        self,
-        conditions: Conditions,
-        *,
-        time_s: ArrayLike,
-        step_s: float = STEP_S,
-        start_degc: float | None = None,
-        start_state: ArrayLike | None = None,
-        keep_states_at_s: ArrayLike = (),
-    ) -> HeatHistory:
-        """Temperatures and displacements; see `simulate_heat`. It starts at the hall's temperature if not told."""
-        if start_degc is None and start_state is None:
-            start_degc = float(conditions.ambient_degc[0])
-        return simulate_heat(
-            self.system,
-            self.laws,
-            conditions,
-            time_s=time_s,
-            step_s=step_s,
-            start_degc=start_degc,
-            start_state=start_state,
-            keep_states_at_s=keep_states_at_s,
-        )
+    @cached_property
+    def system(self) -> HeatSystem:
+        """The reduced field."""
+        return projected(self.full, self.basis)
 
 
 def virtual_machining_centre(
@@ -419,7 +396,7 @@ def virtual_machining_centre(
     in_order = {name: full.probes[name] for name in places}
     full = replace(full, probes=in_order | lubricants)
     basis = reduced_basis(full, film_sets(laws), tolerance=tolerance)
-    return VirtualMachine(projected(full, basis), laws, machine, full, basis)
+    return VirtualMachine(full, basis, laws, machine.mesh)
 
 
 def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:

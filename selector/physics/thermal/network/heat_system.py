@@ -127,16 +127,16 @@ def time_constants_s(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -
         return np.asarray(1.0 / rate)
 
 
-def conductance(system: HeatSystem, film_w_per_m2_k: Mapping[str, float]) -> NDArray[np.float64] | sparse.csr_array:
-    """K + Σ h_f·A_f [W/K], dense or sparse as the system is."""
-    total = system.conduction
+def conductance(system: HeatSystem, film_w_per_m2_k: Mapping[str, float], tau_s: float | None = None) -> SystemMatrix:
+    """K + Σ h_f·A_f [W/K], with `tau_s` [s] C/τ besides; dense or sparse as the system is."""
+    total = system.conduction if tau_s is None else system.conduction + system.capacity * (1.0 / tau_s)
     for name, value in film_w_per_m2_k.items():
         if value != 0.0:
             total = total + value * system.films[name]
     return total
 
 
-def dense(matrix: NDArray[np.float64] | sparse.csr_array) -> Matrix:
+def dense(matrix: SystemMatrix) -> Matrix:
     """The same matrix as an array."""
     return matrix.toarray() if sparse.issparse(matrix) else np.asarray(matrix, dtype=np.float64)
 
@@ -291,16 +291,8 @@ def projected(system: HeatSystem, basis: Array) -> HeatSystem:
 
 def factorised(system: HeatSystem, coefficients: Mapping[str, float], tau_s: float) -> Callable[[Array], Array]:
     """Solves (C/τ + K + Σ h_f·A_f)·x = g for columns g; infinite τ: the steady state."""
-    solver = solver_of(_operator(system, coefficients, tau_s))
+    solver = solver_of(conductance(system, coefficients, tau_s))
     return lambda loads: np.asarray(solver.solve(np.ascontiguousarray(loads)))
-
-
-def _operator(system: HeatSystem, coefficients: Mapping[str, float], tau_s: float) -> SystemMatrix:
-    matrix = system.conduction + system.capacity * (1.0 / tau_s)
-    for name, coefficient in coefficients.items():
-        if coefficient:
-            matrix = matrix + system.films[name] * coefficient
-    return matrix
 
 
 def _norms(fields: Array, capacity: SystemMatrix) -> Array:
