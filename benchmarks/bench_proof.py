@@ -19,7 +19,7 @@ from selector.atomic_file import folder_written_whole
 from selector.cli.shared.showing import json_text
 from selector.proof.results import cases_csv, line_of, proof_account, row_texts, score_object, tables
 from selector.proof.rivals import rivals
-from selector.proof.runner import TOOL, Answerer, Exam, Outcome, answer_of_selector, outcomes, questions
+from selector.proof.runner import TOOL, Answerer, Outcome, answer_of_selector, outcomes, questions
 from selector.proof.scenarios import scenarios
 from selector.telling.page import account_page
 
@@ -47,9 +47,7 @@ def main() -> None:
         if time.perf_counter() - started > 3600.0 * options.hours:
             print(f"time is over: {len(asked) - at} cases were not asked")
             break
-        found += outcomes(
-            Exam(tuple(asked[at : at + PORTION]), options.exam, answerers), n_jobs=options.jobs, progress=say
-        )
+        found += outcomes(asked[at : at + PORTION], answerers, n_jobs=options.jobs, progress=say)
     seconds = time.perf_counter() - started
     for name, rows in tables(found).items():
         print(f"\n{name}")

@@ -113,8 +113,7 @@ def prove(
         proof_cases.write_cases(write_cases, asked, console, as_json)
         return
     answerers = (runner.Answerer(runner.TOOL, runner.answer_of_selector), *proof_cases.rivals(rivals))
-    sitting = runner.Exam(asked, exam, answerers)
-    outcomes = runner.outcomes(sitting, n_jobs=jobs or os.cpu_count() or 1, progress=proof_cases.say_done)
+    outcomes = runner.outcomes(asked, answerers, n_jobs=jobs or os.cpu_count() or 1, progress=proof_cases.say_done)
     _tell(outcomes, exam, out, console, as_json)
 
 

@@ -20,7 +20,7 @@ from pydantic.fields import FieldInfo
 from selector.errors import ModelFileError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.finding_table import FINDINGS
-from selector.physics.model_text import Entry, Key, key_text, plain_values
+from selector.physics.model_text import Entry, Key, entries_in, key_text, plain_values
 
 _File = TypeVar("_File", bound=Any)
 
@@ -303,15 +303,8 @@ def _fields(schema: type[BaseModel], section: str = "") -> Iterator[tuple[str, s
     """(key of the section, empty if the file names it, key, field) of everything in a schema."""
     for name, told in schema.model_fields.items():
         yield section, name, told
-        for inner in _schemas_in(told.annotation):
+        for inner in entries_in(told.annotation):
             yield from _fields(inner, "" if get_origin(told.annotation) is dict else name)
-
-
-def _schemas_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for inner in get_args(annotation):
-        yield from _schemas_in(inner)
 
 
 def said_of(told: FieldInfo) -> tuple[Any, ...]:

@@ -405,7 +405,7 @@ def _section_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) ->
     """How a section that lacks would begin, and which kinds it may have; empty for what is no section."""
     for entry in _entries_at(schema, path[:-1]):
         field = entry.model_fields.get(str(path[-1]))
-        if field is not None and _entries_in(field.annotation):
+        if field is not None and entries_in(field.annotation):
             origin = get_origin(field.annotation)
             header = f"[{key_text(key)}{'.NAME' if origin is dict else ''}]"
             return f"[{header}]" if origin is tuple else header, _kinds_in(field.annotation)
@@ -436,21 +436,21 @@ def _entries_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[type
     annotations: list[Any] = []
     for part in path:
         if is_choice_tag(part):
-            entries = [entry for annotation in annotations for entry in _entries_in(annotation, str(part))]
+            entries = [entry for annotation in annotations for entry in entries_in(annotation, str(part))]
         elif inner := [e.model_fields[part].annotation for e in entries if part in e.model_fields]:
             annotations = inner
-            entries = [entry for annotation in annotations for entry in _entries_in(annotation)]
+            entries = [entry for annotation in annotations for entry in entries_in(annotation)]
     return entries
 
 
-def _entries_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
+def entries_in(annotation: Any, tag: str | None = None) -> list[type[BaseModel]]:
     """Sections inside a type such as ``dict[str, Node]``; of a choice with a tag, that one."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     inner = get_args(annotation)
     if any(isinstance(part, Tag) and tag not in (None, part.tag) for part in inner):
         return []
-    return [entry for part in inner for entry in _entries_in(part, tag)]
+    return [entry for part in inner for entry in entries_in(part, tag)]
 
 
 def _closest(name: str, among: Sequence[str]) -> str | None:

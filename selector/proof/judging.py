@@ -61,8 +61,26 @@ def stated(answer: Mapping[str, Any]) -> Stated:
     placebo = {name: _interval(fit["placebo_gain"]) for name, fit in fits.items() if fit.get("placebo_gain")}
     return Stated(
         verdict=str(answer["verdict"]),
-        effects=tuple(_named(one) for one in answer.get("effects") or ()),
-        where=tuple(_pointed(one) for one in answer.get("where") or ()),
+        effects=tuple(
+            Named(
+                id=str(one["id"]),
+                channel=str(one["channel"]),
+                cannot_be_told_from=tuple(one.get("cannot_be_told_from") or ()),
+                confidence=_finite(one.get("confidence")),
+                suspected=bool(one.get("suspected", False)),
+            )
+            for one in answer.get("effects") or ()
+        ),
+        where=tuple(
+            Pointed(
+                channel=str(one["channel"]),
+                run=one.get("run"),
+                from_s=_finite(one.get("from_s")),
+                to_s=_finite(one.get("to_s")),
+                share=_finite(one.get("share")) or 0.0,
+            )
+            for one in answer.get("where") or ()
+        ),
         heldout_after={name: value for name, value in after.items() if value is not None},
         placebo={name: interval for name, interval in placebo.items() if interval is not None},
     )
@@ -84,29 +102,8 @@ def windows_of(
     return found
 
 
-def _named(effect: Mapping[str, Any]) -> Named:
-    return Named(
-        id=str(effect["id"]),
-        channel=str(effect["channel"]),
-        cannot_be_told_from=tuple(effect.get("cannot_be_told_from") or ()),
-        confidence=_finite(effect.get("confidence")),
-        suspected=bool(effect.get("suspected", False)),
-    )
-
-
-def _pointed(place: Mapping[str, Any]) -> Pointed:
-    return Pointed(
-        channel=str(place["channel"]),
-        run=place.get("run"),
-        from_s=_finite(place.get("from_s")),
-        to_s=_finite(place.get("to_s")),
-        share=_finite(place.get("share")) or 0.0,
-    )
-
-
 def _interval(quantity: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    parts = [_finite(quantity.get(key)) for key in ("value", "low", "high")]
-    value, low, high = parts
+    value, low, high = (_finite(quantity.get(key)) for key in ("value", "low", "high"))
     return None if value is None or low is None or high is None else (value, low, high)
 
 

@@ -68,7 +68,7 @@ def candidates(comparison: Comparison, response: str) -> Candidates:
     free = _orthonormal(nuisances[rows])
     residual = (recorded - simulated)[rows]
     residual = residual - free @ (free.T @ residual)
-    size = _rms(residual)
+    size = float(np.sqrt(np.mean(residual**2))) if len(residual) else 0.0
     residual = residual / (size if size > 0 else 1.0)
     shapes: list[Matrix] = []
     owners: list[str] = []
@@ -114,10 +114,6 @@ def _orthonormal(columns: Matrix) -> Matrix:
         return columns
     basis, values, _ = np.linalg.svd(columns, full_matrices=False)
     return np.asarray(basis[:, values > _SMALL * values[0]])
-
-
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 MOST_POINTS = 250
@@ -223,11 +219,6 @@ def rivals(names: Sequence[str]) -> tuple[Answerer, ...]:
                 advice=f"install {known[name].package}, or leave this rival out",
             )
     return tuple(Answerer(name, known[name].answer) for name in asked if known[name].is_here)
-
-
-def absent() -> tuple[Rival, ...]:
-    """Rivals whose package is not installed."""
-    return tuple(rival for rival in RIVALS if not rival.is_here)
 
 
 def _fit(offered: Candidates, left: Vector) -> dict[str, Any]:

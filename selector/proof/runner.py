@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -73,15 +73,6 @@ class Outcome:
         return self.stated.verdict == FAILED
 
 
-@dataclass(frozen=True)
-class Exam:
-    """What is asked: questions in order, and whether the seeds are those of the exam."""
-
-    questions: tuple[Question, ...]
-    is_exam: bool = False
-    answerers: tuple[Answerer, ...] = field(default_factory=lambda: (Answerer(TOOL, answer_of_selector),))
-
-
 def questions(
     scenarios: Sequence[Scenario], strengths: Sequence[float] = STRENGTHS, seeds: Sequence[int] = range(5)
 ) -> tuple[Question, ...]:
@@ -118,9 +109,13 @@ def answer_of_selector(comparison: Comparison, seed: int) -> Mapping[str, Any]:
 
 
 def outcomes(
-    exam: Exam, *, n_jobs: int = 1, progress: Callable[[int, int, Outcome], None] | None = None
+    asked: Sequence[Question],
+    answerers: Sequence[Answerer] = (),
+    *,
+    n_jobs: int = 1,
+    progress: Callable[[int, int, Outcome], None] | None = None,
 ) -> tuple[Outcome, ...]:
-    """Hold the exam: one outcome for every question and answerer, in the order of the questions.
+    """Hold the exam: one outcome for every question and answerer (none: this program), in the order of the questions.
 
     The outcomes but for their `seconds` are the same for every number of processes (`n_jobs`; 1 = this one): a case
     depends on nothing but its question. A case that raises is an outcome with the verdict `FAILED`. Only judged
@@ -130,9 +125,9 @@ def outcomes(
     Raises OptionError if the system ends one of the processes.
     """
     results: dict[int, tuple[Outcome, ...]] = {}
-    total = len(exam.questions) * len(exam.answerers)
-    done = 0
-    for number, answered in _answered(exam, n_jobs):
+    answerers = answerers or (Answerer(TOOL, answer_of_selector),)
+    total, done = len(asked) * len(answerers), 0
+    for number, answered in _answered(asked, answerers, n_jobs):
         results[number] = answered
         for outcome in answered:
             done += 1
@@ -141,10 +136,12 @@ def outcomes(
     return tuple(outcome for number in sorted(results) for outcome in results[number])
 
 
-def _answered(exam: Exam, n_jobs: int) -> Iterator[tuple[int, tuple[Outcome, ...]]]:
-    if n_jobs <= 1 or len(exam.questions) < 2:
-        for number, question in enumerate(exam.questions):
-            yield _case(number, question, exam.answerers)
+def _answered(
+    asked: Sequence[Question], answerers: Sequence[Answerer], n_jobs: int
+) -> Iterator[tuple[int, tuple[Outcome, ...]]]:
+    if n_jobs <= 1 or len(asked) < 2:
+        for number, question in enumerate(asked):
+            yield _case(number, question, answerers)
         return
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
@@ -152,7 +149,7 @@ def _answered(exam: Exam, n_jobs: int) -> Iterator[tuple[int, tuple[Outcome, ...
     work = Parallel(
         n_jobs=n_jobs, backend="loky", return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
     )
-    cases = work(delayed(_case)(number, question, exam.answerers) for number, question in enumerate(exam.questions))
+    cases = work(delayed(_case)(number, question, answerers) for number, question in enumerate(asked))
     try:
         yield from cases
     except TerminatedWorkerError as error:

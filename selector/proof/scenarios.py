@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import pkgutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
-from types import ModuleType
 
 import selector.proof as proof
 from selector.errors import OptionError
@@ -48,19 +46,13 @@ def scenarios(
 
 def _of_family(family: str) -> list[Scenario]:
     """`SCENARIOS` of the package if it joins them itself, else those of its modules."""
-    name = f"{proof.__name__}.{family}"
-    if importlib.util.find_spec(name) is None:
-        return []
-    package = importlib.import_module(name)
-    found = getattr(package, "SCENARIOS", None)
-    parts = [found] if found is not None else [getattr(module, "SCENARIOS", ()) for module in _modules(package)]
+    package = importlib.import_module(f"{proof.__name__}.{family}")
+    modules = [package]
+    if not hasattr(package, "SCENARIOS"):
+        names = sorted(info.name for info in pkgutil.iter_modules(package.__path__))
+        modules = [importlib.import_module(f"{package.__name__}.{name}") for name in names]
     unique: dict[str, Scenario] = {}
-    for scenario in (one for part in parts for one in part):
+    for scenario in (one for module in modules for one in getattr(module, "SCENARIOS", ())):
         if unique.setdefault(scenario.name, scenario) is not scenario:
             raise ValueError(f"two scenarios are called {scenario.name!r}")
     return list(unique.values())
-
-
-def _modules(package: ModuleType) -> Iterator[ModuleType]:
-    for info in sorted(pkgutil.iter_modules(package.__path__), key=lambda info: info.name):
-        yield importlib.import_module(f"{package.__name__}.{info.name}")

@@ -324,7 +324,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     text = LINE.replace("parts = 3", "parts = 100000\nperiod_s = 0.01")
     Path("slow.toml").write_text(text, encoding="utf-8")
     before = sorted(path.name for path in folder.iterdir())
-    work = interrupted_in("chunk", "simulate", "gauging", "slow.toml", "--out", "parts")
+    work = interrupted_in("finished_sizes", "simulate", "gauging", "slow.toml", "--out", "parts")
     assert work.returncode == 130, work.stderr
     assert work.stdout == ""
     assert "Nothing was written" in work.stderr

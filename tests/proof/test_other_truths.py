@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from selector.proof.data import faults
 from selector.proof.flow.reservoirs import FINE_S, stores
-from selector.proof.gauging.ground_parts import ground_sizes, read_course
+from selector.proof.gauging.batches import ground_sizes, read_course
 from selector.proof.vibration.structure import STEP_S, Structure, given_swing, true_swing
 
 HALF = 0.5 * STEP_S * np.arange(4001)

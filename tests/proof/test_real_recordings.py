@@ -25,7 +25,7 @@ from selector.proof.real import published
 from selector.proof.real.emps import RECORDS, emps, identified, record, simulated
 from selector.proof.real.regressed import ace_thermal
 from selector.proof.real.tables import cascaded_tanks, silverbox
-from selector.proof.runner import Exam, Outcome, outcomes, questions
+from selector.proof.runner import Outcome, outcomes, questions
 from selector.proof.scenarios import scenarios
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -41,7 +41,7 @@ def answered(name: str) -> Outcome:
     found = published(DATA)[0] if DATA.is_dir() else ()
     asked = questions(scenarios((), (name,), found), (3.0, 6.0), (0, 1))
     assert len(asked) == 1
-    return outcomes(Exam(asked))[0]
+    return outcomes(asked)[0]
 
 
 def errors(comparison: Comparison, response: str, effect: Effect) -> tuple[float, float]:

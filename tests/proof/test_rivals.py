@@ -8,7 +8,7 @@ import pytest
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.errors import OptionError
 from selector.proof.case import detection_probability
-from selector.proof.rivals import RIVALS, Candidates, Rival, absent, candidates, rivals
+from selector.proof.rivals import RIVALS, Candidates, Rival, candidates, rivals
 from tests.proof.tiny_cases import SINGLE
 
 HERE = [rival for rival in RIVALS if rival.is_here]
@@ -96,7 +96,7 @@ def test_unknown_and_absent_rivals_are_refused(monkeypatch):
     with pytest.raises(OptionError, match="benchmarks"):
         rivals(("gone",))
     assert "gone" not in {one.name for one in rivals(("all",))}
-    assert gone in absent()
+    assert not gone.is_here
 
 
 def test_the_oracle_finds_nothing_more_often_than_its_false_alarms_allow():

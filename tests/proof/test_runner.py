@@ -13,7 +13,7 @@ import pytest
 from selector.errors import OptionError
 from selector.proof.judging import FAILED
 from selector.proof.results import answers_sha256, cases_csv, line_of, score_object
-from selector.proof.runner import Answerer, Exam, Outcome, outcomes, questions, require_seeds
+from selector.proof.runner import Answerer, Outcome, outcomes, questions, require_seeds
 from selector.proof.scenarios import scenarios
 from selector.proof.scoring import scores
 from tests.patience import PATIENCE_S, wait_for
@@ -35,8 +35,8 @@ def test_clean_scenarios_have_no_strength():
 
 
 def test_answers_are_the_same_for_any_number_of_processes():
-    exam = Exam(ASKED, answerers=(Answerer("selector", by_correlation),))
-    alone, together = outcomes(exam, n_jobs=1), outcomes(exam, n_jobs=2)
+    answerers = (Answerer("selector", by_correlation),)
+    alone, together = (outcomes(ASKED, answerers, n_jobs=n_jobs) for n_jobs in (1, 2))
     assert answers_sha256(alone) == answers_sha256(together)
     assert [(one.scenario, one.d_prime_asked, one.seed) for one in together] == [
         (q.scenario.name, q.d_prime, q.seed) for q in ASKED
@@ -47,16 +47,16 @@ def test_answers_are_the_same_for_any_number_of_processes():
 
 def test_progress_hears_of_every_outcome_once():
     heard: list[tuple[int, int, Outcome]] = []
-    exam = Exam(ASKED[:3], answerers=(Answerer("selector", by_correlation), Answerer("other", stumbling)))
-    found = outcomes(exam, progress=lambda done, total, one: heard.append((done, total, one)))
+    answerers = (Answerer("selector", by_correlation), Answerer("other", stumbling))
+    found = outcomes(ASKED[:3], answerers, progress=lambda done, total, one: heard.append((done, total, one)))
     assert [done for done, _, _ in heard] == list(range(1, 7))
     assert {total for _, total, _ in heard} == {6}
     assert len(found) == 6
 
 
 def test_a_case_that_raises_is_a_scored_failure_with_its_text():
-    exam = Exam(questions((SINGLE, BROKEN), (12.0,), range(2)), answerers=(Answerer("selector", stumbling),))
-    first, second, *broken = outcomes(exam)
+    asked = questions((SINGLE, BROKEN), (12.0,), range(2))
+    first, second, *broken = outcomes(asked, (Answerer("selector", stumbling),))
     assert not first.failed
     assert second.stated.verdict == FAILED
     assert second.judged.credits == ("missed",)
@@ -95,8 +95,9 @@ def test_ctrl_c_ends_at_once_and_leaves_no_process():
         "from selector.proof.runner import *\n"
         "from tests.proof.tiny_cases import SINGLE, answer\n"
         "def slow(comparison, seed):\n    time.sleep(0.5)\n    return answer('nothing-missing')\n"
-        "exam = Exam(questions((SINGLE,), (3.0,), range(500)), answerers=(Answerer('selector', slow),))\n"
-        "outcomes(exam, n_jobs=2, progress=lambda done, total, one: print(done, flush=True))\n"
+        "asked = questions((SINGLE,), (3.0,), range(500))\n"
+        "who = (Answerer('selector', slow),)\n"
+        "outcomes(asked, who, n_jobs=2, progress=lambda done, total, one: print(done, flush=True))\n"
     )
     running = subprocess.Popen(
         [sys.executable, "-c", program], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,

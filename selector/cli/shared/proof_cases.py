@@ -69,12 +69,12 @@ def rivals(names: list[str] | None) -> tuple[Answerer, ...]:
     """The other methods that are asked; what `all` cannot find is told."""
     if not names:
         return ()
-    from selector.proof.rivals import absent
+    from selector.proof.rivals import RIVALS
     from selector.proof.rivals import rivals as known_rivals
 
     found = known_rivals(split(names))
     if "all" in split(names):
-        for rival in absent():
+        for rival in (one for one in RIVALS if not one.is_here):
             typer.echo(f"rival {rival.name} is absent: the package {rival.package} is not installed", err=True)
     return found
 

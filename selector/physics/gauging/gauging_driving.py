@@ -165,25 +165,6 @@ def start_um(model: GaugingModel, time_s: Vector, fallen: Vector, shown_um: Vect
     return float(np.mean(shown_um[early] - behind[early]))
 
 
-def start_finding(run: str, begins_um: float, channel: str | None, of_file_um: float) -> Finding:
-    """Where the allowance of a run begins of which only the feed was recorded; `channel` says it, or the file."""
-    if channel is not None:
-        return FINDINGS.finding(
-            "start-from-gauge",
-            f"Of {run} the feed was recorded and no allowance: it begins at {begins_um:.4g} µm, as {channel} says at "
-            f"first (the mean of the model file is {of_file_um:.4g} µm).",
-            Where(channel=channel, run=run),
-            {"begins_um": begins_um, "of_file_um": of_file_um},
-        )
-    return FINDINGS.finding(
-        "start-from-file",
-        f"Of {run} the feed was recorded, and neither the allowance nor what the gauge showed within its reach: the "
-        f"allowance begins at {begins_um:.4g} µm, the mean of the model file.",
-        Where(run=run),
-        {"begins_um": begins_um},
-    )
-
-
 _EVEN = 1e-3
 """Distance of times from an even grid, as a share of their period, from which on it is told."""
 
@@ -244,7 +225,15 @@ def driven_runs(
         )
     findings += undecided_findings(recording, found)
     if not {"gauge", "measured"} & set(found):
-        findings.append(_nothing_compared(recording))
+        findings.append(
+            FINDINGS.finding(
+                "output-not-recorded",
+                "Nothing that the gauge shows was recorded, so nothing can be compared.",
+                evidence={"channels": list(recording.names)},
+                suggestion="name its channels under [recorded]: gauge for the voltage, measured for the size",
+                level="warning",
+            )
+        )
     about: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     simulated = Recording.from_runs(tables, tuple(out.values()), model.provenance(seed, about))
     return GaugingSimulation(simulated, {}, None, None, tuple(findings), (found[drives],), found)
@@ -335,11 +324,22 @@ def _by_feed(
         shown = recording.values(run, [channel])[:, 0]
         shown = model.measured_um(shown) if "gauge" in found else shown
     fallen = fallen_um(model, time_s, feed)
-    begins = start_um(model, time_s, fallen, shown)
-    said = start_finding(
-        run, of_file_um if begins is None else begins, channel if begins is not None else None, of_file_um
+    begins_um = start_um(model, time_s, fallen, shown)
+    if begins_um is None:
+        return of_file_um - fallen, FINDINGS.finding(
+            "start-from-file",
+            f"Of {run} the feed was recorded, and neither the allowance nor what the gauge showed within its reach: "
+            f"the allowance begins at {of_file_um:.4g} µm, the mean of the model file.",
+            Where(run=run),
+            {"begins_um": of_file_um},
+        )
+    return begins_um - fallen, FINDINGS.finding(
+        "start-from-gauge",
+        f"Of {run} the feed was recorded and no allowance: it begins at {begins_um:.4g} µm, as {channel} says at "
+        f"first (the mean of the model file is {of_file_um:.4g} µm).",
+        Where(channel=channel, run=run),
+        {"begins_um": begins_um, "of_file_um": of_file_um},
     )
-    return (of_file_um if begins is None else begins) - fallen, said
 
 
 def _stage(model: GaugingModel, voltage_v: Vector, allowance_um: Vector) -> Vector:
@@ -363,9 +363,7 @@ def _outputs(recording: Recording, found: Mapping[str, str], drives: str) -> dic
     for kind, channel in own.items():
         there = recording.channel(found[kind]) if kind in found else None
         if there is not None:
-            out[kind] = Channel(
-                there.name, channel.role, channel.unit, there.place or channel.place, there.axis, there.xyz_m
-            )
+            out[kind] = replace(there, role=channel.role, unit=channel.unit, place=there.place or channel.place)
     taken = {channel.name for channel in out.values()} | set(recording.names)
     for kind, channel in own.items():
         if kind not in out:
@@ -375,16 +373,6 @@ def _outputs(recording: Recording, found: Mapping[str, str], drives: str) -> dic
             out[kind] = replace(channel, name=name)
             taken.add(name)
     return {kind: out[kind] for kind in own}
-
-
-def _nothing_compared(recording: Recording) -> Finding:
-    return FINDINGS.finding(
-        "output-not-recorded",
-        "Nothing that the gauge shows was recorded, so nothing can be compared.",
-        evidence={"channels": list(recording.names)},
-        suggestion="name its channels under [recorded]: gauge for the voltage, measured for the size",
-        level="warning",
-    )
 
 
 def _nothing_drives(model: GaugingModel, recording: Recording) -> OptionError:

@@ -50,13 +50,15 @@ class HeatMachine:
     xyz_of_probe: Mapping[str, Point] = field(default_factory=dict)
 
 
-def heat_machine(file: NetworkFile | FieldFile, built: HeatMachine | None = None) -> HeatMachine:
-    """The body and the laws of a network or of the field machine.
+def machine_of(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:
+    """The modes, or the body and the laws of a network or of the field machine.
 
     `built` is the machine of a file that differs in its laws only; a field machine is then not built again.
 
     Raises ModelFileError: the file names a source, film, place or length that the field machine does not have.
     """
+    if isinstance(file, ModesFile):
+        return modal_machine(file)
     if isinstance(file, NetworkFile):
         return network_machine(file)
     # scikit-fem comes in with the field machine, which most model files do not need
@@ -207,7 +209,7 @@ class FileModel:
         """
         file = with_parameters(self.file, values)
         built = self.machine if isinstance(self.machine, HeatMachine) else None
-        return FileModel(file, _machine(file, built))
+        return FileModel(file, machine_of(file, built))
 
     def simulate(
         self,
@@ -327,7 +329,7 @@ def thermal_model(file: ModelFile) -> FileModel:
         from selector.physics.thermal.field_model import with_candidates
 
         file = with_candidates(file)
-    model = FileModel(file, _machine(file))
+    model = FileModel(file, machine_of(file))
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model
 
@@ -366,10 +368,6 @@ def input_channel(name: str) -> Channel:
     return Channel(name, about.role, CANONICAL_UNITS[about.role], about.place)
 
 
-def _machine(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine | ModalModel:
-    return modal_machine(file) if isinstance(file, ModesFile) else heat_machine(file, built)
-
-
 def _axis(gauge: Gauge) -> str | None:
     """The axis that the file says, or the one after which the displacement is called: Z, Z_lower, Y upper."""
     letter = (gauge.of or gauge.name)[:1].upper()
@@ -401,7 +399,7 @@ def driven_runs(
     Raises InputError: the recording cannot drive this model.
     """
     matched = _matched(model.outputs, recording)
-    findings: list[Finding] = []
+    outputs = [channel.name for channel in model.outputs]
     runs: dict[str, pd.DataFrame] = {}
     told: dict[str, Any] = {}
     provenance: dict[str, Any] = {}
@@ -424,26 +422,24 @@ def driven_runs(
             seed=None if seed is None else seed_of_run(seed, run),
             instruments=seed is not None,
         )
-        outputs = [channel.name for channel in model.outputs]
-        index = pd.Index(time_s, name="time_s")
-        table = pd.DataFrame(simulated.values(run, outputs), index, columns=[matched[n].name for n in outputs])
+        index, columns = pd.Index(time_s, name="time_s"), [matched[name].name for name in outputs]
+        table = pd.DataFrame(simulated.values(run, outputs), index, columns=columns)
         for channel, name in names.items():
             table[channel] = held_at(drive.conditions, name, time_s)
         runs[run] = table
         told[run] = simulated.provenance.get("runs", {}).get(run, {})
         provenance = {**simulated.provenance, "runs": told}
-    findings += [_not_recorded(name, lacking, recording, otherwise) for name, lacking in missing.items()]
-    inputs_as_recorded = [_as_recorded(recording.channel(channel), name) for channel, name in used.items()]
-    channels = (*inputs_as_recorded, *(matched[channel.name] for channel in model.outputs))
+    acting = ((recording.channel(channel), name) for channel, name in used.items())
+    # where a recorded channel has no place, that of the condition
+    acted = [replace(channel, place=channel.place or input_channel(name).place) for channel, name in acting]
+    channels = (*acted, *(matched[channel.name] for channel in model.outputs))
     answer = Recording.from_runs(runs, channels, provenance)
-    findings += [*_not_compared(model, matched, recording), *_other_start(answer, recording)]
-    return answer, (*findings, *simulation_findings(answer))
-
-
-def _as_recorded(channel: Channel, name: str) -> Channel:
-    """The recorded channel; where it has no place, that of the condition."""
-    place = channel.place or input_channel(name).place
-    return Channel(channel.name, channel.role, channel.unit, place, channel.axis, channel.xyz_m)
+    return answer, (
+        *(_not_recorded(name, lacking, recording, otherwise) for name, lacking in missing.items()),
+        *_not_compared(model, matched, recording),
+        *_other_start(answer, recording),
+        *simulation_findings(answer),
+    )
 
 
 def _matched(outputs: tuple[Channel, ...], recording: Recording) -> dict[str, Channel]:
@@ -468,7 +464,7 @@ def _matched(outputs: tuple[Channel, ...], recording: Recording) -> dict[str, Ch
             while name in taken:  # a name that the recording uses for something else
                 name += " (simulated)"
             taken.add(name)
-            matched[output.name] = Channel(name, output.role, output.unit, output.place, output.axis, output.xyz_m)
+            matched[output.name] = replace(output, name=name)
     return matched
 
 

@@ -7,15 +7,13 @@ from itertools import pairwise
 import numpy as np
 
 from selector.proof.case import Concealment
-from selector.proof.concealment import fitted_starts
+from selector.proof.concealment import LIKE_COSINE, RARE_SHARE, fitted_starts
 from selector.proof.world import Measure, Shown
 from selector.types import Vector
 
 OTHER_AXIS_SHARE = 0.01
 OPPOSED_CORRELATION = -0.5
 UNRELATED_CORRELATION = 0.6
-LIKE_COSINE = 0.9
-RARE_SHARE = 0.05
 
 
 def one_axis(axis: str) -> Measure:

@@ -8,7 +8,7 @@ from typing import Any
 from selector.number_text import number_text
 from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
-from selector.physics.gauging.gauging_summary import GaugingSummary
+from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes.size_distribution import CONFIDENCE, Capability, SizeDistribution, size_distribution
@@ -16,14 +16,14 @@ from selector.telling.account import Account, Captioned, Table, Verdict, section
 from selector.telling.numbers import NONE, listed, ms_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
 
-_MATTERS = 0.9
+MATTERS = 0.9
 """An error that falls to less than this share of itself is worth a change."""
 
 _OFF_CENTRE = 0.05
 _MOST_DECIMALS = 6
 _ROUNDING_UM = 1e-4
-_CAPABLE, _SCRAP = 1.33, 1.0
-"""Cpk from which on a process is called capable; Cpk below which parts are scrap day by day."""
+_SCRAP = 1.0
+"""Cpk below which parts are scrap day by day."""
 
 SETTINGS = {
     PRESENT: "as it is",
@@ -115,7 +115,7 @@ def verdict(summary: GaugingSummary) -> Verdict:
     known = summary.capability
     if known is None:
         return "plain"
-    return "good" if known.cpk >= _CAPABLE else "bad" if known.cpk < _SCRAP else "plain"
+    return "good" if known.cpk >= CAPABLE else "bad" if known.cpk < _SCRAP else "plain"
 
 
 def sizes_table(summary: GaugingSummary, linear: SizeDistribution, wanted_um: float) -> Table:
@@ -302,9 +302,9 @@ def _advice(summary: GaugingSummary) -> list[str]:
     """What would make the error smaller: the last threshold, the filter, or nothing of it; then whole sentences."""
     by_name = {one.name: one for one in summary.settings}
     present, centred, both = by_name[PRESENT], by_name.get(CENTRED), by_name.get(BEST_CENTRED)
-    narrower = both if both is not None and both.sd_um < _MATTERS * present.sd_um else None
+    narrower = both if both is not None and both.sd_um < MATTERS * present.sd_um else None
     found = []
-    if centred is not None and centred.rms_um < _MATTERS * present.rms_um:
+    if centred is not None and centred.rms_um < MATTERS * present.rms_um:
         found.append(
             f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} V would centre them (simulated: "
             f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "

@@ -24,12 +24,9 @@ from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text
-from selector.telling.simulated.gauging import spread_text
+from selector.telling.simulated.gauging import MATTERS, spread_text
 from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
-
-_MATTERS = 0.9
-"""An error that falls to less than this share of itself is worth a change."""
 
 MOST_PARTS, MOST_RUNS = 1, 3
 """Parts that are drawn in time, as a whole and near the stop; recorded runs that are."""
@@ -202,7 +199,7 @@ def filter_title(summary: GaugingSummary) -> str:
     """What the trade-off shows, as plain text for a figure."""
     one = summary.trade_off
     text = f"Computed: {number_text(one.present_rms_um)} µm (rms) with the filter of {ms_text(one.present_s)}"
-    if one.best_rms_um > _MATTERS * one.present_rms_um:
+    if one.best_rms_um > MATTERS * one.present_rms_um:
         return f"{text}; the best one would make little difference"
     ends = (one.time_constant_s[0], one.time_constant_s[-1])
     edge = ", the end of what was looked at" if one.best_s in ends else ""

@@ -32,11 +32,7 @@ class Characteristic:
     #: allowance_um and voltage_v: (n_points,): Increasing [µm]; [V]
     allowance_um: Vector
     voltage_v: Vector
-    #: stroke_um, ripple_v and crest_v: (n_points,): Of the probe; of the smoothed voltage, from lowest to highest, and
-    #: the latter above the mean [µm], [V], [V]
-    stroke_um: Vector | None = None
-    ripple_v: Vector | None = None
-    crest_v: Vector | None = None
+    crest_v: Vector | None = None  #: (n_points,): Highest smoothed voltage above its mean [V]
     #: (n_points,): After how many periods of the pull the swing repeats; 0: never
     rounds: NDArray[np.int64] | None = None
     #: A0, half the stroke without workpiece: how far the range of the gauge reaches beyond `touch_um`, at most [µm]
@@ -140,8 +136,6 @@ def characteristic(transducer: Transducer, allowances_um: Vector | None = None) 
     return Characteristic(
         allowance_um=allowance,
         voltage_v=np.array([swing.voltage_v for swing in fallen]),
-        stroke_um=np.array([swing.stroke_um for swing in fallen]),
-        ripple_v=np.array([swing.ripple_v for swing in fallen]),
         crest_v=np.array([swing.crest_v for swing in fallen]),
         rounds=np.array([swing.rounds for swing in fallen], dtype=np.int64),
         free_amplitude_um=amplitude_um,
