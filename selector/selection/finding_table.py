@@ -29,6 +29,11 @@ FINDINGS = Kinds(
             "there are few runs; an error over so few is itself uncertain",
             "record more runs, with other speeds and another season",
         ),
+        "runs-left-out-in-groups": Kind(
+            "info",
+            "there are many runs: they are left out in groups of whole runs, not one by one; the error of each run "
+            "is that of a model without its group",
+        ),
         NO_BETTER_THAN_NOTHING: Kind(
             "error",
             "on unseen data the model is no better than no model: do not use it",
