@@ -54,9 +54,9 @@ def many(n_runs: int) -> None:
     start, worked = time.perf_counter(), time.process_time()
     error_um = select(recorded, Options()).proof.rmse_um("Z")
     took, worked = time.perf_counter() - start, time.process_time() - worked
-    memory_gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     print(
-        f"{n_runs} runs: {took:.1f} s, {worked:.1f} s of processor time, {memory_gb:.2f} GB; unseen {error_um:.2f} µm"
+        f"{n_runs} runs: {took:.1f} s, {worked:.1f} s of processor time, {gb:.2f} GB; unseen {error_um:.2f} µm"
     )
 
 
