@@ -55,9 +55,7 @@ def many(n_runs: int) -> None:
     error_um = select(recorded, Options()).proof.rmse_um("Z")
     took, worked = time.perf_counter() - start, time.process_time() - worked
     gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(
-        f"{n_runs} runs: {took:.1f} s, {worked:.1f} s of processor time, {gb:.2f} GB; unseen {error_um:.2f} µm"
-    )
+    print(f"{n_runs} runs: {took:.1f} s, {worked:.1f} s of processor time, {gb:.2f} GB; unseen {error_um:.2f} µm")
 
 
 def main() -> None:

@@ -18,6 +18,9 @@ UNREADABLE_CELLS = "unreadable-cells"
 
 FINDINGS = Kinds(
     {
+        "read-in-pieces": Kind(
+            "info", "the recordings are large and were read in pieces; faults were looked for in a part of the rows"
+        ),
         "opaque-objects": Kind(
             "warning",
             "a MAT file holds objects that only MATLAB can read; they are left out",

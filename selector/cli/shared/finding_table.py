@@ -13,9 +13,6 @@ FINDINGS = Kinds(
             "record from the start of the run, or use a model that was selected with --reference absolute",
         ),
         "gauge-not-zeroed": QUALITY["gauge-not-zeroed"],
-        "read-in-pieces": Kind(
-            "info", "the recordings are large and were read in pieces; faults were looked for in a part of the rows"
-        ),
         "recorded-only": Kind(
             "info",
             "a channel is recorded but not simulated, and is not compared",
