@@ -116,7 +116,7 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)):
         if path.name.startswith((".", "~$")) or path.name == MACHINE_FILE or path.is_dir():
             continue
-        if path.suffix.lower() in _EXTENSIONS and path.is_file():
+        if has_known_ending(path) and path.is_file():
             files.append(path)
         else:
             skipped.append(path.name)
@@ -140,6 +140,11 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
         {"files": skipped[:50]},
     )
     return files, [finding]
+
+
+def has_known_ending(path: Path) -> bool:
+    """Whether a file in a folder is a recording by its ending."""
+    return path.suffix.lower() in _EXTENSIONS
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
