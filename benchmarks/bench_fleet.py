@@ -1,16 +1,17 @@
 """A fleet of small machines, one in twenty of them broken: who is told, the same bytes everywhere, cost, and murders.
 
-python benchmarks/bench_fleet.py [--machines 200] [--runs 8] [--folder DIR] [--dask] [--no-kill]
+python benchmarks/bench_fleet.py [--machines 200] [--runs 8] [--folder DIR] [--dask] [--no-kill] [--kill-every 10]
 
-In turn: `select` alone on some machines; the fleet on one process and on two (bytes compared, cost a study, scaling);
-once more (nothing is done again); with a worker killed every ten seconds and the command itself killed in the middle;
-with --dask on two workers of a cluster on this computer, a worker killed every ten seconds there, too.
+In turn: `select` alone and the study of a fleet on some machines; the fleet on one process and on two (bytes compared,
+scaling); once more (nothing is done again); with a worker killed every so many seconds and the command itself killed in
+the middle; with --dask on two workers of a cluster on this computer, workers killed there, too.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import gzip
 import json
 import os
 import shutil
@@ -28,7 +29,6 @@ import numpy as np
 
 N_SENSORS, N_SAMPLES, PERIOD_S = 8, 60, 60.0
 EVERY = 20
-KILL_EVERY_S = 10.0
 ALONE = 10
 
 
@@ -63,9 +63,7 @@ BROKEN: dict[str, Callable[[Path], Any]] = {
     "binary": lambda folder: (folder / "r1.csv").write_bytes(bytes(range(256)) * 100),
     "empty file": lambda folder: (folder / "r2.csv").write_bytes(b""),
     "text without numbers": lambda folder: (folder / "r3.csv").write_text("nothing\nwas\nrecorded\n"),
-    "a link that leads nowhere": lambda folder: [
-        (folder / "r1.csv").unlink(), (folder / "r1.csv").symlink_to("gone.csv")
-    ],
+    "an archive": lambda folder: (folder / "r1.csv").write_bytes(gzip.compress(b"t,T1,Z")),
     "no displacement": without_displacement,
     "a machine file that is not TOML": lambda folder: (folder / "machine.toml").write_text("[channels"),
     "a machine file of other columns": lambda folder: (folder / "machine.toml").write_text(
@@ -143,12 +141,12 @@ def workers_below(pid: int) -> list[int]:
 
 
 @contextlib.contextmanager
-def murders(pid: int) -> Iterator[list[int]]:
-    """A worker of a process is killed every ten seconds, another one each time."""
+def murders(pid: int, every_s: float) -> Iterator[list[int]]:
+    """A worker of a process is killed every so often, another one each time."""
     ended, killed = threading.Event(), list[int]()
 
     def kill() -> None:
-        while not ended.wait(KILL_EVERY_S):
+        while not ended.wait(every_s):
             with contextlib.suppress(OSError):
                 there = workers_below(pid)
                 if there:
@@ -164,13 +162,13 @@ def murders(pid: int) -> Iterator[list[int]]:
         thread.join()
 
 
-def with_murders(folder: Path, broken: list[str], expected: dict[str, bytes]) -> None:
+def with_murders(folder: Path, broken: list[str], expected: dict[str, bytes], every_s: float) -> None:
     """Workers killed all the time, the command once, in the middle; then it goes on."""
     line = command(folder, "killed", "--jobs", "2")
     start = time.perf_counter()
     process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     half = len(expected) // 4
-    with murders(process.pid) as killed:
+    with murders(process.pid, every_s) as killed:
         while len(list((folder / "killed").glob("*/done.json"))) < half and process.poll() is None:
             time.sleep(0.1)
     process.kill()
@@ -179,7 +177,7 @@ def with_murders(folder: Path, broken: list[str], expected: dict[str, bytes]) ->
     print(f"the command was killed after {kept} answers and {len(killed)} killed workers", flush=True)
     # workers that were left alone end after the study that they are at
     process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    with murders(process.pid) as more:
+    with murders(process.pid, every_s) as more:
         out, _ = process.communicate()
     answer = json.loads(out)
     told(f"after {len(killed) + len(more)} killed workers", answer, broken, time.perf_counter() - start)
@@ -189,7 +187,7 @@ def with_murders(folder: Path, broken: list[str], expected: dict[str, bytes]) ->
     print(f"  same bytes: {files(folder / 'killed') == expected}", flush=True)
 
 
-def on_dask(folder: Path, broken: list[str], expected: dict[str, bytes], kill: bool) -> None:
+def on_dask(folder: Path, broken: list[str], expected: dict[str, bytes], every_s: float) -> None:
     """Two workers with nannies on this computer."""
     from distributed import LocalCluster
 
@@ -197,7 +195,7 @@ def on_dask(folder: Path, broken: list[str], expected: dict[str, bytes], kill: b
         line = command(folder, "dask", "--dask", cluster.scheduler_address)
         start = time.perf_counter()
         process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-        with murders(os.getpid()) if kill else contextlib.nullcontext([]) as killed:
+        with murders(os.getpid(), every_s) if every_s else contextlib.nullcontext([]) as killed:
             out, _ = process.communicate()
         told(f"Dask, {len(killed)} killed workers", json.loads(out), broken, time.perf_counter() - start)
     print(f"  same bytes: {files(folder / 'dask') == expected}", flush=True)
@@ -211,6 +209,7 @@ def main() -> None:
     parser.add_argument("--folder", type=Path)
     parser.add_argument("--dask", action="store_true")
     parser.add_argument("--no-kill", action="store_true")
+    parser.add_argument("--kill-every", type=float, default=10.0, metavar="S")
     asked = parser.parse_args()
     # as many threads as the fleet has
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -230,9 +229,9 @@ def main() -> None:
     answer, again = run(command(folder, "jobs2", "--jobs", "2"))
     told("once more", answer, broken, again)
     if not asked.no_kill:
-        with_murders(folder, broken, expected)
+        with_murders(folder, broken, expected, asked.kill_every)
     if asked.dask:
-        on_dask(folder, broken, expected, not asked.no_kill)
+        on_dask(folder, broken, expected, 0.0 if asked.no_kill else asked.kill_every)
 
 
 def alone(folder: Path, broken: list[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import multiprocessing
 import queue
 import secrets
@@ -158,6 +159,8 @@ class Cluster:
                 advice='run `pip install "selector[fleet]"` here and on every worker, or use --jobs',
             ) from error
         self._address = address
+        # what matters of a lost scheduler or worker is told as the error of a study, or of the fleet
+        logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
         try:
             connect: Any = Client
             self._client: Any = connect(address, timeout="20s", set_as_default=False)
