@@ -68,7 +68,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "no Python 3.11 or newer found; install one, or say make PYTHON=/path/to/python" >&2; exit 2; }
 	@echo "setting up $(VENV) with $(PYTHON) (once; minutes on a slow line)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[test,docs,formats,fmu]"
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[test,docs,formats,fmu,fleet]"
 	@# the grammar of Structured Text is built from C: without a compiler its tests skip
 	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[controls]" 2>/dev/null \
 	  || echo "no C compiler, or no Python headers: exported Structured Text will not be executed"
@@ -77,7 +77,7 @@ $(STAMP): pyproject.toml constraints.txt
 # Newest versions that pyproject.toml allows, tried in a fresh environment: read the result, run the tests, commit it.
 constraints:
 	@$(PYTHON) -m venv .venv-newest
-	@.venv-newest/bin/python -m pip install --disable-pip-version-check --quiet ".[test,docs,formats,fmu,controls]"
+	@.venv-newest/bin/python -m pip install --disable-pip-version-check --quiet ".[test,docs,formats,fmu,fleet,controls]"
 	@{ sed '/^[^#]/,$$d' constraints.txt; .venv-newest/bin/python -m pip freeze | grep -E '^[A-Za-z0-9._-]+==' | grep -v '^selector=='; } \
 	  > constraints.new
 	@mv constraints.new constraints.txt

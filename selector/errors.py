@@ -19,6 +19,9 @@ Every message says what was found, what was expected, where, and what to do next
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 
 class SelectorError(Exception):
     """Root of every error that this package raises on purpose."""
@@ -37,6 +40,11 @@ class InputError(SelectorError):
         self.expected = expected
         self.where = where
         self.advice = advice
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """How a process sends it to another: an error that cannot be read there would end the pool."""
+        parts = {"expected": self.expected, "where": self.where, "advice": self.advice}
+        return partial(type(self), **parts), (self.found,), self.__dict__
 
     def __str__(self) -> str:
         return f"{self.where}: {self.found}. Expected: {self.expected}. What to do: {self.advice}"

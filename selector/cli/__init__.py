@@ -21,6 +21,7 @@ from selector.cli import (
     diagnosing,
     effects,
     exporting,
+    fleets,
     models,
     predicting,
     proving,
@@ -109,6 +110,10 @@ _command("check", models.check, _model)
 _command("card", models.card, _model)
 app.add_typer(_model, name="model")
 _command("diagnose", diagnosing.diagnose)
+_fleet = typer.Typer(help="Ask many machines the same question.")
+_command("run", fleets.run, _fleet)
+_command("report", fleets.report, _fleet)
+app.add_typer(_fleet, name="fleet")
 _command("report", reporting.report)
 _command("effects", effects.effects)
 _command("prove", proving.prove)

@@ -60,7 +60,7 @@ def diagnose(
         write_diagnosis_study,
         write_results,
     )
-    from selector.cli.shared.recordings_used import beside_recordings
+    from selector.study.material import beside_recordings
 
     if out is not None:
         require_replaceable(out, with_model=asked.model is not None)

@@ -44,13 +44,13 @@ def predict(
     """
     import numpy as np
 
-    from selector.cli.shared.recordings_used import drift_of, provenance_of
     from selector.physics.thermal.modes.cyclogram import AmbientCourse
     from selector.physics.thermal.modes.thermal_test import thermal_tests
     from selector.physics.thermal.prediction.prediction import cyclogram_of_rows
     from selector.physics.thermal.prediction.prediction import predict as predicted
     from selector.readers.cycle_file import read_cycle
     from selector.readers.heating_tests import heating_tests
+    from selector.study.material import drift_of, provenance_of
     from selector.telling.predicted.account import prediction_account
 
     lengths_s = asked.operations_s()

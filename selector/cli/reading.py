@@ -40,9 +40,9 @@ def describe(
     With --write the guesses become a machine file: correct it and give it to every other command with --machine. A
     clock that was guessed stands in it as a comment only, so that every command says so until you do.
     """
-    from selector.cli.shared.recordings_used import drift_of
     from selector.quality import inspect, without_faults
     from selector.readers import guessed_clock, machine_of, write_machine_file
+    from selector.study.material import drift_of
 
     if write is not None:
         refuse_to_overwrite(write, force=force, option="--write")

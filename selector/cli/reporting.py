@@ -93,8 +93,8 @@ def _diagnosis_alone(document: dict[str, Any]) -> str:
 
 
 def _selection_page(result: Result, say: Say) -> str:
-    from selector.cli.shared.recordings_used import material_of
     from selector.selection.result_file import selection_of
+    from selector.study.material import material_of
     from selector.telling.page import account_page
     from selector.telling.result_file import made_of
     from selector.telling.selected.account import selection_account
@@ -107,7 +107,10 @@ def _selection_page(result: Result, say: Say) -> str:
     study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
     description, date = None, None
     if study is not None:
-        description, date = material_of(study.source).description, study.study.date
+        description, date = (
+            material_of(study.source.runs, study.source.machine, study.source.overrides()).description,
+            study.study.date,
+        )
     return made_of(result, lambda _: account_page(selection_account(selection, description, date=date, drawn=True)))
 
 

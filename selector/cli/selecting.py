@@ -30,9 +30,9 @@ from selector.cli.shared.studying import (
 )
 
 if TYPE_CHECKING:
-    from selector.cli.shared.recordings_used import Material
     from selector.selection import Selection
     from selector.selection.options import Options, Progress
+    from selector.study.material import Material
     from selector.telling.account import Account
 
 Out = Annotated[
@@ -119,14 +119,14 @@ def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Pa
 
 def study(source: Source, options: Options, progress: Progress) -> tuple[Selection, Material]:
     """Read, inspect and select; the result, and what it was made from."""
-    from selector.cli.shared.recordings_used import material_of
     from selector.models.best_subsets.subsets import is_compiled
     from selector.selection import select as selected
+    from selector.study.material import material_of
 
     if not is_compiled():
         typer.echo("the first study compiles the search, which takes about half a minute, once", err=True)
     progress("reading", 0.0)
-    material = material_of(source)
+    material = material_of(source.runs, source.machine, source.overrides())
     selection = selected(
         material.source, options, findings=material.findings, provenance=material.provenance, progress=progress
     )

@@ -49,6 +49,9 @@ class ContradictionError(ValueError):
         self.found = found
         self.expected = expected
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.path, self.found, self.expected), self.__dict__
+
 
 class _Closed(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, serialize_by_alias=True)

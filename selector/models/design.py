@@ -338,36 +338,40 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     if noise < 0.1 * float(np.median(np.abs(np.diff(found)))):
         # a smooth curve, whose second differences are its bend and not noise
         return float(found[0]), noise
-    best = (float(found[0]), noise)
-    for fit in _start_fits(tuple((time - time[0]).tolist())):
-        if noise * fit.gain >= best[1]:
-            continue
+    fits, gains = _start_fits(tuple((time - time[0]).tolist()))
+    errors = noise * gains
+    # the most exact first, so that the search ends with the first that holds
+    for i in np.argsort(errors, kind="stable"):
+        if errors[i] >= noise:
+            break
+        fit = fits[i]
         values = found[: fit.basis.shape[0]]
+        if abs(float(fit.next_power @ values)) > SMALL_BEND * noise * fit.next_error:
+            continue
         coefficients = fit.solver @ values
-        misfit = float((((values - fit.basis @ coefficients) / noise) ** 2).sum())
-        bend = abs(float(fit.next_power @ values))
-        if misfit <= fit.limit and bend <= SMALL_BEND * noise * float(np.linalg.norm(fit.next_power)):
-            best = (float(coefficients[0]), noise * fit.gain)
-    return best
+        if float((((values - fit.basis @ coefficients) / noise) ** 2).sum()) <= fit.limit:
+            return float(coefficients[0]), float(errors[i])
+    return float(found[0]), noise
 
 
 @dataclass(frozen=True)
 class _StartFit:
     """A polynomial through the first samples: its least squares, done once for each pattern of time stamps.
 
-    `gain` is the standard error of the start for a noise of 1, `next_power @ samples` the next coefficient.
+    `next_power @ samples` is the next coefficient, `next_error` its standard error for a noise of 1.
     """
 
     basis: Array
     solver: Array
     next_power: Array
-    gain: float
+    next_error: float
     limit: float
 
 
 @functools.lru_cache(maxsize=256)
-def _start_fits(time: tuple[float, ...]) -> tuple[_StartFit, ...]:
-    fits = []
+def _start_fits(time: tuple[float, ...]) -> tuple[tuple[_StartFit, ...], Array]:
+    """The fits, and the standard error of the start for a noise of 1 of each."""
+    fits, gains = [], []
     for k in range(4, len(time) + 1):
         powers = np.vander(np.array(time[:k]) / time[k - 1], 4, increasing=True)
         for order in range(1, min(2, k - 3) + 1):
@@ -375,8 +379,9 @@ def _start_fits(time: tuple[float, ...]) -> tuple[_StartFit, ...]:
             solver = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
             further = np.asarray(np.linalg.pinv(powers[:, : order + 2])[-1], dtype=np.float64)
             limit = float(chi2.ppf(0.9, k - order - 1))
-            fits.append(_StartFit(basis, solver, further, float(np.linalg.norm(solver[0])), limit))
-    return tuple(fits)
+            fits.append(_StartFit(basis, solver, further, float(np.linalg.norm(further)), limit))
+            gains.append(float(np.linalg.norm(solver[0])))
+    return tuple(fits), np.array(gains)
 
 
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:

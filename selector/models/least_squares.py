@@ -339,16 +339,25 @@ def validity_hull(inputs: Array) -> ValidityHull:
 
     Extreme samples in many directions span the hull; what they leave out are slivers.
     """
+    scale = _deviation(inputs)
+    return ValidityHull(inputs[outermost_samples(inputs)] / scale, scale, inputs.min(axis=0), inputs.max(axis=0))
+
+
+def _deviation(inputs: Array) -> Array:
     scale = inputs.std(axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
+    return np.where(scale > 0, scale, 1.0)
+
+
+def outermost_samples(inputs: Array) -> Indices:
+    """Positions of the samples that span `validity_hull`, ascending."""
+    scale = _deviation(inputs)
     # a warming machine moves little between neighbours: thinned samples and the extremes of each input stay
     edges = np.concatenate([inputs.argmin(axis=0), inputs.argmax(axis=0)])
     kept = np.unique(np.concatenate([np.arange(0, len(inputs), -(-len(inputs) // MAX_SAMPLES)), edges]))
     scaled = inputs[kept] / scale
     directions = np.random.default_rng(0).normal(size=(2 * MAX_POINTS, inputs.shape[1]))
     directions = np.vstack([np.eye(inputs.shape[1]), -np.eye(inputs.shape[1]), directions @ _whitening(scaled)])
-    extreme = np.unique((scaled @ directions.T).argmax(axis=0))
-    return ValidityHull(scaled[extreme], scale, inputs.min(axis=0), inputs.max(axis=0))
+    return np.asarray(kept[np.unique((scaled @ directions.T).argmax(axis=0))])
 
 
 def _whitening(scaled: Array) -> Array:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -85,15 +85,24 @@ def scaling_of(source: RunSource, design: Design) -> Scaling:
     return Scaling(design.variables, tuple(map(float, mean)), tuple(map(float, scale)))
 
 
-def moments(source: RunSource, design: Design, columns: Columns, *, n_blocks: int = 1) -> Moments:
+def moments(
+    source: RunSource,
+    design: Design,
+    columns: Columns,
+    *,
+    n_blocks: int = 1,
+    fold_of: Mapping[str, Hashable] | None = None,
+) -> Moments:
     """Cross-products of every run (`n_blocks` = 1), or of the blocks of every run.
 
-    Blocks are those of `block_bounds`. One pass; memory O(n_folds · n_columns²), whatever the number of samples.
+    Blocks are those of `block_bounds`. Runs for which `fold_of` says the same make one fold together, named after the
+    first. One pass; memory O(n_folds · n_columns²), whatever the number of samples.
     """
     size = 1 + len(columns.terms) + len(design.responses)
     folds: list[Fold] = []
     products: list[Array] = []
     whole = np.zeros((size, size))
+    position: dict[Hashable, int] = {}
     for run in source.runs:
         if n_blocks == 1:
             parts = [np.zeros((size, size))]
@@ -103,7 +112,13 @@ def moments(source: RunSource, design: Design, columns: Columns, *, n_blocks: in
         else:
             parts = _block_products(source, design, columns, run, whole, n_blocks)
         for i, product in enumerate(parts):
-            if product[0, 0] > 0:
+            key = None if fold_of is None or n_blocks > 1 else fold_of.get(run)
+            if product[0, 0] > 0 and key is not None and key in position:
+                at = position[key]
+                products[at] += product
+                folds[at] = replace(folds[at], runs=(*folds[at].runs, run))
+            elif product[0, 0] > 0:
+                position[key] = len(folds)
                 folds.append(
                     Fold(run if n_blocks == 1 else f"{run} block {i + 1}", (run,), i if n_blocks > 1 else None)
                 )

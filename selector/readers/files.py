@@ -116,7 +116,7 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)):
         if path.name.startswith((".", "~$")) or path.name == MACHINE_FILE or path.is_dir():
             continue
-        if path.suffix.lower() in _EXTENSIONS and path.is_file():
+        if has_known_ending(path) and path.is_file():
             files.append(path)
         else:
             skipped.append(path.name)
@@ -135,6 +135,11 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     told = f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
     told += f"{listed(skipped, 6)}."
     return files, [FINDINGS.finding("files-skipped", told, Where(file=str(folder)), {"files": skipped[:50]})]
+
+
+def has_known_ending(path: Path) -> bool:
+    """Whether a file in a folder is a recording by its ending."""
+    return path.suffix.lower() in _EXTENSIONS
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

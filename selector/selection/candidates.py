@@ -15,7 +15,7 @@ from selector.models.design import ListedTerms, Term, hierarchical
 from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
-from selector.sensors.groups import FStatistic, LambdaAxis, lambda_axis
+from selector.sensors.groups import FStatistic, LambdaAxis, LambdaStep, lambda_axis
 from selector.sensors.screening import ScreeningRound, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
 
@@ -179,12 +179,14 @@ def _screenings(
 ) -> list[Screening]:
     options = question.options
     must = tuple(question.sensors.index(name) for name in options.must)
+    # an axis cuts its partitions anew whenever it is asked
+    steps = tuple(axis)
     if options.levels is not None:
         levels: Iterable[tuple[float, ...]] = [tuple(snapped(level, axis) for level in options.levels)]
     else:
         levels = [
-            _round_levels(axis, k, options.rounds)
-            for k, step in enumerate(axis)
+            _round_levels(steps, k, options.rounds)
+            for k, step in enumerate(steps)
             if len(step.partition.members) <= MAX_CANDIDATES
         ]
     screenings = []
@@ -194,7 +196,7 @@ def _screenings(
         )
         # where every sensor rests (in a short fold) none can stand for another
         kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives)) or question.sensors
-        f = next((s.f for s in axis if s.partition == rounds[0].partition), None)
+        f = next((s.f for s in steps if s.partition == rounds[0].partition), None)
         screenings.append(Screening(options.levels[0] if options.levels else level[0], tuple(rounds), kept, f))
     return screenings
 
@@ -220,16 +222,16 @@ def snapped(level: float, axis: LambdaAxis) -> float:
     return nearest if abs(nearest - level) <= CORRELATION_ROUNDING else level
 
 
-def _round_levels(axis: LambdaAxis, final: int, rounds: int) -> tuple[float, ...]:
+def _round_levels(steps_of_axis: Sequence[LambdaStep], final: int, rounds: int) -> tuple[float, ...]:
     """λ of each round: the number of groups shrinks by about the same factor in each, down to step `final`.
 
     With one λ for all rounds only the first would have any effect (see `screen`).
     """
-    counts = np.array([len(step.partition.members) for step in axis], dtype=np.float64)
-    n = len(axis.names)
+    counts = np.array([len(step.partition.members) for step in steps_of_axis], dtype=np.float64)
+    n = len(steps_of_axis[0].partition.names)
     wanted = [n ** (1 - i / rounds) * counts[final] ** (i / rounds) for i in range(1, rounds)]
     steps = [min(int(np.argmin(np.abs(np.log(counts / count)))), final) for count in wanted]
-    return tuple(axis[k].high for k in (*steps, final))
+    return tuple(steps_of_axis[k].high for k in (*steps, final))
 
 
 def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[tuple[str, ...]]:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.models.design import Datum, Rows
-from selector.models.least_squares import validity_hull
+from selector.models.least_squares import outermost_samples, validity_hull
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
 from selector.selection.fitting import evenly
+from selector.selection.proving import MOST_FOLDS, fold_of_run
 from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Selection
 from selector.selection.survey import Survey
 from selector.sensors.groups import chaining_findings
@@ -23,6 +24,7 @@ from selector.sensors.similarity import similarity_findings
 MIN_RUNS = 6
 MIN_LENGTH = 2
 MAX_REGIMES = 5
+MOST_MEANS = 120
 FALSE_ALARM = 0.01
 N_PERMUTATIONS = 999
 PENALTY = 3.0
@@ -41,9 +43,14 @@ def regime_findings(selection: Selection) -> Iterator[Finding]:
     for name in selection.models if proof.left_out == "run" else ():
         parts = proof.per_response[name]
         means = np.array([part.mean_um for part in parts])
+        # the search goes with the square of the runs, and is done a thousand times: of very many, neighbours together
+        together = -(-len(means) // MOST_MEANS)
+        means = np.array([means[i : i + together].mean() for i in range(0, len(means), together)])
         bounds, p_value, explained = regimes(means, selection.options.seed)
         if len(bounds) < 2 or float(means.std()) < 0.5 * proof.rmse_um(name):
             continue
+        bounds = [(a * together, min(b * together, len(parts))) for a, b in bounds]
+        means = np.array([part.mean_um for part in parts])
         names = [part.name for part in parts]
         listed = "; ".join(f"{names[a]} to {names[b - 1]}: {means[a:b].mean():+.1f} µm" for a, b in bounds)
         yield FINDINGS.finding(
@@ -199,6 +206,13 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
             "few-runs",
             f"There are {len(surveyed.runs)} runs; an error over so few runs is itself uncertain.",
             evidence={"runs": len(surveyed.runs)},
+        )
+    n_folds = len(set((fold_of_run(surveyed.runs, selection.options.conditions) or {}).values()))
+    if n_folds:
+        yield FINDINGS.finding(
+            "runs-left-out-in-groups",
+            f"The {len(surveyed.runs)} runs were left out in {n_folds} groups of whole runs, not one by one.",
+            evidence={"runs": len(surveyed.runs), "groups": n_folds},
         )
     for name in selection.models:
         baseline = proof.baselines_um[name]
@@ -364,7 +378,12 @@ def _range_findings(selection: Selection, rows: Rows) -> Iterator[Finding]:
     """Runs whose inputs lie outside the hull of all the others: there the proof is an extrapolation."""
     beyond: dict[str, float] = {}
     words: list[str] = []
+    many = len(rows.runs) > MOST_FOLDS
+    # a run beyond all others holds an outermost sample; with few runs it costs nothing to look at each
+    outermost = set(rows.run[outermost_samples(rows.variables)].tolist()) if many else ()
     for r, run in enumerate(rows.runs):
+        if many and r not in outermost:
+            continue
         mine, others = rows.variables[rows.run == r], rows.variables[rows.run != r]
         if not len(mine) or not len(others):
             continue

@@ -19,6 +19,8 @@ one-run-only [warning] there is one run: the error is that of stretches of it le
     → record at least three runs on different days and duty cycles
 few-runs [warning] there are few runs; an error over so few is itself uncertain
     → record more runs, with other speeds and another season
+runs-left-out-in-groups [info] there are many runs: they are left out in groups of whole runs, not one by one; the error
+    of each run is that of a model without its group
 no-better-than-nothing [error] on unseen data the model is no better than no model: do not use it
     → look for a condition that the recording does not hold (see the regimes, if any were found), record it, or try
       --memory

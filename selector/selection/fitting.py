@@ -32,6 +32,7 @@ class Part:
     runs: tuple[str, ...]
     block: int | None = None
     n_blocks: int = 1
+    told_by_run: bool = False  #: Errors are told run by run: these are left out together only because there are many
 
     def unseen(self, rows: Rows) -> NDArray[np.bool_]:
         """Which samples are left out."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -197,8 +197,9 @@ def library_of(
     speeds: Sequence[str],
     datum: Datum,
     n_blocks: int,
+    fold_of: Mapping[str, Hashable] | None = None,
 ) -> Library:
-    """One pass over the samples for all terms of these sets of sensors and shapes."""
+    """One pass over the samples for all terms of these sets of sensors and shapes; folds are those of `moments`."""
     inputs: dict[str, None] = {}
     lags: dict[Lag, None] = {}
     terms: dict[tuple[tuple[str, int], ...], Term] = {}
@@ -215,6 +216,6 @@ def library_of(
     design = Design(tuple(inputs), tuple(responses), datum, tuple(lags))
     scaling = scaling_of(source, design)
     columns = Columns(scaling if is_hierarchical else scaling.about_zero(), tuple(ordered))
-    found = moments(source, design, columns, n_blocks=n_blocks)
+    found = moments(source, design, columns, n_blocks=n_blocks, fold_of=fold_of)
     position = {key_of(term): i for i, term in enumerate(ordered)}
     return Library(found, position, tuple(responses), tuple(speeds))

@@ -47,7 +47,7 @@ def left_out_errors(
     """Errors on each part, from the sensors, terms, time constants and coefficients that the others chose."""
     proofs: dict[str, list[RunProof]] = {name: [] for name in question.responses}
     traces: list[Trace] = []
-    points = max(2, min(TRACE_POINTS, MOST_TRACE_POINTS // max(len(parts), 1)))
+    points = max(2, min(TRACE_POINTS, MOST_TRACE_POINTS // max(sum(len(part.runs) for part in parts), 1)))
     for choice, part in zip(choices, parts, strict=True):
         recipe = refined(question, source, datum, choice.trial, part.training)
         rows = rows_of(source, recipe.design, source.runs)
@@ -55,26 +55,36 @@ def left_out_errors(
         if not len(unseen.run):
             continue
         predicted = predictions(recipe, rows.only(part.training(rows)), unseen, ridge=ridge)
-        error = unseen.responses - predicted
-        for j, name in enumerate(question.responses):
-            measured = unseen.responses[:, j]
-            proofs[name].append(
-                RunProof(
-                    part.name,
-                    recipe.sensors,
-                    float(np.sqrt(np.mean(error[:, j] ** 2))),
-                    float(np.abs(error[:, j]).max()),
-                    float(error[:, j].mean()),
-                    float(np.sqrt(np.mean(measured**2))),
-                    float(np.abs(measured).max()),
-                    len(measured),
+        left_out = unseen.responses - predicted
+        told: list[tuple[str, slice | NDArray[np.int64]]] = [(part.name, slice(None))]
+        if part.told_by_run:
+            told = [(unseen.runs[r], np.flatnonzero(unseen.run == r)) for r in np.unique(unseen.run)]
+        for label, mine in told:
+            for j, name in enumerate(question.responses):
+                error, measured = left_out[mine, j], unseen.responses[mine, j]
+                proofs[name].append(
+                    RunProof(
+                        label,
+                        recipe.sensors,
+                        float(np.sqrt(np.mean(error**2))),
+                        float(np.abs(error).max()),
+                        float(error.mean()),
+                        float(np.sqrt(np.mean(measured**2))),
+                        float(np.abs(measured).max()),
+                        len(measured),
+                    )
                 )
-            )
         for r in np.unique(unseen.run):
             at = np.flatnonzero(unseen.run == r)
             at = at[:: max(1, -(-len(at) // points))]
             courses = (unseen.time_s[at], unseen.responses[at], predicted[at])
             traces.append(Trace(unseen.runs[r], *(np.round(course, TRACE_DIGITS) for course in courses)))
+    order = {run: i for i, run in enumerate(source.runs)}
+    if any(part.told_by_run for part in parts):
+        # of groups of runs: in the order in which they were recorded, as runs that are left out one by one
+        traces.sort(key=lambda trace: order[trace.run])
+        for several in proofs.values():
+            several.sort(key=lambda one: order[one.name])
     return {name: tuple(found) for name, found in proofs.items()}, tuple(traces)
 
 
@@ -173,6 +183,9 @@ def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> He
     return HeldOut(np.array(rows), loo.left_out[:, 0, 0])
 
 
+MOST_FOLDS = 30
+"""Beyond so many runs, whole runs are left out in groups: a choice is made without each group, and again inside."""
+
 BLOCKS_OF_A_SINGLE_RUN = 8
 BLOCKS_OF_FEW_RUNS = 5
 FEWEST_SAMPLES = 4
@@ -190,6 +203,7 @@ class Folds:
 
     def __init__(self, question: Question, runs: RunSource, datum: Datum, n_blocks: int) -> None:
         self.question, self.runs, self.datum, self.n_blocks = question, runs, datum, n_blocks
+        self._fold_of = fold_of_run(runs.runs, question.options.conditions)
         self.linear = self._library([(question.sensors, LINEAR)])
         conditions = question.options.conditions
         by_run = grouping_by_run(self.linear.moments)
@@ -223,10 +237,14 @@ class Folds:
     def part(self, group: Sequence[int]) -> Part:
         """The samples that these folds are made of, with the name under which they are reported."""
         folds = [self.linear.moments.folds[i] for i in group]
-        runs = tuple(dict.fromkeys(fold.runs[0] for fold in folds))
+        runs = tuple(dict.fromkeys(run for fold in folds for run in fold.runs))
         if self.left_out == "block":
             return Part(folds[0].name, runs, folds[0].block, self.n_blocks)
-        return Part(self.question.options.conditions.get(runs[0], runs[0]) if len(runs) > 1 else runs[0], runs)
+        if len(runs) == 1:
+            return Part(runs[0], runs)
+        if self.left_out == "run":
+            return Part(f"{runs[0]} and {len(runs) - 1} more", runs, told_by_run=True)
+        return Part(self.question.options.conditions.get(runs[0], runs[0]), runs)
 
     def linear_bench(self, group: Sequence[int] | None) -> Bench:
         """The sensors themselves on all folds but these."""
@@ -250,7 +268,26 @@ class Folds:
             speeds=self.question.speeds,
             datum=self.datum,
             n_blocks=self.n_blocks,
+            fold_of=self._fold_of,
         )
+
+
+def fold_of_run(runs: Sequence[str], conditions: Mapping[str, str]) -> dict[str, tuple[str, int]] | None:
+    """Fold of each run where there are more than `MOST_FOLDS`; None where each run is a fold of its own.
+
+    A fold takes every nth run by name, so that each day that is left out has neighbours to learn from, as when runs are
+    left out one by one, and it holds no two conditions. A condition has folds in the measure of its runs.
+    """
+    if len(runs) <= MOST_FOLDS:
+        return None
+    of: dict[str, list[str]] = {}
+    for run in sorted(runs):
+        of.setdefault(conditions.get(run, ""), []).append(run)
+    return {
+        run: (condition, i % max(1, round(MOST_FOLDS * len(members) / len(runs))))
+        for condition, members in of.items()
+        for i, run in enumerate(members)
+    }
 
 
 def blocks_per_run(n_runs: int, n_samples: int) -> int:

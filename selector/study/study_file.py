@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -46,18 +46,23 @@ Seed = Annotated[int, Field(ge=0, lt=_LARGEST_INTEGER)]
 Kind = Literal["recording", "machine", "simulation", "model"]
 
 
-class _Section(BaseModel):
+Checked = TypeVar("Checked", bound=BaseModel)
+
+
+class Table(BaseModel):
+    """A table of a file that a person writes: closed, and as strict as TOML is."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, populate_by_name=True)
 
 
-class Recordings(_Section):
+class Recordings(Table):
     """``[recordings]``: what was named, files and folders; a folder stands for the recordings in it."""
 
     runs: Paths
     machine: KeyPath | None = None
 
 
-class ReadingSection(_Section):
+class ReadingSection(Table):
     """``[reading]``: what the user decides instead of the reader; the same as the options of that name."""
 
     encoding: Name | None = None
@@ -73,7 +78,7 @@ class ReadingSection(_Section):
     roles: Mapping[Name, Name] = Field(default_factory=dict)
 
 
-class SelectSection(_Section):
+class SelectSection(Table):
     """``[select]``: the options of `selector.selection.Options` under the same names."""
 
     responses: Names = ()
@@ -102,7 +107,7 @@ class SelectSection(_Section):
     target: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
 
 
-class DiagnoseSection(_Section):
+class DiagnoseSection(Table):
     """``[diagnose]``: what the recordings are compared with, and the options of `selector diagnose`."""
 
     simulation: Annotated[tuple[KeyPath, ...], Field(strict=False, max_length=MOST_FILES)] = ()
@@ -114,7 +119,7 @@ class DiagnoseSection(_Section):
     false_alarm: Annotated[float, Field(gt=0, le=0.2, allow_inf_nan=False)] = 0.02
 
 
-class ExportSection(_Section):
+class ExportSection(Table):
     """``[export]``: the model, the control, and the options of `selector export`, which the workbench takes up again.
 
     That a sign test was passed is not kept: it is said anew for every program.
@@ -128,7 +133,7 @@ class ExportSection(_Section):
     invert: Names = ()
 
 
-class InputFile(_Section):
+class InputFile(Table):
     """``[[files]]``: one file that was read, and what it held then.
 
     Attributes
@@ -145,7 +150,7 @@ class InputFile(_Section):
     kind: Kind = "recording"
 
 
-class Study(_Section):
+class Study(Table):
     """A study file.
 
     Attributes
@@ -222,15 +227,7 @@ def read_study(path: str | Path) -> Study:
 
 def parsed_study(text: str, *, where: str = "study file") -> Study:
     """The study in a TOML text; `where` names it in messages. Errors as `read_study`."""
-    try:
-        values = sections_of_text(text, where=where, is_array=lambda name: name == "files")
-    except ModelFileError as error:
-        raise StudyError(
-            error.found,
-            expected=f'schema = "{SCHEMA}", then tables such as [recordings] and [select] with key = value lines',
-            where=error.where,
-            advice=error.advice,
-        ) from None
+    values = study_sections(text, "[recordings] and [select]", where)
     if values.get("schema") != SCHEMA:
         raise StudyError(
             f"schema {shown(values['schema'])}" if "schema" in values else "no key 'schema'",
@@ -238,10 +235,34 @@ def parsed_study(text: str, *, where: str = "study file") -> Study:
             where=f"{where}, key schema",
             advice="give a study file of this version, or use the version of selector that wrote it",
         )
+    return checked(Study, values, where, "docs/reference/study.md")
+
+
+def study_sections(text: str, tables: str, where: str) -> dict[str, Any]:
+    """The tables of a TOML text; `tables` names some of those that are expected.
+
+    Raises StudyError: it is not TOML.
+    """
     try:
-        return Study.model_validate(values)
+        return sections_of_text(text, where=where, is_array=lambda name: name == "files")
+    except ModelFileError as error:
+        raise StudyError(
+            error.found,
+            expected=f"tables such as {tables} with key = value lines",
+            where=error.where,
+            advice=error.advice,
+        ) from None
+
+
+def checked(kind: type[Checked], values: Mapping[str, Any], where: str, page: str) -> Checked:
+    """The values of a file as its kind; `page` explains its keys.
+
+    Raises StudyError: an unknown key, a missing one, or a value that cannot be.
+    """
+    try:
+        return kind.model_validate(values)
     except ValidationError as error:
-        raise _invalid(error, where) from None
+        raise _invalid(error, kind, where, page) from None
 
 
 def study_text(study: Study) -> str:
@@ -273,7 +294,7 @@ def _lines_of(key: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
             yield from _lines_of(inner, value)
 
 
-def _invalid(error: ValidationError, where: str) -> StudyError:
+def _invalid(error: ValidationError, kind: type[BaseModel], where: str, page: str) -> StudyError:
     """The first thing that is wrong, unknown keys before others."""
     problems: list[Any] = error.errors(include_url=False)
     rank = {"extra_forbidden": 0, "missing": 2}
@@ -283,26 +304,26 @@ def _invalid(error: ValidationError, where: str) -> StudyError:
     more = f" (also wrong: {', '.join(elsewhere[:8])})" if elsewhere else ""
     place = f"{where}, key {key_text(key)}"
     if first["type"] == "extra_forbidden":
-        known = keys_at(Study, key[:-1])
+        known = keys_at(kind, key[:-1])
         near = closest(str(key[-1]), known)
         return StudyError(
             f"unknown key {shown(key[-1])}{more}",
             expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
             where=place,
-            advice="correct the spelling, or remove it; docs/reference/study.md explains every key",
+            advice=f"correct the spelling, or remove it; {page} explains every key",
         )
     if first["type"] == "missing":
         return StudyError(
             f"no {shown(key[-1])}{more}",
             expected="this key",
             where=place,
-            advice="add it; docs/reference/study.md explains every key",
+            advice=f"add it; {page} explains every key",
         )
     return StudyError(
         f"{key_text(key[-1:]) or key_text(key)} = {shown(first['input'])}{more}",
         expected=_expected(key, first),
         where=place,
-        advice="correct this value; docs/reference/study.md explains it",
+        advice=f"correct this value; {page} explains it",
     )
 
 

@@ -9,7 +9,6 @@ FINDINGS = Kinds.of(
     """
 start-missing [warning] a sensor has no reading at the start of a run; its rise counts from its first reading
     → record from the start of the run, or use a model that was selected with --reference absolute
-read-in-pieces [info] the recordings are large and were read in pieces; faults were looked for in a part of the rows
 recorded-only [info] a channel is recorded but not simulated, and is not compared
     → write it into the simulated files, under the name that the recorded channel has
 simulated-time-unit [warning] the unit of the simulation's time was found from the length of its runs

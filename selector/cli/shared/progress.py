@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 Progress = Callable[[str, float], None]
 
@@ -83,3 +84,20 @@ def _lines() -> Callable[[str, float | None], None]:
         sys.stderr.flush()
 
     return say
+
+
+@contextmanager
+def fleet_progress() -> Iterator[Callable[[str, Any, int, int], None]]:
+    """``tell(machine, answer, ended, all)`` while the block runs: a line a machine."""
+    say = _lines() if _wants_lines() else None
+
+    def tell(machine: str, answer: Any, ended: int, total: int) -> None:
+        if say is not None:
+            say(f"{machine} {answer.status}", ended / total)
+            return
+        told = answer.error or f"{', '.join(answer.sensors)}, {answer.seconds:.1f} s"
+        line = f"[{ended}/{total}] {machine} {answer.status}: {told}"
+        sys.stderr.write("".join(sign if sign.isprintable() else "?" for sign in line) + "\n")
+        sys.stderr.flush()
+
+    yield tell

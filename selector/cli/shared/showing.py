@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import codecs
 import io
-import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from selector.findings import Finding
+from selector.json_text import json_text as json_text
 from selector.telling.account import ACTIONS, Account, Captioned, Heading, Note, Paragraph
 from selector.telling.numbers import place_text
 
@@ -41,11 +41,6 @@ def _spelt_out(error: UnicodeError) -> tuple[str, int]:
 
 _SPELT_OUT = "selector.spelt-out"
 codecs.register_error(_SPELT_OUT, _spelt_out)
-
-
-def json_text(value: Any) -> str:
-    """JSON with every number finite: NaN and infinity become null; other alphabets stay readable."""
-    return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=1)
 
 
 def print_json(value: Any) -> None:
@@ -179,21 +174,3 @@ def show_findings(console: Console, findings: Iterable[Finding]) -> None:
             if more:
                 line.append(f"\n    → {more}")
         console.print(line)
-
-
-def _plain(value: Any) -> Any:
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Finding):
-        return _plain(value.as_dict())
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, PurePath):
-        return value.as_posix()
-    if hasattr(value, "tolist"):  # arrays and numbers of numpy
-        return _plain(value.tolist())
-    if isinstance(value, Iterable):
-        return [_plain(item) for item in value]
-    raise TypeError(f"{type(value).__name__} has no JSON form")

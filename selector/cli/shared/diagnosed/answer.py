@@ -60,10 +60,10 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
 
     Raises InputError: a file cannot be read, or the two cannot be compared.
     """
-    from selector.cli.shared.recordings_used import without_folders
     from selector.cli.shared.simulation_inputs import not_simulated, simulated_reading
     from selector.diagnosis.matching.alignment import comparison_of
     from selector.readers.finding_table import CHANNELS_LACKING, COLUMNS_IGNORED
+    from selector.study.material import without_folders
 
     if not asked.simulation:
         raise OptionError(
@@ -89,7 +89,7 @@ def _of_model(
 ) -> tuple[Diagnosis, Improved | None]:
     """The diagnosis of a model that can be run again, and the improved one."""
     from selector.cli.shared.diagnosed.model import diagnosed_model
-    from selector.cli.shared.recordings_used import without_folders
+    from selector.study.material import without_folders
 
     done = diagnosed_model(model, reading.recording, asked, say)
     answer = dataclasses.replace(done.answer, findings=without_folders((*reading.findings, *done.answer.findings)))
@@ -100,8 +100,8 @@ def _provenance(
     recorded: Reading, simulated: Reading | None, model: Path | None, options: dict[str, Any]
 ) -> dict[str, Any]:
     """Files with their SHA-256, and what was asked, as the report shows them."""
-    from selector.cli.shared.recordings_used import provenance_of
     from selector.readers.roles.names import printable_name
+    from selector.study.material import provenance_of
 
     told = provenance_of(recorded)
     if simulated is not None:

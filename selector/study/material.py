@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from selector.cli.shared.finding_table import FINDINGS
-from selector.cli.shared.source import Source
 from selector.findings import Finding, Where
 from selector.quality import StreamWithoutFaults, file_copies, inspect, without_faults
-from selector.readers import Reading, is_large, machine, stream_parquet
+from selector.readers import Overrides, Reading, is_large, machine, read, stream_parquet
 from selector.readers.files import recording_files
-from selector.readers.finding_table import FILES_SKIPPED
+from selector.readers.finding_table import FILES_SKIPPED, FINDINGS
 from selector.readers.roles.names import printable_name
 from selector.recording import Recording, RunSource, thinned
 
@@ -38,14 +36,14 @@ class Material:
     beside: tuple[Finding, ...] = ()
 
 
-def material_of(source: Source) -> Material:
-    """The material that a command line names; large Parquet files are read piece by piece.
+def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> Material:
+    """The material that files and folders hold; large Parquet files are read piece by piece.
 
-    Raises InputError: a file cannot be read, the machine file does not fit, or an option cannot be used.
+    Raises InputError: a file cannot be read, or the machine file does not fit.
     """
-    if is_large(source.runs):
-        return _streamed(source)
-    reading = source.reading()
+    if is_large(runs):
+        return _streamed(runs, machine_file)
+    reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)
     copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
     recording = without_faults(reading.recording, (*faults, *copies))
@@ -95,10 +93,10 @@ def provenance_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-def _streamed(source: Source) -> Material:
-    used = source.machine or recording_files(source.runs).machine
-    named = None if source.machine is None else machine(source.machine)
-    stream = stream_parquet(source.runs, named)
+def _streamed(runs: Sequence[Path], machine_file: Path | None) -> Material:
+    used = machine_file or recording_files(runs).machine
+    named = None if machine_file is None else machine(machine_file)
+    stream = stream_parquet(runs, named)
     rows = sum(stream.rows(run) for run in stream.runs)
     stride = max(1, -(-rows // INSPECTED_ROWS))
     faults = inspect(thinned(stream, stride))

@@ -1,0 +1,21 @@
+"""Many machines, the same question: studies in processes or on a cluster, and what is done is not done again."""
+
+from selector.fleet.fleet_file import Fleet, read_fleet
+from selector.fleet.machine_study import Answer, answered, key_of
+from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
+from selector.fleet.workers import Cluster, Processes, Workers
+
+__all__ = [
+    "RESULT_FILE",
+    "Answer",
+    "Cluster",
+    "Fleet",
+    "FleetAnswer",
+    "Processes",
+    "Workers",
+    "answered",
+    "key_of",
+    "read_answer",
+    "read_fleet",
+    "run_fleet",
+]

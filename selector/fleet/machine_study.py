@@ -1,0 +1,186 @@
+"""The study of one machine of a fleet: recordings and options in, an answer out, whatever goes wrong."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from threadpoolctl import threadpool_limits
+
+from selector import __version__
+from selector.atomic_file import write_whole
+from selector.controllers.from_selection import model_file_of
+from selector.controllers.model_file import write_model
+from selector.errors import CancelledError, InputError, ReadError, StudyError
+from selector.fleet.places import is_url, local_paths
+from selector.json_text import json_text
+from selector.readers.files import recording_files
+from selector.selection import select
+from selector.study.asked import options_of, overrides_of
+from selector.study.inputs import sha256_of
+from selector.study.material import material_of
+from selector.study.study_file import Study
+
+DONE_FILE = "done.json"
+"""Stands in the folder of an answer when all others do; without it the study is done again."""
+
+
+class _Document(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Answer(_Document):
+    """What came of one machine."""
+
+    status: Literal["done", "reused", "failed"]
+    error: str | None = None  #: Why it failed
+    key: str | None = None  #: Name of the folder of its answer; None if its recordings could not be read
+    sensors: tuple[str, ...] = ()  #: Those that were chosen
+    heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
+    seconds: float = 0.0  #: That the study took, also when its answer is used again
+
+
+class Done(_Document):
+    """``done.json``: what an answer is in short, and the SHA-256 of its files."""
+
+    schema_: Annotated[Literal["selector.fleet-study/1"], Field(alias="schema")] = "selector.fleet-study/1"
+    sensors: tuple[str, ...]
+    heldout_rmse_um: dict[str, float | None]
+    seconds: float
+    files: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Task:
+    """The study of one machine, as it goes to a process or to another computer."""
+
+    name: str
+    study: Study
+    results: Path
+    time_limit_s: float
+    version: str = __version__
+
+
+def answered(task: Task) -> Answer:
+    """The answer to a task; an error is one, too. What was answered before, of the same bytes, is not done again.
+
+    Sums are added in one thread: their last digits must not depend on the number of processors.
+    """
+    start = time.monotonic()
+    threadpool_limits(1)
+    key: list[str] = []
+    try:
+        if task.version != __version__:
+            raise StudyError(
+                f"selector {__version__} on this worker",
+                expected=f"selector {task.version}, as where the fleet was started",
+                where=f"machine {task.name}",
+                advice="install the same version of selector and numpy everywhere",
+            )
+        return _answered(task, start, key.append)
+    except InputError as error:
+        said = str(error)
+    except CancelledError as error:
+        said = str(error)
+    except MemoryError as error:
+        said = f"memory ran out ({error}): use fewer processes, or store the recordings as Parquet"
+    except Exception as error:
+        said = f"a defect of the program, not of the data: {type(error).__name__}: {error}"
+    return Answer(status="failed", error=said, key=key[0] if key else None, seconds=round(time.monotonic() - start, 3))
+
+
+def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answer:
+    study = task.study
+    with ExitStack() as stack:
+        folder = Path()
+        named = [study.recordings.machine] if study.recordings.machine else []
+        if any(is_url(one) for one in (*study.recordings.runs, *named)):
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        runs = local_paths(study.recordings.runs, folder / "runs")
+        found = recording_files(runs)
+        machine = local_paths(named, folder / "machine")[0] if named else found.machine
+        hashes = {file: sha256_of(file) for file in (*found.files, *([machine] if machine else []))}
+        machine_sha256 = None if machine is None else hashes[machine]
+        key = key_of(study, [(name, hashes[file]) for file, name in _names(found.files)], machine_sha256)
+        tell_key(key)
+        known = _known(task.results / key)
+        if known is not None:
+            return _answer("reused", key, known)
+
+        def in_time(_doing: str = "", _share: float = 0.0) -> None:
+            if time.monotonic() - start > task.time_limit_s:
+                raise CancelledError(overdue_words(task.time_limit_s))
+
+        options = options_of(study, where=f"machine {task.name}")
+        material = material_of(runs, machine, overrides_of(study))
+        in_time()
+        if any(hashes.get(Path(file)) != sha256 for file, sha256 in material.files):
+            raise ReadError(
+                "a recording that changed while it was read",
+                expected="recordings that nobody writes to",
+                where=", ".join(study.recordings.runs)[:300],
+                advice="run the fleet again when the logger is done",
+            )
+        selection = select(
+            material.source, options, findings=material.findings, provenance=material.provenance, progress=in_time
+        )
+        place = task.results / key
+        place.mkdir(parents=True, exist_ok=True)
+        write_whole(place / "selection.json", (json_text(selection.as_dict()) + "\n").encode("utf-8"))
+        write_model(model_file_of(selection, material.source.channels, source=material.source), place / "model.json")
+        done = Done(
+            sensors=selection.chosen,
+            heldout_rmse_um={name: selection.proof.rmse_um(name) for name in selection.models},
+            seconds=round(time.monotonic() - start, 3),
+            files={name: sha256_of(place / name) for name in ("selection.json", "model.json")},
+        )
+        write_whole(place / DONE_FILE, (json_text(done.model_dump(by_alias=True)) + "\n").encode("utf-8"))
+        return _answer("done", key, done)
+
+
+def key_of(study: Study, recordings: Sequence[tuple[str, str]], machine_sha256: str | None) -> str:
+    """SHA-256 of all that an answer depends on: name and SHA-256 of every recording, machine file, options, version."""
+    content = {
+        "version": __version__,
+        "recordings": [list(one) for one in recordings],
+        "machine": machine_sha256,
+        "reading": study.reading.model_dump(mode="json"),
+        "select": None if study.select is None else study.select.model_dump(mode="json", by_alias=True),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode("ascii")).hexdigest()
+
+
+def overdue_words(limit_s: float) -> str:
+    """Why a study was given up that took too long."""
+    return f"no answer within {limit_s:g} s: raise time_limit_s, or offer fewer sensors and terms"
+
+
+def _names(files: Sequence[Path]) -> list[tuple[Path, str]]:
+    """What runs are called by: the file, or with its folder where two have one name."""
+    counts = Counter(file.stem for file in files)
+    return [(file, file.name if counts[file.stem] == 1 else f"{file.parent.name}/{file.name}") for file in files]
+
+
+def _known(place: Path) -> Done | None:
+    """The answer in a folder, if all of it is there as it was written."""
+    try:
+        done = Done.model_validate_json((place / DONE_FILE).read_bytes())
+        whole = all(sha256_of(place / name) == sha256 for name, sha256 in done.files.items())
+    except (OSError, ValidationError, InputError):
+        return None
+    return done if whole else None
+
+
+def _answer(status: Literal["done", "reused"], key: str, done: Done) -> Answer:
+    return Answer(
+        status=status, key=key, sensors=done.sensors, heldout_rmse_um=done.heldout_rmse_um, seconds=done.seconds
+    )

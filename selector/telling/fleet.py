@@ -1,0 +1,83 @@
+"""What is told of a fleet: every machine in a row, the worst first, and which sensors are chosen how often."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+
+from selector.fleet import Answer, FleetAnswer
+from selector.number_text import number_text
+from selector.telling.account import Account, Captioned, Table, section, sections, table
+from selector.telling.numbers import NONE
+
+
+def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: str = "Fleet") -> Account:
+    """All that is told of a fleet; `missing` are machines that have no answer yet."""
+    failed = [name for name, one in answer.machines.items() if one.status == "failed"]
+    n, right = len(answer.machines) + len(missing), answer.done + answer.reused
+    again = f", {answer.reused} of them from an earlier run" if answer.reused else ""
+    sentences = [f"{right} of {_machines(n)} {'has' if right == 1 else 'have'} a model{again}."]
+    if failed:
+        sentences.append(f"{_machines(len(failed))} failed; the reason stands beside each.")
+    if missing:
+        sentences.append(f"{_machines(len(missing))} had no turn yet: `selector fleet run` goes on from here.")
+    return Account(
+        title=title,
+        verdict="bad" if failed else "good" if not missing else "plain",
+        sentences=tuple(sentences),
+        sections=sections(
+            section("machines", "Machines, the worst first", Captioned("", _table(answer, missing)), link="Machines"),
+            section("sensors", "Sensors over the fleet", *_sensors(answer), link="Sensors"),
+        ),
+        data=answer.model_dump(by_alias=True),
+    )
+
+
+def _machines(n: int) -> str:
+    return f"{n} machine{'s' * (n != 1)}"
+
+
+def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
+    responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
+
+    def rank(item: tuple[str, Answer]) -> tuple[bool, float]:
+        return item[1].status != "failed", -max((e for e in item[1].heldout_rmse_um.values() if e), default=math.inf)
+
+    ordered = sorted(answer.machines.items(), key=rank)
+    rows = [
+        (
+            name,
+            one.status,
+            *(_error(one.heldout_rmse_um.get(response)) for response in responses),
+            ", ".join(one.sensors) or NONE,
+            f"{one.seconds:.1f}",
+            one.error or "",
+        )
+        for name, one in ordered
+    ]
+    rows += [(name, "no turn yet", *(NONE for _ in responses), NONE, NONE, "") for name in missing]
+    return table(
+        ("machine", "status", *(f">{name}, unseen [µm]" for name in responses), "sensors", ">seconds", "reason"),
+        rows,
+        "Failed ones first, then by the largest root mean square error on unseen runs. An answer lies in the folder "
+        "that is called by its key.",
+        marked=[i for i, (_, one) in enumerate(ordered) if one.status == "failed"],
+    )
+
+
+def _sensors(answer: FleetAnswer) -> list[Captioned]:
+    models = [one for one in answer.machines.values() if one.sensors]
+    counts = Counter(name for one in models for name in one.sensors)
+    if not counts:
+        return []
+    rows = [
+        (name, str(count), f"{100 * count / len(models):.0f} %")
+        for name, count in sorted(counts.items(), key=lambda item: -item[1])
+    ]
+    note = "Chosen on so many of the machines that have a model; sensors of one name are taken for the same place."
+    return [Captioned("How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, note))]
+
+
+def _error(error: float | None) -> str:
+    return NONE if error is None else number_text(error, 3)

@@ -1,0 +1,30 @@
+"""Small machines of a fleet as folders of recordings, and ways in which one is broken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+
+def machine(folder: Path, seed: int, *, n_runs: int = 4, rows: int = 40) -> Path:
+    """Four thermometers that follow two sources of heat, and the displacement that these make."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(seed)
+    mix = rng.normal(size=(2, 4))
+    time_s = 60.0 * np.arange(rows)
+    for run in range(n_runs):
+        heat = rng.uniform(1, 6, 2) * (1 - np.exp(-time_s[:, None] / [600.0, 2400.0]))
+        rises = heat @ mix + rng.normal(0, 0.05, (rows, 4))
+        table = np.column_stack([time_s, 20 + rises, heat @ [3.0, -2.0] + rng.normal(0, 0.2, rows)])
+        head = "t [s],T1 [degC],T2 [degC],T3 [degC],T4 [degC],Z [um]"
+        lines = [",".join(f"{value:.4f}" for value in row) for row in table]
+        (folder / f"r{run + 1}.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    return folder
+
+
+def fleet_file(folder: Path, text: str) -> Path:
+    """FLEET.toml of this text."""
+    path = folder / "FLEET.toml"
+    path.write_text(text, encoding="utf-8")
+    return path

@@ -1,0 +1,163 @@
+"""Which study when, what is tried again and what is kept; with workers that die, hang and answer as they are told."""
+
+import json
+import os
+import signal
+import time
+
+import pytest
+
+from selector.errors import ResultError
+from selector.fleet import RESULT_FILE, Answer, Processes, read_answer, read_fleet, run_fleet
+from selector.fleet.machine_study import Task
+from tests.fleet.machines import fleet_file, machine
+from tests.patience import PATIENCE_S
+
+
+class Told:
+    """Workers that do with each machine what `script` says for each try: an answer, "dies", "hangs", "stop"."""
+
+    def __init__(self, script, jobs=2):
+        self.script = {name: list(tries) for name, tries in script.items()}
+        self.jobs, self.busy, self.begun, self.stopped, self.closed = jobs, {}, [], [], False
+
+    @property
+    def free(self):
+        return self.jobs - len(self.busy)
+
+    def start(self, task):
+        assert self.free > 0
+        self.begun.append(task.name)
+        self.busy[task.name] = self.script[task.name].pop(0)
+
+    def finished(self, timeout_s):
+        ended = {name: what for name, what in self.busy.items() if what != "hangs"}
+        for name, what in ended.items():
+            if what == "stop":
+                raise KeyboardInterrupt
+            del self.busy[name]
+            yield name, None if what == "dies" else what
+
+    def stop(self, name):
+        del self.busy[name]
+        self.stopped.append(name)
+
+    def close(self):
+        self.closed = True
+
+
+DONE = Answer(status="done", key="k", sensors=("T1",), heldout_rmse_um={"Z": 1.0}, seconds=2.0)
+
+
+@pytest.fixture
+def fleet(tmp_path):
+    """Four machines whose studies nobody does."""
+    return read_fleet(fleet_file(tmp_path, "[machines]\n" + "".join(f'm{i} = "m{i}"\n' for i in range(4))))
+
+
+def test_all_are_answered_in_the_order_of_the_file(fleet):
+    workers = Told({f"m{i}": [DONE] for i in range(4)})
+    told = []
+    answer = run_fleet(fleet, workers, lambda *said: told.append(said))
+    assert list(answer.machines) == ["m0", "m1", "m2", "m3"]
+    assert (answer.done, answer.reused, answer.failed) == (4, 0, 0)
+    assert [said[2:] for said in told] == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert workers.closed
+    assert read_answer(fleet.results) == answer
+    written = json.loads((fleet.results / RESULT_FILE).read_text(encoding="utf-8"))
+    assert written["schema"] == "selector.fleet/1"
+
+
+def test_a_worker_that_dies_is_tried_once_more(fleet):
+    workers = Told({"m0": ["dies", DONE], "m1": ["dies", "dies"], "m2": [DONE], "m3": [DONE]})
+    answer = run_fleet(fleet, workers)
+    assert (answer.done, answer.failed) == (3, 1)
+    assert "ended 2 times from outside" in answer.machines["m1"].error
+    assert sorted(workers.begun) == ["m0", "m0", "m1", "m1", "m2", "m3"]
+
+
+def test_one_that_hangs_is_ended_and_the_others_go_on(fleet, monkeypatch):
+    monkeypatch.setattr("selector.fleet.running.GRACE_S", 0.0)
+    monkeypatch.setattr("selector.fleet.running.time.monotonic", iter(range(0, 10**6, 100)).__next__)
+    workers = Told({"m0": ["hangs"], "m1": [DONE], "m2": ["hangs"], "m3": [DONE]})
+    answer = run_fleet(fleet, workers)
+    assert workers.stopped == ["m0", "m2"]
+    assert "no answer within 3600 s" in answer.machines["m0"].error
+    assert (answer.done, answer.failed) == (2, 2)
+
+
+def test_ctrl_c_keeps_what_is_done(fleet):
+    workers = Told({"m0": [DONE], "m1": [DONE], "m2": ["stop"], "m3": [DONE]})
+    with pytest.raises(KeyboardInterrupt):
+        run_fleet(fleet, workers)
+    assert workers.closed
+    assert list(read_answer(fleet.results).machines) == ["m0", "m1"]
+
+
+def test_a_folder_without_results_is_told(tmp_path):
+    with pytest.raises(ResultError, match="run the fleet first"):
+        read_answer(tmp_path)
+    (tmp_path / RESULT_FILE).write_text("{}")
+    with pytest.raises(ResultError, match="something else"):
+        read_answer(tmp_path)
+
+
+class TestProcesses:
+    @pytest.fixture
+    def workers(self):
+        """One process."""
+        workers = Processes(1)
+        yield workers
+        workers.close()
+
+    def task(self, folder, name="m"):
+        fleet = read_fleet(fleet_file(folder, f'[machines]\n{name} = "{name}"'))
+        return Task(name, fleet.studies[name], fleet.results, PATIENCE_S)
+
+    def ended(self, workers):
+        stop = time.monotonic() + PATIENCE_S
+        while time.monotonic() < stop:
+            found = workers.finished(0.05)
+            if found:
+                return found
+        return pytest.fail("no answer")
+
+    def test_one_that_is_killed_is_found_and_another_takes_its_place(self, workers, tmp_path):
+        machine(tmp_path / "m", 1)
+        workers.start(self.task(tmp_path))
+        assert workers.free == 0
+        (process, _) = workers._busy["m"]
+        os.kill(process.pid, signal.SIGKILL)
+        assert self.ended(workers) == [("m", None)]
+        workers.start(self.task(tmp_path))
+        ((name, answer),) = self.ended(workers)
+        assert (name, answer.status) == ("m", "done"), answer.error
+        assert workers._idle[0][0].pid != process.pid
+        # the same process does the next one, and one that died while it rested is found, too
+        workers.start(self.task(tmp_path))
+        assert self.ended(workers)[0][1].status == "reused"
+        os.kill(workers._idle[0][0].pid, signal.SIGKILL)
+        workers._idle[0][0].join()
+        workers.start(self.task(tmp_path))
+        assert self.ended(workers) == [("m", None)]
+
+    def test_the_server_that_starts_them_may_be_killed_too(self, workers, tmp_path):
+        from multiprocessing import forkserver
+
+        machine(tmp_path / "m", 1)
+        workers.start(self.task(tmp_path))
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+        # its end looks like that of its workers
+        assert self.ended(workers) in ([("m", None)], [("m", DONE)])
+        workers.start(self.task(tmp_path))
+        (answer,) = [answer for _, answer in self.ended(workers)]
+        assert answer.status in ("done", "reused")
+
+    def test_one_that_is_stopped_never_answers(self, workers, tmp_path):
+        machine(tmp_path / "m", 1)
+        workers.start(self.task(tmp_path))
+        process = workers._busy["m"][0]
+        workers.stop("m")
+        assert not process.is_alive()
+        assert workers.free == 1
+        assert workers.finished(0.0) == []
