@@ -1,9 +1,10 @@
 """A million hostile rows through the guard, in Python and as generated C; and how many rows a second generated C does.
 
-    python benchmarks/bench_guard.py [--rows 1000000]
+    python benchmarks/bench_guard.py [--rows 1000000] [--adapted]
 
 The rows are those of tests/controllers/hostile.py: NaN, infinities, break codes, jumps, sensors that stand still, drop
-out and return, any time step, switches and restarts. Every correction, mode and sensor code is compared.
+out and return, any time step, switches and restarts; with --adapted also touch-offs, one in ten false.
+Every correction, mode and sensor code is compared.
 """
 
 from __future__ import annotations
@@ -29,12 +30,13 @@ MODEL = Path(__file__).parents[1] / "fixtures" / "models" / "patent-three-sensor
 PIECE = 100_000
 
 
-def agreement(n: int) -> None:
-    model = hostile.model()
+def agreement(n: int, *, is_adapted: bool) -> None:
+    model = hostile.adapted(hostile.model()) if is_adapted else hostile.model()
     limits, _ = decided_limits(model)
     unequal, beyond, worst, started = 0, 0, 0.0, time.perf_counter()
     for seed in range(n // PIECE):
         rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
+        rows = hostile.touched(rows, 2000 + seed) if is_adapted else rows
         guard, compiled = reference_answers(model, rows), c_answers(model, rows)
         for field in fields(Answers):
             # NaN would be unequal to itself
@@ -97,10 +99,12 @@ def _seconds(model, rows: Rows, precision) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=1_000_000)
+    parser.add_argument("--adapted", action="store_true", help="with touch-offs")
     options = parser.parse_args()
     print(compiler_version(compiler() or "cc"))
-    throughput(options.rows)
-    agreement(options.rows)
+    if not options.adapted:
+        throughput(options.rows)
+    agreement(options.rows, is_adapted=options.adapted)
 
 
 if __name__ == "__main__":

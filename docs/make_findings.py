@@ -32,6 +32,7 @@ ROOMS = {
     "physics.vibration": ("Vibration", "`selector simulate vibration`"),
     "physics.gauging": ("Gauging", "`selector simulate gauging`"),
     "diagnosis": ("Diagnosis", "`selector diagnose`"),
+    "adaptation": ("Touch-offs", "`selector adapt`"),
     "cli.shared": ("Single commands", "the commands that the findings name"),
 }
 """Room with a table of findings → its heading, and who says what is in it; in the order of the page.

@@ -107,6 +107,7 @@ def export_model(
     chosen = TARGETS[target]
     require_writable_folder(folder, "--out")
     usable, of_model = _usable(model)
+    usable, of_touch_offs = _as_can_be_adapted(usable, chosen)
     wanted = _with_limits(with_turned_signs(usable, options.invert), chosen, options)
     of_limits = decided_limits(wanted)[1] if chosen.has_guard else ()
     of_sign = tuple(_of_sign(wanted, options))
@@ -122,7 +123,7 @@ def export_model(
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)
     of_folder = tuple(_of_other_targets(target, folder, files))
-    findings = (*of_model, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
+    findings = (*of_model, *of_touch_offs, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
     is_verified = options.is_sign_verified
     sheet = commissioning_account(
         decided, program, chosen, replay=proof, findings=findings, is_sign_verified=is_verified
@@ -144,6 +145,19 @@ def _usable(path: Path) -> tuple[ModelFile, tuple[Finding, ...]]:
             advice="do not export this file; make it again with `selector select --out DIR`",
         )
     return model, findings
+
+
+def _as_can_be_adapted(model: ModelFile, target: Target) -> tuple[ModelFile, tuple[Finding, ...]]:
+    """The model without its adaptation, and a finding, where the control cannot take touch-offs."""
+    if model.adaptation is None or target.takes_touch_offs:
+        return model, ()
+    names = [of.output for of in model.adaptation.outputs]
+    told = FINDINGS.finding(
+        "adaptation-not-exported",
+        f"{target.title} cannot take touch-offs: {', '.join(names)} is corrected by the model alone.",
+        evidence={"outputs": names},
+    )
+    return model.model_copy(update={"adaptation": None}), (told,)
 
 
 def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> ModelFile:

@@ -16,6 +16,7 @@ import typer
 
 from selector import __version__
 from selector.cli import (
+    adapting,
     applying,
     demo,
     diagnosing,
@@ -79,6 +80,7 @@ _command("convert", reading.convert)
 _command("select", selecting.select)
 _command("demo", demo.demo)
 _command("apply", applying.apply)
+_command("adapt", adapting.adapt)
 _command("export", exporting.export)
 _command("predict", predicting.predict)
 

@@ -68,6 +68,8 @@ guard-reduced [warning] a program has a smaller guard than the model file asks f
     → Let the program that feeds the temperatures watch the sensors, or use a program with the whole guard.
 position-part-left-out [warning] a control cannot follow the position: part of the correction is left out
     → use the offset near the reference position only, or a control with a slope of its own
+adaptation-not-exported [warning] a program cannot take touch-offs: it has the model without its adaptation
+    → use c, st, tcpou, beckhoff, sinumerik, linuxcnc or python where touch-offs are wanted
 fixed-point-bound [info] by how much the fixed-point program can differ from the model
 position-not-wired [warning] LinuxCNC has no such axis: the position stays at its reference
     → Wire the pin of the position in the HAL file by hand.

@@ -7,9 +7,33 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Never
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+from pydantic import (
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from selector.atomic_file import write_whole
+from selector.controllers.adaptation_block import Adaptation
+from selector.controllers.closed_values import (
+    Closed,
+    ContradictionError,
+    Date,
+    KeyPath,
+    Name,
+    NonNegative,
+    Number,
+    Positive,
+    Power,
+    Role,
+    Series,
+    Sha256,
+    Sign,
+    Text,
+)
 from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError
 from selector.text_file import text_of
@@ -17,47 +41,8 @@ from selector.units import CANONICAL_UNITS
 
 SCHEMA = "selector.model/1"
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
-NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
-Power = Annotated[int, Field(strict=True, ge=1, le=3)]
-# No control characters or line ends: names go into program comments, table headers and terminals.
-Name = Annotated[str, StringConstraints(min_length=1, max_length=100, pattern=r"^[^\x00-\x1f\x7f-\x9f\u2028\u2029]+$")]
-Text = Annotated[str, StringConstraints(max_length=4000)]
-Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
-Date = Annotated[
-    str,
-    StringConstraints(
-        pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}(T[0-9]{2}:[0-9]{2}(:[0-9]{2})?(Z|[+-][0-9]{2}:[0-9]{2})?)?$"
-    ),
-]
-Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)]
-Role = Literal[
-    "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
-    "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",
-]  # fmt: skip
-Sign = Literal["correction = -displacement", "correction = displacement"]
-KeyPath = tuple[str | int, ...]
 
-
-class ContradictionError(ValueError):
-    """Two places of a model do not fit together; `path` leads from the value under validation to one of them."""
-
-    def __init__(self, path: KeyPath, found: str, expected: str) -> None:
-        super().__init__(f"{found}, expected {expected}")
-        self.path = path
-        self.found = found
-        self.expected = expected
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.path, self.found, self.expected), self.__dict__
-
-
-class _Closed(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, serialize_by_alias=True)
-
-
-class Input(_Closed):
+class Input(Closed):
     """One sensor: x = reading − start reading (rise) or x = reading (absolute); z = (x − centre) / scale."""
 
     name: Name
@@ -78,7 +63,7 @@ class Input(_Closed):
     place: Text | None = None
 
 
-class State(_Closed):
+class State(Closed):
     """Memory: first-order lag of the x of a sensor, started at its first x; z = (lagged x − centre) / scale."""
 
     name: Name
@@ -88,7 +73,7 @@ class State(_Closed):
     scale: Positive = 1.0
 
 
-class Term(_Closed):
+class Term(Closed):
     """coefficient · Π z^power; the keys of `powers` are names of inputs or states."""
 
     powers: dict[Name, Power] = Field(min_length=1, max_length=8)
@@ -99,7 +84,7 @@ class Term(_Closed):
 Terms = Annotated[tuple[Term, ...], Field(max_length=5000, fail_fast=True)]
 
 
-class PositionPart(_Closed):
+class PositionPart(Closed):
     """Position-dependent part: slope · (P − reference), slope = intercept + Σ terms [µm/m], P = axis position [m]."""
 
     axis: Name = Field(description="machine axis whose position P is meant")
@@ -115,7 +100,7 @@ class PositionPart(_Closed):
         return max(abs(self.valid_min_m - self.reference_m), abs(self.valid_max_m - self.reference_m))
 
 
-class Output(_Closed):
+class Output(Closed):
     """One displacement: intercept + Σ terms [µm] (+ the position-dependent part)."""
 
     name: Name = Field(description="name of the displacement channel that was learnt")
@@ -141,7 +126,7 @@ class Output(_Closed):
         return self.terms if self.position is None else (*self.terms, *self.position.terms)
 
 
-class OutputLimits(_Closed):
+class OutputLimits(Closed):
     """Limits of the correction of one output on the control; null = not decided, an export asks for it."""
 
     output: Name
@@ -151,7 +136,7 @@ class OutputLimits(_Closed):
     slope_clamp_um_per_m: Positive | None = Field(default=None, description="largest magnitude of the position slope")
 
 
-class Guard(_Closed):
+class Guard(Closed):
     """What the control does with bad readings and after a restart."""
 
     limits: tuple[OutputLimits, ...] = Field(default=(), max_length=32, fail_fast=True)
@@ -187,7 +172,7 @@ class Guard(_Closed):
         return self.without_fallback if self.on_fault == "fallback" else self.on_fault
 
 
-class Fallback(_Closed):
+class Fallback(Closed):
     """A complete model for the time when some sensors are broken."""
 
     without: tuple[Name, ...] = Field(min_length=1, max_length=500, fail_fast=True)
@@ -204,7 +189,7 @@ class Fallback(_Closed):
         return self
 
 
-class Provenance(_Closed):
+class Provenance(Closed):
     """Where the model comes from; nothing here is read from the clock or the machine."""
 
     machine: Text | None = None
@@ -219,7 +204,7 @@ class Provenance(_Closed):
     note: Text | None = None
 
 
-class Validation(_Closed):
+class Validation(Closed):
     """How good one output was, on its own data and on data that it had not seen."""
 
     method: Text | None = Field(default=None, description="e.g. leave-one-run-out")
@@ -232,7 +217,7 @@ class Validation(_Closed):
     n_samples: Annotated[int, Field(strict=True, ge=0)] | None = None
 
 
-class CheckVector(_Closed):
+class CheckVector(Closed):
     """Readings with the outputs that they must give, so that any program can check itself."""
 
     name: Name
@@ -263,7 +248,7 @@ def _schema_is_required(schema: dict[str, Any]) -> None:
     schema["required"] = ["schema", *schema["required"]]
 
 
-class ModelFile(_Closed):
+class ModelFile(Closed):
     """A model of the thermal displacement of a machine tool, for its control (selector.model/1)."""
 
     model_config = ConfigDict(validate_by_name=True, validate_by_alias=True, json_schema_extra=_schema_is_required)
@@ -275,6 +260,7 @@ class ModelFile(_Closed):
     outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
     guard: Guard = Guard()
     fallbacks: tuple[Fallback, ...] = Field(default=(), max_length=500, fail_fast=True)
+    adaptation: Adaptation | None = None
     provenance: Provenance = Provenance()
     validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
     test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100, fail_fast=True)
@@ -289,7 +275,21 @@ class ModelFile(_Closed):
             if name not in outputs:
                 _refuse(("validation", name), name, _one_of(outputs))
         _check_vectors(self, outputs)
+        if self.adaptation is not None:
+            named = self.adaptation.outputs
+            _check_unique((("adaptation", "outputs", i, "output"), of.output) for i, of in enumerate(named))
+            for i, of in enumerate(named):
+                if of.output not in outputs:
+                    _refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # a model that is not adapted has the same bytes as before there was adaptation
+        content: dict[str, Any] = of_fields(self)
+        if content.get("adaptation") is None:
+            content.pop("adaptation", None)
+        return content
 
 
 def model_json_schema() -> dict[str, Any]:
@@ -510,7 +510,7 @@ def model_sha256(model: ModelFile) -> str:
 
 
 def equations_sha256(model: ModelFile) -> str:
-    """SHA-256 of what a control computes and keeps: inputs, memory, outputs, fallbacks.
+    """SHA-256 of what a control computes and keeps: inputs, memory, outputs, fallbacks, adaptation.
 
     Limits, checks of readings, provenance, validation and test vectors are no part of it: start readings that a
     control kept are as good with another clamp.

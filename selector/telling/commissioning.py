@@ -58,6 +58,7 @@ def commissioning_account(
             Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, is_sign_verified)),
             Section("install", "Installing", _install_blocks(program)),
             Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
+            *_touch_offs(model),
             Section("limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"),
             Section("silently", "What the control does silently", (Items(program.silently or ("Nothing is known.",)),)),
             Section("replay", "Replay", _replay_blocks(model, replay)),
@@ -152,6 +153,25 @@ def _wiring_blocks(model: ModelFile, target: Target) -> tuple[Block, ...]:
         *formula_blocks(model),
         Paragraph(f"These are displacements. The correction is their negative{but}."),
     )
+
+
+def _touch_offs(model: ModelFile) -> tuple[Section, ...]:
+    """How the machine keeps the model true; none where nothing is adapted."""
+    if model.adaptation is None:
+        return ()
+    names = [output.name for output in model.outputs]
+    inputs = ", ".join(f"`touch_um_{names.index(of.output) + 1}` ({of.output})" for of in model.adaptation.outputs)
+    steps = (
+        "Probe a datum that the correction should hold, with the correction on and the axis where it is used.",
+        f"Write what the probe shows of the displacement in µm, with its sign, to {inputs}; leave what was not "
+        "probed at no number (1e30).",
+        "Then set `is_touch_valid` for one call or longer, and back. The touch-off acts with the next sample.",
+        "Read `touch_1` …: 1 believed; 2 doubted, so look for chips and probe again; 3 not used, the model "
+        "was not in force.",
+        "New start readings forget offset and gain of outputs that are rises. What is under 'to be kept' has to "
+        "outlive power-off, or the machine is probed again after it.",
+    )
+    return (Section("touch-offs", "Touch-offs", (Items(tuple(f"☐ {step}" for step in steps), are_steps=True),)),)
 
 
 def _limits(model: ModelFile, target: Target) -> Block:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from selector.controllers.adaptation_block import Adaptation
 from selector.controllers.evaluator import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile, equations_sha256, model_sha256
 from selector.controllers.self_check import model_findings
@@ -49,6 +50,7 @@ def card_blocks(model: ModelFile, level: int, *, has_guard: bool = True) -> tupl
         "Sensors and ranges": sensors_table(model, has_guard=has_guard),
         "Coefficients": _coefficients(model),
         **({"Limits and faults": limits_table(model)} if has_guard else {}),
+        **({} if model.adaptation is None else {"Touch-offs": _touch_offs(model.adaptation)}),
         "Validation": _validation(model),
         "Identity": _identity(model),
     }
@@ -112,6 +114,27 @@ def limits_table(model: ModelFile) -> Table:
         ("after a restart", _restart(model)),
     ]
     return table(["", ""], rows)
+
+
+def _touch_offs(of: Adaptation) -> Table:
+    """What touch-offs do to each output."""
+    rows = [
+        (
+            one.output,
+            number_text(one.noise_um2**0.5),
+            number_text(one.offset_start_um2**0.5),
+            number_text((3600.0 * one.offset_um2_per_s) ** 0.5),
+            number_text(one.offset_limit_um),
+            NONE if one.gain_limit == 0.0 else number_text(100.0 * one.gain_limit),
+        )
+        for one in of.outputs
+    ]
+    headings = ["output", ">noise [µm]", ">offset at the start [µm]", ">drift [µm/√h]", ">offset at most [µm]"]
+    note = (
+        "Standard deviations. The correction is of displacement + offset + gain · displacement; a touch-off farther "
+        f"than {of.gate:g} standard deviations from what is expected is believed when a second one agrees."
+    )
+    return table([*headings, ">gain at most [%]"], rows, note)
 
 
 def _on_fault(model: ModelFile) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
+from selector.controllers.adaptation_block import Adaptation, OutputAdaptation
 from selector.controllers.replay.parts import Rows
 
 BAD = np.array([np.nan, np.inf, -np.inf, 850.0, -9999.0, 1e300, -1e300, 1e10, 99.0, -60.0, 5e-324])
@@ -111,3 +114,21 @@ def _tests(rng: np.random.Generator, n: int) -> np.ndarray:
     strange = rng.random((n, 2)) < 0.002
     test_um[strange] = rng.choice([np.nan, np.inf, -np.inf, 1e300, -1e12, 5e-324, -0.0], int(strange.sum()))
     return test_um
+
+
+def adapted(of: ModelFile, *, with_gain: bool = True) -> ModelFile:
+    """The model with touch-offs: Z, a rise now, with offset and gain if `with_gain`; Y with an offset."""
+    gain = {"gain_per_s": 1e-7, "gain_start": 0.01, "gain_limit": 0.3} if with_gain else {}
+    common = {"offset_um2_per_s": 1e-3, "offset_start_um2": 4.0, "noise_um2": 0.3, "offset_limit_um": 15.0}
+    block = Adaptation(outputs=(OutputAdaptation(output="Y", **common), OutputAdaptation(output="Z", **common, **gain)))
+    outputs = tuple(o.model_copy(update={"reference": "rise"}) if o.name == "Z" else o for o in of.outputs)
+    return of.model_copy(update={"adaptation": block, "outputs": outputs})
+
+
+def touched(of: Rows, seed: int) -> Rows:
+    """The rows with touch-offs of two outputs, one in ten of them false or no number at all."""
+    rng, n = np.random.default_rng(seed), len(of)
+    shown = rng.normal(0.0, 3.0, (n, 2)) + np.cumsum(rng.normal(0.0, 0.05, (n, 2)), axis=0)
+    false = rng.random((n, 2)) < 0.1
+    shown[false] = rng.choice([50.0, -50.0, np.nan, np.inf, 1e300, -1e9, 5e-324, 1e9], int(false.sum()))
+    return replace(of, is_touch_valid=rng.random(n) < 0.05, touch_um=shown)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from selector.controllers.model_file import Name
+from selector.controllers.closed_values import Name
 from selector.errors import ReadError
 from selector.readers import read
 from selector.readers.roles.names import printable_name

@@ -9,6 +9,9 @@ FINDINGS = Kinds.of(
     """
 start-missing [warning] a sensor has no reading at the start of a run; its rise counts from its first reading
     → record from the start of the run, or use a model that was selected with --reference absolute
+adaptation-not-applied [info] the model has an adaptation, but there are no touch-offs here: errors are those of the
+    model alone
+    → try touch-offs with `selector adapt`
 recorded-only [info] a channel is recorded but not simulated, and is not compared
     → write it into the simulated files, under the name that the recorded channel has
 simulated-time-unit [warning] the unit of the simulation's time was found from the length of its runs

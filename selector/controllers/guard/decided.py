@@ -7,9 +7,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
 
+from selector.controllers.closed_values import Sign
 from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.model_file import ModelFile, Output, OutputLimits, Sign, with_signs
+from selector.controllers.model_file import ModelFile, Output, OutputLimits, with_signs
 from selector.errors import OptionError
 from selector.findings import Finding
 
@@ -77,6 +78,17 @@ class Mode(IntEnum):
     TEST = 5
     """A value is commanded by hand, for the sign test: the program goes there, its other outputs to zero."""
     FALLBACK = 10
+
+
+class TouchCode(IntEnum):
+    """What became of the last touch-off of an output."""
+
+    NONE = 0
+    BELIEVED = 1
+    DOUBTED = 2
+    """Too far from what was expected; a second one that agrees with it is believed."""
+    UNUSED = 3
+    """It came when the model was not in force."""
 
 
 CAUTIOUS_SLEW_UM_PER_S = 1.0
@@ -174,6 +186,9 @@ def with_decided_limits(model: ModelFile) -> ModelFile:
 
 def _open_clamp_um(model: ModelFile, output: Output) -> float:
     bound_um = output_bound_um(model, output)
+    for of in () if model.adaptation is None else model.adaptation.outputs:
+        if of.output == output.name:
+            bound_um += of.offset_limit_um + of.gain_limit * bound_um
     return float(max(1.0, math.ceil(bound_um))) if bound_um < 1e6 else 1e6
 
 

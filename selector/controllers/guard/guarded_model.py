@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from selector.controllers.evaluator import Equations, polynomial
+from selector.controllers.guard.adapted import Adapted
 from selector.controllers.guard.decided import (
     ANCHOR_S,
     CODE_SLACK,
@@ -27,11 +28,13 @@ from selector.controllers.guard.decided import (
     DecidedLimits,
     Mode,
     SensorCode,
+    TouchCode,
     decided_limits,
     is_turned,
     longest_test_s,
     valid_positions_m,
 )
+from selector.controllers.guard.moving import AxisPosition, Slewed
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, State
 
 Number = Callable[[float], Any]
@@ -212,8 +215,10 @@ class SensorWatch:
 class Correction:
     """From the displacement of one output to its correction: sign, clamp, dead band, slew."""
 
-    def __init__(self, output: Output, limits: DecidedLimits, number: Number) -> None:
+    def __init__(self, output: Output, limits: DecidedLimits, number: Number, adapted: Adapted | None = None) -> None:
         self.name = output.name
+        self.is_rise = output.reference == "rise"
+        self.adapted = adapted
         self._is_turned = is_turned(output)
         self._zero = number(0.0)
         self._largest = number(LARGEST_NUMBER)
@@ -225,9 +230,10 @@ class Correction:
         self._axis = None if part is None else part.axis
         self._back = Slewed(number(limits.slew_um_per_s), self._zero)
         self._is_back = False
+        self._where = self._reference = self._zero
         if part is not None:
-            self._reach = number(limits.reach_m)
             self._where = number(part.reference_m)
+            self._reach = number(limits.reach_m)
             self._reference = number(part.reference_m)
             self._from, self._to = number(part.valid_min_m), number(part.valid_max_m)
         self.stop()
@@ -237,8 +243,16 @@ class Correction:
         self._off()
         self._aim = self._slope_aim = self._zero
 
+    def touch(self, is_touch: bool, shown: Any) -> None:
+        """What the probe shows of the displacement while this correction acts."""
+        if self.adapted is not None:
+            own = shown + self.correction if self._is_turned else shown - self.correction
+            self.adapted.take(is_touch, -self._largest <= shown <= self._largest, own, self._where)
+
     def aim(self, displacement: Any, slope: Any) -> None:
         """What the model, or a fallback, gives is where it moves to from now on."""
+        if self.adapted is not None:
+            displacement = self.adapted.added(displacement, slope, self._reference)
         own, steep = (displacement, slope) if self._is_turned else (-displacement, -slope)
         if not (-self._largest <= own <= self._largest) or not (-self._largest <= steep <= self._largest):
             return
@@ -301,53 +315,6 @@ class Correction:
         self.correction = self._zero
 
 
-class AxisPosition:
-    """Where an axis stands, or stood when that was last known."""
-
-    def __init__(self, reference: Any, low: Any, high: Any, largest: Any) -> None:
-        self.at = reference
-        self.code = SensorCode.MISSING
-        self.is_back = False
-        self._low, self._high, self._largest = low, high, largest
-
-    def take(self, position: Any) -> None:
-        """What is no position leaves it where it was last."""
-        if not (-self._largest <= position <= self._largest):
-            self.code, self.is_back = SensorCode.MISSING, False
-            return
-        self.is_back = self.code == SensorCode.MISSING
-        self.at = position
-        self.code = SensorCode.LIMITED if position < self._low or position > self._high else SensorCode.OK
-
-
-class Slewed:
-    """A number that follows its aim no faster than its limit a second.
-
-    What rounding gives or takes of a step is made up for in the next: else single precision at 1 ms would be a quarter
-    too slow at 0.003 µm/s, and stand still below.
-    """
-
-    def __init__(self, limit: Any, zero: Any) -> None:
-        self._limit, self._zero = limit, zero
-        self.stop()
-
-    def stop(self) -> None:
-        """It is zero at once."""
-        self.now = self._rest = self._zero
-
-    def move(self, aim: Any, slewed_s: Any) -> None:
-        """One call goes by."""
-        most = self._limit * slewed_s + self._rest
-        reach = max(most, self._zero)
-        low, high = self.now - reach, self.now + reach
-        self._rest = self._zero
-        if aim < low:
-            aim, self._rest = low, most - (self.now - low)
-        elif aim > high:
-            aim, self._rest = high, most - (high - self.now)
-        self.now = aim
-
-
 @dataclass(frozen=True)
 class Corrected:
     """What one call gives."""
@@ -361,6 +328,7 @@ class Corrected:
     sensors: tuple[SensorCode, ...]  #: In the order of the model's inputs
     #: Per axis whose position the model needs: OK, LIMITED (beyond its valid positions) or MISSING
     axes: dict[str, SensorCode]
+    touches: dict[str, TouchCode]  #: Per output that is adapted: what became of its last touch-off
 
 
 class GuardedModel:
@@ -391,7 +359,12 @@ class GuardedModel:
             axis: AxisPosition(number(reference[axis]), number(low), number(high), number(LARGEST_NUMBER))
             for axis, (low, high) in valid_positions_m(model).items()
         }
-        self._outputs = [Correction(output, limits[output.name], number) for output in model.outputs]
+        block = model.adaptation
+        adapted = {of.output: Adapted(of, block, number) for of in block.outputs} if block else {}
+        self._outputs = [
+            Correction(output, limits[output.name], number, adapted.get(output.name)) for output in model.outputs
+        ]
+        self._rises = [item.name for item in model.inputs if item.reference == "rise"]
         self._largest, self._longest_s = number(LARGEST_NUMBER), number(LONGEST_S)
         self._longest_step_s, self._sample_s = number(LONGEST_STEP_S), number(SAMPLE_S)
         hold = model.guard.hold_at_most_s
@@ -410,6 +383,8 @@ class GuardedModel:
         is_ready: bool = True,
         is_wanted: bool = True,
         test_um: Mapping[str, float] | None = None,
+        touch_um: Mapping[str, float] | None = None,
+        is_touch_valid: bool = False,
     ) -> Corrected:
         """The correction after `dt_s` more seconds; what is no time, or more than 10⁶ s, counts as 0.
 
@@ -420,6 +395,9 @@ class GuardedModel:
         `test_um` is for the sign test: while one is a number other than 0 [µm], its output goes there, the others to
         zero, whatever sensors and operator say. Only after a call in which all were 0 and the axis was ready, and for
         `longest_test_s`: what was forgotten there ramps the correction to zero.
+
+        `touch_um` is the displacement that a probe shows while the correction acts [µm], for outputs that are adapted;
+        it is taken in the call in which `is_touch_valid` becomes true, and acts with the next sample of the readings.
         """
         number = self._number
         with np.errstate(all="ignore"):
@@ -429,6 +407,8 @@ class GuardedModel:
             for axis, position in self._axes.items():
                 position.take(number((positions_m or {}).get(axis, float("nan"))))
             self._since_sample_s = min(self._since_sample_s + dt, self._longest_s)
+            for output in self._outputs:
+                output.touch(is_touch_valid, number((touch_um or {}).get(output.name, float("nan"))))
             if self._is_first or self._since_sample_s >= self._sample_s:
                 self._sample(readings)
                 self._is_first = False
@@ -445,6 +425,7 @@ class GuardedModel:
             self._mode,
             tuple(watch.code for watch in self._watches.values()),
             {axis: position.code for axis, position in self._axes.items()},
+            {output.name: output.adapted.code for output in self._outputs if output.adapted is not None},
         )
 
     def restart(self, standstill_s: float) -> None:
@@ -464,6 +445,9 @@ class GuardedModel:
         self._follows = int(Mode.HOLD)
         for output in self._outputs:
             output.stop()
+            if output.adapted is not None:
+                output.adapted.passed(off)
+                output.adapted.stopped()
 
     @property
     def start_readings(self) -> dict[str, float]:
@@ -508,6 +492,12 @@ class GuardedModel:
         number = self._number
         if self._mode == Mode.TEST:
             self._test_left_s = max(self._test_left_s - self._since_sample_s, self._zero)
+        is_new_start = bool(self._rises) and all(self._watches[name].start_believed is None for name in self._rises)
+        for output in self._outputs:
+            if output.adapted is not None:
+                output.adapted.passed(self._since_sample_s)
+                if output.is_rise and is_new_start:
+                    output.adapted.begin()
         for name, watch in self._watches.items():
             watch.sample(self._since_sample_s, number(readings[name]))
         for source, tau_s in self._taus:
@@ -530,6 +520,9 @@ class GuardedModel:
             found = self._equations[at].displacements(self._watches, self._lagged)
             for output, (displacement, slope) in zip(self._outputs, found, strict=True):
                 output.aim(displacement, slope)
+        for output in self._outputs:
+            if output.adapted is not None:
+                output.adapted.drop()
 
     def _gain(self, tau_s: Any, since_s: Any, *, is_gap: bool) -> Any:
         """Share of the way to x that a memory goes (backward Euler); over a standstill in equal steps."""

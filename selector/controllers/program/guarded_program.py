@@ -18,6 +18,7 @@ from selector.controllers.guard.decided import (
     valid_positions_m,
 )
 from selector.controllers.model_file import ModelFile
+from selector.controllers.program.adapting import AdaptedOutput
 from selector.controllers.program.language import Expression, Flag, Program, Real, Variable, Writing, is_code
 from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor
 
@@ -27,7 +28,8 @@ def guarded_program(model: ModelFile) -> Program:
 
     Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``,
     ``test_um_1`` …; outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and
-    sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`.
+    sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`. With
+    adaptation also inputs ``is_touch_valid``, ``touch_um_1`` … and outputs ``touch_1`` …, of the outputs that have it.
     """
     return _Guarded(model).program()
 
@@ -51,9 +53,23 @@ class _Guarded:
         self._restart = w.variable("is_restart", "flag", "input", "true in the first call after the control was off")
         self._standstill = w.variable("standstill_s", "real", "input", "with is_restart: off for so long [s]")
         limits, _ = decided_limits(model)
+        block = model.adaptation
+        self._is_touch, adapted = None, {}
+        if block is not None:
+            about = "a touch-off is there: set it for one call or longer, then false"
+            self._is_touch = w.variable("is_touch_valid", "flag", "input", about)
+            self._was_touch = w.variable("was_touch_valid", "flag", "kept", "is_touch_valid in the call before")
+            has_slope = {output.name: output.position is not None for output in model.outputs}
+            names = [output.name for output in model.outputs]
+            adapted = {
+                of.output: AdaptedOutput(w, of, block, names.index(of.output) + 1, has_slope=has_slope[of.output])
+                for of in block.outputs
+            }
         self._outputs = [
-            SlewedCorrection(w, output, limits[output.name], k) for k, output in enumerate(model.outputs, 1)
+            SlewedCorrection(w, output, limits[output.name], k, adapted.get(output.name))
+            for k, output in enumerate(model.outputs, 1)
         ]
+        self._adapted = list(adapted.values())
         self._mode = w.variable(
             "mode", "code", "output",
             "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more: fallback",
@@ -93,6 +109,8 @@ class _Guarded:
             w.remark("what was kept is dropped where it cannot be")
             for name, sensor in self._sensors.items():
                 sensor.kept_checked([level for (source, _), level in self._levels.items() if source == name])
+            for adapted in self._adapted:
+                adapted.kept_checked()
         dt = w.variable("passed_s")
         w.remark("time: what is no time, or too long, counts as 0")
         w.assign(dt, 0.0)
@@ -101,6 +119,11 @@ class _Guarded:
         self._positions()
         w.assign(self._since, self._since + dt)
         w.at_most(self._since, LONGEST_S)
+        if self._is_touch is not None:
+            w.remark("a touch-off is taken when it becomes valid, and acts with the next sample")
+            for output in self._outputs:
+                output.touched(self._is_touch & ~self._was_touch)
+            w.assign(self._was_touch, self._is_touch)
         with w.when(self._first | (self._since >= SAMPLE_S)):
             self._sample()
             w.assign(self._first, False)
@@ -172,12 +195,24 @@ class _Guarded:
         w.assign(self._follows, Mode.HOLD)
         for one in self._outputs:
             one.stopped()
+        for adapted in self._adapted:
+            adapted.passed(off)
+            adapted.stopped()
 
     def _sample(self) -> None:
         w = self._w
         with w.when(is_code(self._mode, Mode.TEST)):
             w.assign(self._test_left, self._test_left - self._since)
             w.at_least(self._test_left, 0.0)
+        for output in self._outputs:
+            if output.adapted is not None:
+                output.adapted.passed(self._since)
+        is_new_start = self._is_new_start()
+        if is_new_start is not None and any(one.adapted is not None and one.is_rise for one in self._outputs):
+            with w.when(is_new_start):
+                for output in self._outputs:
+                    if output.adapted is not None and output.is_rise:
+                        output.adapted.begun()
         for name, sensor in self._sensors.items():
             sensor.sampled(self._since, partial(self._begin_memory, name))
         w.remark("memory: first-order lags of what is believed")
@@ -201,6 +236,17 @@ class _Guarded:
         w.remark("which model")
         self._choose()
         self._follow()
+        for adapted in self._adapted:
+            adapted.dropped()
+
+    def _is_new_start(self) -> Expression | None:
+        """Condition: no sensor has a start reading; None: none needs one."""
+        condition: Expression | None = None
+        for item in self._model.inputs:
+            if item.reference == "rise":
+                lacks = ~self._sensors[item.name].has_start
+                condition = lacks if condition is None else condition & lacks
+        return condition
 
     def _begin_memory(self, source: str) -> None:
         for (of, _), level in self._levels.items():

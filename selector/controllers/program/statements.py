@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from selector.controllers.guard.decided import (
     ANCHOR_S,
@@ -19,6 +20,9 @@ from selector.controllers.guard.decided import (
 )
 from selector.controllers.model_file import Guard, Input, Output, PositionPart, Term
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code
+
+if TYPE_CHECKING:
+    from selector.controllers.program.adapting import AdaptedOutput
 
 NO_READING = 1e30  #: What an input holds that nobody has wired or read yet: missing, never a temperature of 0.
 
@@ -44,7 +48,7 @@ class WatchedSensor:
         self.has_memory = w.variable(f"has_memory_{k}", "flag", "retained", "memory has begun")
         if item.reference == "rise":
             self._start = w.variable(f"start_{k}", "real", "retained", f"start reading of {item.name}")
-            self._has_start = w.variable(f"has_start_{k}", "flag", "retained", "start reading is taken")
+            self.has_start = w.variable(f"has_start_{k}", "flag", "retained", "start reading is taken")
         if item.rate_limit_per_min is not None:
             self._anchor = w.variable(f"anchor_{k}", "real", "kept", "reading about a minute ago")
             self._has_anchor = w.variable(f"has_anchor_{k}", "flag", "kept")
@@ -73,7 +77,7 @@ class WatchedSensor:
         """The next good reading is the start reading once it is believed, and memory begins with it."""
         self._w.assign(self.has_memory, False)
         if self._item.reference == "rise":
-            self._w.assign(self._has_start, False)
+            self._w.assign(self.has_start, False)
 
     def kept_checked(self, levels: Sequence[Variable]) -> None:
         """Drops a start that is no reading, and memory with a level out of range."""
@@ -94,7 +98,7 @@ class WatchedSensor:
         w.remark(f"sensor {item.name}")
         cleared: Expression = ~self.has_memory
         if item.reference == "rise":
-            cleared = cleared | ~self._has_start
+            cleared = cleared | ~self.has_start
         with w.when(cleared & ~self.is_new):
             # somebody wants a new start
             w.assign(self.has_memory, False)
@@ -112,7 +116,7 @@ class WatchedSensor:
                 w.assign(self.code, SensorCode.RECOVERING)
             with w.otherwise():
                 if item.reference == "rise":
-                    w.assign(self._has_start, True)
+                    w.assign(self.has_start, True)
                 x = self._take_x()
                 with w.when(self._is_outside(x)):
                     w.assign(self.code, SensorCode.LIMITED)
@@ -125,7 +129,7 @@ class WatchedSensor:
         if item.reference == "rise":
             change, width = w.variable("change"), item.valid_max - item.valid_min
             w.assign(change, self._reading - self._start)
-            with w.when(~self._has_start & ((change > width) | (change < -width))):
+            with w.when(~self.has_start & ((change > width) | (change < -width))):
                 w.assign(self._good_for, -1.0)
         with w.when(self._good_for >= 0.0):
             self._credit(self._good_for, elapsed, self._guard.recover_after_s / LEAST_GOOD_SAMPLES)
@@ -133,7 +137,7 @@ class WatchedSensor:
             w.assign(self._good_for, 0.0)
             with w.when(~self.has_memory):
                 if item.reference == "rise":
-                    with w.when(~self._has_start):
+                    with w.when(~self.has_start):
                         w.assign(self._start, self._reading)
                 self._take_x()
                 w.assign(self.since, 0.0)
@@ -204,7 +208,7 @@ class WatchedSensor:
             w.assign(x, self._reading)
             return x
         w.assign(x, 0.0)
-        with w.when(self._has_start):
+        with w.when(self.has_start):
             w.assign(x, self._reading - self._start)
         return x
 
@@ -236,8 +240,11 @@ class WatchedSensor:
 class SlewedCorrection:
     """Variables and statements of the k-th output (from 1)."""
 
-    def __init__(self, w: Writing, output: Output, limits: DecidedLimits, k: int) -> None:
+    def __init__(
+        self, w: Writing, output: Output, limits: DecidedLimits, k: int, adapted: AdaptedOutput | None = None
+    ) -> None:
         self._w, self._limits, self._name = w, limits, output.name
+        self.adapted, self.is_rise = adapted, output.reference == "rise"
         self._is_turned = is_turned(output)
         self._test = w.variable(
             f"test_um_{k}", "real", "input", f"sign test of {output.name}: not 0 commands so much [um]"
@@ -272,11 +279,23 @@ class SlewedCorrection:
             w.assign(is_test, True)
         w.limit(test, -clamp, clamp)
 
+    def touched(self, becomes_valid: Expression) -> None:
+        """What the probe shows while this correction acts is taken."""
+        if self.adapted is not None:
+            where = None if self._along is None else self._along.where
+            self.adapted.taken(becomes_valid, self._correction, where, is_turned=self._is_turned)
+
     def aimed(self, output: Output, z: Mapping[str, Variable]) -> None:
         """The output of the model, or of a fallback, is where it moves to from now on."""
         w, limits, along = self._w, self._limits, self._along
         own, change = w.variable("own"), w.variable("change")
         _polynomial(w, own, output.intercept, output.terms, z)
+        if self.adapted is not None and output.position is not None:
+            steep = w.variable("steep")
+            _polynomial(w, steep, output.position.intercept, output.position.terms, z)
+            self.adapted.added(own, steep, output.position.reference_m)
+        elif self.adapted is not None:
+            self.adapted.added(own, None, 0.0)
         self._turn(own)
         is_number = (own >= -LARGEST_NUMBER) & (own <= LARGEST_NUMBER)
         if along is not None:

@@ -57,7 +57,7 @@ def c_answers(
 ) -> Answers:
     """What the generated C gives, ``<name>.c`` of `files`; default: as exported."""
     exported = files or c_files(model, precision=precision, name=name)
-    into = rows.columns(len(model.outputs))
+    into = rows.columns(model)
     out = [variable.name for variable in guarded_program(model).of("output")]
     return Answers.of_outputs(replayed_columns(exported, name, into, out, np.float64), model)
 
@@ -133,7 +133,7 @@ def fixed_point_answers(model: ModelFile, rows: Rows, files: Mapping[str, str]) 
     """What ``thermal_correction_i.c`` gives: readings in counts, times in ms and positions in µm go in, nm come out."""
     numbers = fixed(model)
     per_unit = [float(numbers.inputs[item.name].per_unit) for item in model.inputs]
-    into, n = rows.columns(len(model.outputs)), len(model.outputs)
+    into, n = rows.columns(model), len(model.outputs)
     # the sum of the times is the true time
     into["dt_ms"] = np.diff(np.rint(MS * np.cumsum(into.pop("dt_s"))), prepend=0.0)
     into["standstill_ms"] = _whole(into.pop("standstill_s") * MS)
@@ -357,7 +357,7 @@ def _chunks(pins: list[Pin]) -> list[list[Pin]]:
 
 
 def _write_streams(model: ModelFile, rows: Rows, streamed: list[Pin], folder: Path) -> None:
-    columns = rows.columns(len(model.outputs))
+    columns = rows.columns(model)
     columns |= {"is_enabled": rows.is_ready, "restart": np.cumsum(rows.is_restart), "standstill": rows.standstill_s}
     columns |= {name: 1000.0 * column for name, column in columns.items() if name.startswith("position_")}
     # 0 on the pin dt means the period of the thread; time that does not go on is sent as negative time

@@ -44,6 +44,8 @@ class Rows:
     is_restart: Flags
     standstill_s: Array  #: (n_rows,)
     test_um: Array | None = None  #: (n_rows, n_outputs): What is commanded for the sign test; default: nothing
+    is_touch_valid: Flags | None = None  #: (n_rows,): A touch-off is there; default: none
+    touch_um: Array | None = None  #: (n_rows, n_outputs): What the probe shows; default: nothing
 
     def __len__(self) -> int:
         return len(self.dt_s)
@@ -52,12 +54,25 @@ class Rows:
         """What is commanded for the sign test, zeros if nothing is; of shape (n_rows, n_outputs)."""
         return np.zeros((len(self), n_outputs)) if self.test_um is None else self.test_um
 
-    def columns(self, n_outputs: int) -> dict[str, NDArray[Any]]:
-        """Every input of a guarded program by its name."""
+    def touches(self, n_outputs: int) -> tuple[Flags, Array]:
+        """When touch-offs are there, and what they show, of shape (n_rows, n_outputs); NaN if there are none."""
+        valid = np.zeros(len(self), dtype=np.bool_) if self.is_touch_valid is None else self.is_touch_valid
+        return valid, np.full((len(self), n_outputs), np.nan) if self.touch_um is None else self.touch_um
+
+    def columns(self, model: ModelFile) -> dict[str, NDArray[Any]]:
+        """Every input of the guarded program of a model by its name."""
+        n_outputs = len(model.outputs)
         tables = {"reading": self.readings, "position": self.positions_m, "test_um": self.tests_um(n_outputs)}
         numbered = {f"{name}_{k}": column for name, table in tables.items() for k, column in enumerate(table.T, 1)}
         single = ("dt_s", "standstill_s", "is_ready", "is_wanted", "is_restart")
-        return {name: getattr(self, name) for name in single} | numbered
+        found = {name: getattr(self, name) for name in single} | numbered
+        if model.adaptation is not None:
+            names, (valid, shown) = [output.name for output in model.outputs], self.touches(n_outputs)
+            found["is_touch_valid"] = valid
+            for of in model.adaptation.outputs:
+                k = names.index(of.output)
+                found[f"touch_um_{k + 1}"] = shown[:, k]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +117,7 @@ def called(
     `call` runs it once; `prefix` stands before the names of the attributes; `number` is the type of its real inputs.
     """
     names = [variable.name for variable in guarded_program(model).of("output")]
-    given = {prefix + name: column.tolist() for name, column in rows.columns(len(model.outputs)).items()}
+    given = {prefix + name: column.tolist() for name, column in rows.columns(model).items()}
     found = []
     for k in range(len(rows)):
         for name, column in given.items():
@@ -120,6 +135,7 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> A
     outputs = [output.name for output in model.outputs]
     answers = Answers.empty(len(rows), len(outputs), len(names), len(axes))
     table, where, tests = rows.readings.tolist(), rows.positions_m.tolist(), rows.tests_um(len(outputs)).tolist()
+    valid, shown = rows.touches(len(outputs))
     for k, dt_s in enumerate(rows.dt_s.tolist()):
         # a switch that stays on is one restart
         if rows.is_restart[k] and not (k and rows.is_restart[k - 1]):
@@ -131,6 +147,8 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> A
             is_ready=bool(rows.is_ready[k]),
             is_wanted=bool(rows.is_wanted[k]),
             test_um=dict(zip(outputs, tests[k], strict=True)),
+            touch_um=dict(zip(outputs, shown[k].tolist(), strict=True)),
+            is_touch_valid=bool(valid[k]),
         )
         answers.correction_um[k] = [found.correction_um[name] for name in outputs]
         answers.k0_um[k] = [found.k0_um[name] for name in outputs]

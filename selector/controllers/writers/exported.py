@@ -141,6 +141,11 @@ def heading(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
             for output in model.outputs
             if is_turned(output)
         ),
+        *(
+            f"Touch-offs add offset{' + gain * displacement' if of.gain_limit > 0.0 else ''} to {of.output}, offset at "
+            f"most {of.offset_limit_um:g} um."
+            for of in (() if model.adaptation is None else model.adaptation.outputs)
+        ),
         f"Equations SHA-256 {equations_sha256(model)}",
         f"Written by selector {__version__}",
     ]

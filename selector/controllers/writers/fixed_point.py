@@ -438,6 +438,13 @@ def _check_limits(output: Output, limits: DecidedLimits) -> None:
 
 def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, str]:
     """``thermal_correction_i.h`` and ``.c``."""
+    if model.adaptation is not None:
+        raise ExportRefusedError(
+            "it cannot take touch-offs",
+            expected="a model without adaptation",
+            where="fixed-point export, adaptation",
+            advice="use the double- or single-precision program, or export the model without its adaptation",
+        )
     source = Source(model)
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *_about(model, source.fixed)]]
     return {

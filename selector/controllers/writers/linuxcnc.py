@@ -202,7 +202,15 @@ def input_pins(model: ModelFile) -> list[Pin]:
         pins.append(Pin(f"position_{k}", "float", f"position of axis {axis} [mm]", UNWIRED))
     for k in range(1, len(model.outputs) + 1):
         pins.append(Pin(f"test_um_{k}", "float", known[f"test_um_{k}"].about, 0.0))
+    for name in _of_touch_offs(program):
+        is_flag = known[name].kind == "flag"
+        pins.append(Pin(name, _HAL_TYPES[known[name].kind], known[name].about, 0 if is_flag else UNWIRED))
     return pins
+
+
+def _of_touch_offs(program: Program) -> list[str]:
+    """Inputs that only a model with adaptation has."""
+    return [one.name for one in program.of("input") if one.name == "is_touch_valid" or one.name.startswith("touch_um_")]
 
 
 def output_pins(model: ModelFile) -> list[Pin]:
@@ -231,6 +239,7 @@ def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
     inputs = [f"    m->reading_{k} = *{at}reading_{k};" for k in range(1, len(model.inputs) + 1)]
     inputs += [f"    m->position_{k} = *{at}position_{k} / 1000.0;" for k in range(1, len(axes_of(model)) + 1)]
     inputs += [f"    m->test_um_{k} = *{at}test_um_{k};" for k in range(1, len(model.outputs) + 1)]
+    inputs += [f"    m->{name} = *{at}{name};" for name in _of_touch_offs(program)]
     return [
         "/* a * b + c is rounded twice: what the model file means, to the last bit */",
         '#pragma GCC optimize ("fp-contract=off")',

@@ -83,6 +83,7 @@ class Target:
     write: Writer
     parts: tuple[Part, ...]  #: Its files that compute something, the main program first
     has_guard: bool = True  #: Whether it checks sensors and limits the correction
+    takes_touch_offs: bool = True  #: Whether its program can be adapted
     #: Patterns of the files that not every model gets: those of an earlier export are not left beside a new one
     not_always: tuple[str, ...] = ()
 
@@ -178,6 +179,7 @@ TARGETS: Mapping[str, Target] = {
                 _SMALLER,
             ),
         ),
+        takes_touch_offs=False,
     ),
     "rexroth": Target(
         "Bosch Rexroth IndraDrive",
@@ -194,6 +196,7 @@ TARGETS: Mapping[str, Target] = {
             ),
         ),
         has_guard=False,
+        takes_touch_offs=False,
     ),
     "python": Target(
         "Python",

@@ -1,0 +1,167 @@
+"""What touch-offs leave of the error of a model on days that it drifted to: measured and simulated.
+
+    python benchmarks/bench_adaptation.py [--ace FOLDER] [--seeds 5]
+
+`FOLDER` has ACE_X.xlsx and ACE_Y.xlsx of srivathsan902/Thermal_Compensation_Webpage (commit 24ffb56, code/Datasets; no
+licence: evaluation in place): a lathe, 18 days, 5 thermometers and the hall, the thermal error of a diameter. The file
+has no times; a sample is taken to be two minutes here, as days of about seven hours. Every day is predicted by least
+squares on the other days (rises of all thermometers).
+
+The simulated machine has two thermometers, a model that was fitted to its first six days, and 18 later days, two weeks
+apart: the hall follows the season and adds what no thermometer sees, the bearing wears, each day has an offset, and
+where it is said the gauge is moved by 8 µm within three of the days. Ten hours a day, a sample a minute, 0.3 µm noise.
+
+Every figure is over all samples of all judged days, each sample with what was known before it and each day with what
+the other days taught. `reset`: the offset is the last reading. False: 5 % of the touch-offs are off by ± 50 µm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from selector.adaptation.drift import Course, Drift, known_before
+from selector.adaptation.judged import Judged, judged
+
+HOURS = (1.0, 2.0, 4.0)
+DRAWS = 4
+"""Draws of which touch-offs are false: at four hours there are few of them in one."""
+NOTHING = np.zeros(0, dtype=np.intp)
+RESET = Drift(1e6, 0.0, 1e9, 0.0, 1e-6)
+
+
+def simulated(seed: int, *, has_drift: bool = True, is_moved: bool = False) -> list[Course]:
+    """The 18 later days of a machine, with the predictions of a model of its first six."""
+    rng = np.random.default_rng(seed)
+    days = [_day(rng, day, has_drift=has_drift, is_moved=is_moved) for day in range(24)]
+    x = np.concatenate([temperatures for _, temperatures, _ in days[:6]])
+    y = np.concatenate([displacement for _, _, displacement in days[:6]])
+    coefficients = np.linalg.lstsq(x, y, rcond=None)[0]
+    return [
+        Course(f"d{k}", time_s, temperatures @ coefficients, displacement, NOTHING, np.zeros(0))
+        for k, (time_s, temperatures, displacement) in enumerate(days)
+        if k >= 6
+    ]
+
+
+def _day(
+    rng: np.random.Generator, day: int, *, has_drift: bool, is_moved: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    time_s = np.arange(0.0, 36_001.0, 60.0)
+    n, year = len(time_s), 2.0 * np.pi * 14.0 * day / 365.0
+    speed = np.repeat(rng.uniform(0.0, 1.0, 10), 61)[:n]
+    fast, slow = np.zeros(n), np.zeros(n)
+    for k in range(1, n):
+        fast[k] = fast[k - 1] + 60.0 / 1800.0 * (9.0 * speed[k] - fast[k - 1])
+        slow[k] = slow[k - 1] + 60.0 / 9000.0 * (14.0 * speed[k] - slow[k - 1])
+    temperatures = np.column_stack([fast, slow]) + rng.normal(0.0, 0.05, (n, 2))
+    displacement = 2.5 * fast + 1.5 * slow + rng.normal(0.0, 0.3, n)
+    if has_drift:
+        hall = (6.0 * np.sin(year) + rng.normal(0.0, 1.0)) * np.sin(np.pi * time_s / 36_000.0)
+        wear = 1.0 + 0.006 * day
+        walk = np.cumsum(rng.normal(0.0, 0.08, n))
+        displacement = wear * displacement + 0.8 * hall + rng.normal(0.0, 2.0) + walk
+        if is_moved and day in (9, 14, 20):
+            displacement[rng.integers(n // 4, 3 * n // 4) :] += 8.0
+    return time_s, temperatures, displacement
+
+
+def ace(folder: Path) -> list[Course]:
+    """The 18 days of the lathe, each predicted by the others."""
+    import pandas as pd
+
+    tables = [pd.read_excel(folder / name, sheet_name=None, engine="calamine") for name in ("ACE_X.xlsx", "ACE_Y.xlsx")]
+    x = [np.asarray(sheet, dtype=float) for sheet in tables[0].values()]
+    y = [np.asarray(sheet, dtype=float)[:, -1] for sheet in tables[1].values()]
+    rises = [np.column_stack([np.ones(len(day)), day - day[0]]) for day in x]
+    moved = [day - day[0] for day in y]
+    courses = []
+    for k, name in enumerate(tables[0]):
+        others = [i for i in range(len(x)) if i != k]
+        fit = np.linalg.lstsq(
+            np.concatenate([rises[i] for i in others]), np.concatenate([moved[i] for i in others]), rcond=None
+        )[0]
+        time_s = 120.0 * np.arange(len(moved[k]))
+        courses.append(Course(name, time_s, rises[k] @ fit, moved[k], NOTHING, np.zeros(0)))
+    return courses
+
+
+def reset_rmse_um(courses: Sequence[Course]) -> float:
+    """With the last reading as offset."""
+    left = [
+        one.recorded_um[one.judged] - one.modelled_um[one.judged] - known_before(RESET, one).added_um for one in courses
+    ]
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
+
+
+def with_false_readings(courses: Sequence[Course], seed: int) -> list[Course]:
+    """One touch-off in twenty is off by 50 µm, to either side."""
+    rng, found = np.random.default_rng(seed), []
+    for one in courses:
+        n = len(one.touched_at)
+        off = np.where(rng.random(n) < 0.05, rng.choice([-50.0, 50.0], n), 0.0)
+        found.append(one.touched(one.touched_at, one.touched_um + off))
+    return found
+
+
+def row(name: str, several: Sequence[Sequence[Course]]) -> None:
+    """A line of the table for each period; several machines are counted together."""
+    for hours in HOURS:
+        touched = [[one.touched_every(3600.0 * hours) for one in courses] for courses in several]
+        of = [judged(courses, 3600.0 * hours) for courses in several]
+        shares = [(one.overall.interval_share, len(one.runs)) for one in of if one.overall.interval_share is not None]
+        held = f"{np.average([s for s, _ in shares], weights=[n for _, n in shares]):.1%}" if shares else "–"
+        kinds = sorted({one.kind for one in of})
+        reset = _joint([reset_rmse_um(courses) for courses in touched])
+        cost, reset_cost = cost_of_false_readings(touched)
+        print(
+            f"| {name} | {hours:g} h | {_joint([one.overall.before_rmse_um or 0.0 for one in of]):.1f} | "
+            f"{_joint([one.overall.without_rmse_um or 0.0 for one in of]):.2f} | {reset:.2f} | {_of(of):.2f} | "
+            f"{', '.join(kinds)} | {held} | {cost:+.1%} | {reset_cost:+.0%} |",
+            flush=True,
+        )
+
+
+def cost_of_false_readings(touched: Sequence[Sequence[Course]]) -> tuple[float, float]:
+    """By how much the errors grow, adapted and with the last reading as offset; over some draws of what is false."""
+    clean = [judged(courses, None) for courses in touched]
+    drawn = [with_false_readings(courses, 77 + 10 * n + k) for n in range(DRAWS) for k, courses in enumerate(touched)]
+    adapted = _of([judged(courses, None) for courses in drawn]) / _of(clean) - 1.0
+    reset = _joint([reset_rmse_um(courses) for courses in drawn])
+    return adapted, reset / _joint([reset_rmse_um(courses) for courses in touched]) - 1.0
+
+
+def _of(several: Sequence[Judged]) -> float:
+    return _joint([one.overall.rmse_um or 0.0 for one in several])
+
+
+def _joint(rmse_um: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(rmse_um))))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ace", type=Path)
+    parser.add_argument("--seeds", type=int, default=2)
+    options = parser.parse_args()
+    print(
+        "| machine | touch-off every | before [µm] | model alone | offset reset | adapted | kind | in 90 % interval | "
+        "false readings | false, reset |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    row("simulated", [simulated(seed) for seed in range(options.seeds)])
+    row("simulated, gauge moved", [simulated(seed, is_moved=True) for seed in range(options.seeds)])
+    if options.ace is not None:
+        row("lathe", [ace(options.ace)])
+    still = [judged(simulated(100 + seed, has_drift=False), 7200.0).kind for seed in range(4 * options.seeds)]
+    print(f"\nWithout any drift: {sum(kind == 'none' for kind in still)} of {len(still)} machines are not adapted.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""The error of a model as an offset and a gain that walk at random, followed by a Kalman filter from touch to touch.
+
+The displacement is ``m + offset + gain · m`` with ``m`` as the model has it. Offset and gain are random walks: what is
+not known of them grows with the time since the last touch-off. A control does the same, one touch after the other
+(`selector.controllers.guard.adapted`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from selector.types import Array, Indices, Mask
+
+GATE = 4.0
+"""A reading so many standard deviations from what was expected is not believed before a second one agrees with it.
+
+Beyond the limit of the offset, farther than the teaching runs ever were, it takes a third one.
+"""
+
+AGREEING = 0.5
+"""Two readings agree when they are so much nearer to each other than to what was expected."""
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How the error of one output moves, and how well a touch-off is read."""
+
+    offset_um2_per_s: float  #: Growth of the variance of the offset
+    gain_per_s: float  #: Growth of the variance of the gain; 0 with `gain_start`: there is no gain
+    offset_start_um2: float  #: Variance of the offset at the start of a run
+    gain_start: float  #: Variance of the gain at the start of a run
+    noise_um2: float  #: Variance of one reading
+    offset_limit_um: float = np.inf  #: Largest magnitude of the offset
+    gain_limit: float = np.inf  #: Largest magnitude of the gain
+
+    @property
+    def has_gain(self) -> bool:
+        """Whether the prediction is scaled, too."""
+        return self.gain_per_s > 0.0 or self.gain_start > 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """One response in one run; NaN is what is not known. All arrays are of shape (n_samples,) or (n_touches,)."""
+
+    run: str
+    time_s: Array  #: Increases
+    modelled_um: Array
+    recorded_um: Array
+    touched_at: Indices  #: Samples at which the true displacement was probed, or just before it was; increasing
+    touched_um: Array
+
+    def touched_every(self, period_s: float, first: float = 1.0) -> Course:
+        """The same with touch-offs at the samples nearest after ``period_s · (first + 0, 1, 2 …)``."""
+        known = np.flatnonzero(np.isfinite(self.modelled_um) & np.isfinite(self.recorded_um))
+        if len(known) == 0:
+            return self.touched(known[:0], np.zeros(0))
+        times = self.time_s[known] - self.time_s[0]
+        wanted = np.arange(first * period_s, times[-1] + 1e-9 * period_s, period_s)
+        at = np.unique(np.searchsorted(times, wanted - 1e-9 * period_s))
+        at = known[at[at < len(times)]]
+        return self.touched(at, self.recorded_um[at])
+
+    def touched(self, at: Indices, um: Array) -> Course:
+        """The same with these touch-offs."""
+        return Course(self.run, self.time_s, self.modelled_um, self.recorded_um, at, um)
+
+    @property
+    def judged(self) -> Indices:
+        """Samples whose displacement is modelled and known."""
+        return np.flatnonzero(np.isfinite(self.modelled_um) & np.isfinite(self.recorded_um))
+
+
+class Tracked(NamedTuple):
+    """What is known after 0, 1, 2 … touch-offs of each course; all of shape (n_courses, 1 + n_touches)."""
+
+    since_s: Array  #: When it was last brought up to date
+    offset: Array
+    gain: Array
+    offset_variance: Array
+    covariance: Array
+    gain_variance: Array
+    is_believed: Mask  #: Whether the touch-off before was; true of the start
+
+
+class Touches(NamedTuple):
+    """Touch-offs of several courses beside each other, those of short ones filled up with NaN; (n_courses, n)."""
+
+    time_s: Array
+    error_um: Array  #: What was measured minus what the model says
+    modelled_um: Array
+    start_s: Array  #: (n_courses,)
+
+    @classmethod
+    def of(cls, courses: Sequence[Course]) -> Touches:
+        """Those that the model has a prediction for."""
+        most = max((len(one.touched_at) for one in courses), default=0)
+        table = np.full((3, len(courses), most), np.nan)
+        for k, one in enumerate(courses):
+            n, modelled = len(one.touched_at), one.modelled_um[one.touched_at]
+            table[:, k, :n] = one.time_s[one.touched_at], one.touched_um - modelled, modelled
+        return cls(table[0], table[1], table[2], np.array([one.time_s[0] for one in courses]))
+
+
+def tracked(drift: Drift, touches: Touches) -> Tracked:
+    """The Kalman filter with its gate, over courses beside each other."""
+    n_courses, n = touches.error_um.shape
+    since_s, offsets, gains, of_offsets, both, of_gains = np.zeros((6, n_courses, n + 1))
+    is_believed = np.ones((n_courses, n + 1), dtype=np.bool_)
+    found = Tracked(since_s, offsets, gains, of_offsets, both, of_gains, is_believed)
+    found.since_s[:, 0] = since = touches.start_s
+    found.offset_variance[:, 0] = v = np.full(n_courses, drift.offset_start_um2)
+    found.gain_variance[:, 0] = u = np.full(n_courses, drift.gain_start)
+    offset, gain, c = np.zeros((3, n_courses))
+    doubted, doubts = np.full(n_courses, np.nan), np.zeros(n_courses)
+    for k in range(n):
+        e, m = touches.error_um[:, k], touches.modelled_um[:, k]
+        is_read = np.isfinite(e)
+        e, m = np.where(is_read, e, 0.0), np.where(is_read, m, 0.0)
+        passed = np.where(is_read, touches.time_s[:, k] - since, 0.0)
+        since = since + passed
+        v, u = v + drift.offset_um2_per_s * passed, u + drift.gain_per_s * passed
+        surprise = e - (offset + gain * m)
+        of_offset, of_gain = v + c * m, c + u * m
+        variance = of_offset + of_gain * m + drift.noise_um2
+        square = surprise * surprise
+        is_far = square > GATE * GATE * variance
+        # NaN, nothing doubted, agrees with nothing
+        agrees = is_far & ((e - doubted) ** 2 <= AGREEING * AGREEING * square)
+        enough = agrees & (doubts >= np.where(e * e <= drift.offset_limit_um**2, 1.0, 2.0))
+        believed = is_read & (~is_far | enough)
+        more = np.where(enough, square, 0.0)
+        v, of_offset, variance = v + more, of_offset + more, variance + more
+        doubted = np.where(is_read, np.where(believed, np.nan, e), doubted)
+        doubts = np.where(is_read, np.where(believed, 0.0, np.where(agrees, 2.0, 1.0)), doubts)
+        share, of = np.where(believed, of_offset / variance, 0.0), np.where(believed, of_gain / variance, 0.0)
+        offset = np.clip(offset + share * surprise, -drift.offset_limit_um, drift.offset_limit_um)
+        gain = np.clip(gain + of * surprise, -drift.gain_limit, drift.gain_limit)
+        v, c, u = v - share * of_offset, c - share * of_gain, u - of * of_gain
+        for table, column in zip(found, (since, offset, gain, v, c, u, believed), strict=True):
+            table[:, k + 1] = column
+    return found
+
+
+class Known(NamedTuple):
+    """What is known before each sample; all of shape (n_samples,)."""
+
+    added_um: Array  #: What is to be added to the model's prediction
+    variance_um2: Array  #: Of a reading there
+
+    @classmethod
+    def before(cls, drift: Drift, of: Tracked, course: Indices, touches: Indices, time_s: Array, m: Array) -> Known:
+        """At these samples of these courses, before which so many touch-offs were."""
+        since_s, offset, gain, v, c, u = (table[course, touches] for table in of[:6])
+        passed = time_s - since_s
+        v, u = v + drift.offset_um2_per_s * passed, u + drift.gain_per_s * passed
+        return cls(offset + gain * m, v + 2.0 * c * m + u * m * m + drift.noise_um2)
+
+
+def known_before(drift: Drift, course: Course) -> Known:
+    """What was known before each judged sample; that of a touch-off counts with the state before it."""
+    at = course.judged
+    passed = np.searchsorted(course.touched_at, at, side="left")
+    return Known.before(
+        drift,
+        tracked(drift, Touches.of([course])),
+        np.zeros(len(at), dtype=np.intp),
+        passed,
+        course.time_s[at],
+        course.modelled_um[at],
+    )

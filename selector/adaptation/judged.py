@@ -1,0 +1,218 @@
+"""Does adaptation help? Each run is judged with what the other runs taught."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from selector.adaptation.drift import Course, Drift, Touches, known_before, tracked
+from selector.adaptation.learning import learnt_drift
+from selector.types import Array
+
+Kind = Literal["none", "offset", "offset+gain"]
+KINDS: tuple[Kind, ...] = ("none", "offset", "offset+gain")
+
+LEVEL = 0.9
+"""Of the prediction intervals."""
+
+WORTH = 0.98
+"""A richer kind has to leave less than this share of the error: on runs without drift chance alone makes 1 %."""
+
+PHASES = (0.25, 0.5, 0.75, 1.0)
+"""When the first touch-off of a teaching run falls, in periods: a run teaches by several schedules."""
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Errors of one response [µm], all over the same samples, each with what was known before it; None = unknown."""
+
+    rmse_um: float | None
+    max_um: float | None
+    without_rmse_um: float | None  #: Of the model alone
+    before_rmse_um: float | None  #: Without compensation
+    touch_offs: int
+    interval_share: float | None  #: Share of the samples inside their 90 % interval
+    interval_um: float | None  #: Mean half width of these intervals
+
+    def as_dict(self) -> dict[str, float | None]:
+        """The fields of the contract."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """What runs teach of one response."""
+
+    drift: Drift
+    widening: float  #: Half width of a 90 % interval in standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedRun:
+    """One run, judged with what the others taught; all arrays are of shape (n_judged,)."""
+
+    course: Course
+    kind: Kind  #: As the other runs chose it
+    time_s: Array
+    recorded_um: Array
+    modelled_um: Array
+    predicted_um: Array  #: Adapted
+    half_width_um: Array  #: Of the 90 % interval; NaN without adaptation
+
+    @property
+    def error_um(self) -> Array:
+        """What the adapted model leaves."""
+        return self.recorded_um - self.predicted_um
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """One response."""
+
+    kind: Kind
+    learnt: Learnt | None  #: By all runs; None: nothing is adapted
+    runs: tuple[JudgedRun, ...]
+    accuracy: Mapping[str, Accuracy]  #: By run
+    overall: Accuracy
+    rmse_um_of: Mapping[Kind, float]  #: Over all unseen runs, by kind; empty if it could not be judged
+
+
+def judged(courses: Sequence[Course], every_s: float | None) -> Judged:
+    """Adaptation of one response, each run with what the others taught.
+
+    With `every_s` the recorded displacement is touched off in that period [s], else as the courses say.
+    """
+    seen = [one for one in courses if len(one.judged)]
+    actual = [one if every_s is None else one.touched_every(every_s) for one in seen]
+    teaching = [[one] if every_s is None else [one.touched_every(every_s, phase) for phase in PHASES] for one in seen]
+    is_touched = any(len(one.touched_at) for one in actual)
+    if len(seen) < 2 or not is_touched:
+        return _alone(actual)
+    lessons = {kind: _lessons(teaching, with_gain=kind == "offset+gain") for kind in KINDS[1:]}
+    runs: dict[Kind, list[JudgedRun]] = {"none": [_without(one) for one in actual]}
+    for kind, (_, each) in lessons.items():
+        runs[kind] = [_judged_run(one, learnt, kind) for one, learnt in zip(actual, each, strict=True)]
+    sums = {kind: np.array([np.sum(one.error_um**2) for one in of]) for kind, of in runs.items()}
+    n = sum(len(one.time_s) for one in runs["none"])
+    chosen = [_chosen({kind: float(np.sum(of) - of[k]) for kind, of in sums.items()}) for k in range(len(seen))]
+    # a kind that one run alone makes the best is none that the runs bear out
+    final = min(chosen, key=KINDS.index)
+    rmse = {kind: float(np.sqrt(np.sum(of) / n)) for kind, of in sums.items()}
+    learnt = None if final == "none" else lessons[final][0]
+    return _told(final, learnt, [runs[kind][k] for k, kind in enumerate(chosen)], rmse)
+
+
+def _lessons(teaching: Sequence[Sequence[Course]], *, with_gain: bool) -> tuple[Learnt, list[Learnt]]:
+    """What all runs teach, and what all but one do.
+
+    How wide the intervals are is learnt from runs that did not teach the drift, either.
+    """
+
+    def drift(left_out: int | None, first: Drift | None) -> Drift:
+        courses = [one for k, several in enumerate(teaching) if k != left_out for one in several]
+        return learnt_drift(courses, with_gain=with_gain, first=first)
+
+    whole = drift(None, None)
+    each = [drift(k, whole) for k in range(len(teaching))]
+    sizes = [
+        np.concatenate([_standardised(of, course) for course in several])
+        for of, several in zip(each, teaching, strict=True)
+    ]
+    widenings = [_quantile(sizes[:k] + sizes[k + 1 :]) for k in range(len(each))]
+    return Learnt(whole, _quantile(sizes)), [Learnt(*one) for one in zip(each, widenings, strict=True)]
+
+
+def _quantile(sizes: Sequence[Array]) -> float:
+    """What `LEVEL` of the samples of another run stay below; each run has the same weight.
+
+    A few runs do not show how different the next one can be: of what lies outside, one part in their number is kept in.
+    """
+    values = np.concatenate(sizes)
+    weights = np.concatenate([np.full(len(one), 1.0 / len(one)) for one in sizes])
+    order = np.argsort(values)
+    share = np.cumsum(weights[order]) / np.sum(weights)
+    level = LEVEL + (1.0 - LEVEL) / len(sizes)
+    return float(values[order][min(int(np.searchsorted(share, level)), len(order) - 1)])
+
+
+def _chosen(squares: Mapping[Kind, float]) -> Kind:
+    """The simplest kind that a richer one does not clearly beat."""
+    best: Kind = "none"
+    for kind in KINDS[1:]:
+        if squares[kind] < WORTH**2 * squares[best]:
+            best = kind
+    return best
+
+
+def _standardised(drift: Drift, course: Course) -> Array:
+    known, at = known_before(drift, course), course.judged
+    left = course.recorded_um[at] - course.modelled_um[at] - known.added_um
+    return np.asarray(np.abs(left) / np.sqrt(known.variance_um2))
+
+
+def _judged_run(course: Course, learnt: Learnt, kind: Kind) -> JudgedRun:
+    known, at = known_before(learnt.drift, course), course.judged
+    modelled = course.modelled_um[at]
+    width = learnt.widening * np.sqrt(known.variance_um2)
+    return JudgedRun(
+        course, kind, course.time_s[at], course.recorded_um[at], modelled, modelled + known.added_um, width
+    )
+
+
+def _without(course: Course) -> JudgedRun:
+    at = course.judged
+    m = course.modelled_um[at]
+    return JudgedRun(course, "none", course.time_s[at], course.recorded_um[at], m, m, np.full(len(at), np.nan))
+
+
+def _alone(courses: Sequence[Course]) -> Judged:
+    """Nothing was learnt: the model as it is."""
+    return _told("none", None, [_without(one) for one in courses], {})
+
+
+def _told(kind: Kind, learnt: Learnt | None, runs: Sequence[JudgedRun], rmse: Mapping[Kind, float]) -> Judged:
+    accuracy = {one.course.run: accuracy_of([one]) for one in runs}
+    return Judged(kind, learnt, tuple(runs), accuracy, accuracy_of(runs), rmse)
+
+
+def accuracy_of(runs: Sequence[JudgedRun]) -> Accuracy:
+    """Over all samples of these runs together."""
+    touches = sum(len(one.course.touched_at) for one in runs)
+    if not sum(len(one.time_s) for one in runs):
+        return Accuracy(None, None, None, None, touches, None, None)
+
+    def joined(of: Callable[[JudgedRun], Array]) -> Array:
+        return np.concatenate([of(one) for one in runs])
+
+    error, width = joined(lambda one: one.error_um), joined(lambda one: one.half_width_um)
+    recorded, without = joined(lambda one: one.recorded_um), joined(lambda one: one.recorded_um - one.modelled_um)
+    has_width = np.isfinite(width)
+    return Accuracy(
+        _rms(error),
+        float(np.max(np.abs(error))),
+        _rms(without),
+        _rms(recorded),
+        touches,
+        float(np.mean(np.abs(error[has_width]) <= width[has_width])) if has_width.any() else None,
+        float(np.mean(width[has_width])) if has_width.any() else None,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def refused_touches(run: JudgedRun, learnt: Learnt) -> Array:
+    """Times [s] of the touch-offs of a run that were not believed."""
+    touches = Touches.of([run.course])
+    believed = tracked(learnt.drift, touches).is_believed[0, 1:]
+    return np.asarray(touches.time_s[0][~believed & np.isfinite(touches.error_um[0])])
+
+
+def offset_at_limit(run: JudgedRun, learnt: Learnt) -> bool:
+    """Whether the offset of a run was held by its limit."""
+    offsets = tracked(learnt.drift, Touches.of([run.course])).offset
+    return bool(np.max(np.abs(offsets)) >= learnt.drift.offset_limit_um)

@@ -1,0 +1,123 @@
+"""`adapt`: how touch-offs keep a model true, and how often they are needed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.cli.models import Model
+from selector.cli.shared import showing
+from selector.cli.shared.asked.adaptation import Asked
+from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.progress import counted_progress
+from selector.cli.shared.showing import AsJson
+from selector.cli.shared.source import Source, with_source
+from selector.errors import RecordingError
+
+if TYPE_CHECKING:
+    from selector.adaptation import Course
+    from selector.controllers.from_adaptation import Touched
+    from selector.controllers.model_file import ModelFile
+    from selector.recording import Recording
+    from selector.telling.account import Account
+
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        parser=written_folder,
+        help="Write adaptation.json, model.json with what was learnt, and report.html.",
+    ),
+]
+
+
+@with_source
+def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: AsJson = False) -> None:
+    """Keeps a model true with touch-offs: readings of the true displacement now and then, while the machine runs.
+
+    Drift of offset and gain and the noise of the readings are learnt from these runs, each run judged with what the
+    others taught. Errors are counted at all samples, each with what was known before it.
+    """
+    from selector.adaptation import adaptation
+    from selector.cli.shared.applied import applied
+    from selector.controllers.from_adaptation import adaptation_courses, adapted_model, clamp_findings
+    from selector.controllers.model_file import read_model
+    from selector.study.material import provenance_of
+    from selector.telling.adapted import adaptation_account
+
+    every_s = asked.every_s()
+    inputs = [model, *([] if asked.touch_offs is None else [asked.touch_offs]), *source.machine_files]
+    if out is not None:
+        require_writable_folder(out, "--out")
+        refuse_folder_of_inputs(out, [*inputs, *source.runs])
+    read = read_model(model)
+    reading = source.reading()
+    if out is not None:
+        refuse_folder_of_inputs(out, [run.file for run in reading.runs])
+    application, compared = applied(read, reading)
+    touched = _touched(asked.touch_offs, compared, read)
+    courses, of_courses = adaptation_courses(read, compared, application, touched)
+    _require_displacement(courses, read)
+    with counted_progress("Adaptation") as progress:
+        found = adaptation(
+            courses,
+            every_s=every_s,
+            within_um=asked.within,
+            told=(*application.findings, *of_courses),
+            say=lambda text: progress(0, 0, text),
+        )
+    found = replace(found, findings=(*found.findings, *clamp_findings(read, found)))
+    account = adaptation_account(found, reading.description(), provenance_of(reading), drawn=out is not None)
+    written = [] if out is None else _write(adapted_model(read, found), account, out)
+    console = showing.screen(as_json)
+    if as_json:
+        showing.print_json(account.data)
+    else:
+        showing.show_answer(console, account, found.findings)
+    if out is not None:
+        showing.show_written(console, out, written)
+
+
+def _touched(file: Path | None, recording: Recording, model: ModelFile) -> Touched | None:
+    """The touch-offs in a file; None: there is none."""
+    from selector.readers.touch_off_file import read_touch_offs
+
+    if file is None:
+        return None
+    times = {run: recording.time_s(run) for run in recording.runs}
+    durations_s = {run: float(time_s[-1] - time_s[0]) for run, time_s in times.items()}
+    found = read_touch_offs(file, durations_s, [output.name for output in model.outputs])
+    return {
+        name: {run: [(one.time_s, one.displacement_um) for one in several] for run, several in runs.items()}
+        for name, runs in found.items()
+    }
+
+
+def _require_displacement(courses: dict[str, list[Course]], model: ModelFile) -> None:
+    """Ends with an error where there is nothing to compare the model with."""
+    if not any(len(one.judged) for several in courses.values() for one in several):
+        names = ", ".join(output.name for output in model.outputs)
+        raise RecordingError(
+            f"no displacement {names} at a time at which the model has a prediction",
+            expected="recorded displacement, or --touch-offs with what the probe found",
+            where="recording",
+            advice="name the column of the displacement in the machine file, or give --touch-offs FILE.csv",
+        )
+
+
+def _write(model: ModelFile, account: Account, out: Path) -> list[str]:
+    """The names of the files that were written."""
+    from selector.controllers.model_file import write_model
+    from selector.telling import write_account
+
+    with folder_written_whole(out) as folder:
+        text = showing.json_text(account.data) + "\n"
+        (folder / "adaptation.json").write_text(text, encoding="utf-8", newline="\n")
+        write_model(model, folder / "model.json")
+        write_account(account, folder / "report.html")
+    return ["adaptation.json", "model.json", "report.html"]

@@ -1,0 +1,131 @@
+"""From a model on recordings to the courses that an adaptation learns from, and from what it learnt to a model file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from selector.adaptation.drift import AGREEING, GATE, Course
+from selector.adaptation.finding_table import FINDINGS
+from selector.adaptation.result import Adaptation
+from selector.controllers.adaptation_block import Adaptation as Block
+from selector.controllers.adaptation_block import OutputAdaptation
+from selector.controllers.application import Application, displacement_of, displacement_starts
+from selector.controllers.model_file import ModelFile
+from selector.findings import Finding, Where
+from selector.recording import Recording
+
+Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
+"""Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time."""
+
+
+def adaptation_courses(
+    model: ModelFile, recording: Recording, application: Application, touched: Touched | None = None
+) -> tuple[dict[str, list[Course]], tuple[Finding, ...]]:
+    """What the model says and what was recorded, by response and run, counted from the zero of the gauge.
+
+    With `touched`, the courses have these touch-offs, and a run without recorded displacement has no other knowledge of
+    it. `application`: of this model on this recording.
+    """
+    zeros = displacement_starts(model, recording)
+    table = application.predictions
+    found: dict[str, list[Course]] = {}
+    findings: list[Finding] = []
+    for output in model.outputs:
+        if touched is not None and output.name not in touched:
+            continue
+        courses, only = [], []
+        for run in recording.runs:
+            zero = zeros[run].get(output.name, 0.0)
+            modelled = table.loc[table["run"] == run, output.name].to_numpy(dtype=np.float64) - zero
+            recorded = displacement_of(output, recording, run) - zero
+            nothing = np.zeros(0, dtype=np.intp)
+            course = Course(run, recording.time_s(run), modelled, recorded, nothing, np.zeros(0))
+            if touched is not None:
+                course, left_out = _touched(course, touched[output.name].get(run, ()), zero)
+                findings.extend(_left_out(output.name, run, left_out))
+                if len(course.touched_at) and not np.isfinite(recorded).any():
+                    only.append(run)
+            courses.append(course)
+        if only:
+            findings.append(
+                FINDINGS.finding(
+                    "errors-at-touch-offs-only",
+                    f"{output.name} was not recorded in {', '.join(only)}: errors are counted at the touch-offs only.",
+                    Where(channel=output.name, run=only[0] if len(only) == 1 else None),
+                    {"runs": only},
+                )
+            )
+        found[output.name] = courses
+    return found, tuple(findings)
+
+
+def _touched(course: Course, touched: Sequence[tuple[float, float]], zero: float) -> tuple[Course, list[float]]:
+    """The course with its touch-offs, each at the last sample that is not after it; times without a prediction."""
+    times = np.array([one[0] for one in touched]) + course.time_s[0]
+    um = np.array([one[1] for one in touched]) - zero
+    at = np.maximum(np.searchsorted(course.time_s, times + 1e-6, side="right") - 1, 0).astype(np.intp)
+    known = np.isfinite(course.modelled_um[at])
+    recorded = course.recorded_um
+    if not np.isfinite(recorded).any():
+        recorded = recorded.copy()
+        recorded[at[known]] = um[known]
+    course = Course(course.run, course.time_s, course.modelled_um, recorded, at[known], um[known])
+    return course, [float(t - course.time_s[0]) for t in times[~known]]
+
+
+def _left_out(response: str, run: str, times_s: Sequence[float]) -> Iterator[Finding]:
+    if times_s:
+        yield FINDINGS.finding(
+            "touch-off-without-prediction",
+            f"{response} in run {run}: {len(times_s)} touch-off{'' if len(times_s) == 1 else 's'} where the model has "
+            "no prediction.",
+            Where(channel=response, run=run, from_s=min(times_s), to_s=max(times_s)),
+            {"times_s": list(times_s)},
+        )
+
+
+def clamp_findings(model: ModelFile, found: Adaptation) -> Iterator[Finding]:
+    """Outputs whose clamp is smaller than what the adapted model wants to correct in these runs."""
+    clamps = {limits.output: limits.clamp_um for limits in model.guard.limits}
+    for name, of in found.responses.items():
+        clamp = clamps.get(name)
+        if clamp is None or of.learnt is None:
+            continue
+        wanted = np.abs(np.concatenate([run.predicted_um for run in of.runs]))
+        if float(np.max(wanted)) > clamp:
+            yield FINDINGS.finding(
+                "adaptation-clamped",
+                f"The clamp of {name} is ±{clamp:g} µm; with touch-offs up to {np.max(wanted):.3g} µm are to be "
+                f"corrected, and {np.mean(wanted > clamp):.1%} of the samples are beyond the clamp.",
+                Where(channel=name),
+                {"clamp_um": clamp, "largest_um": float(np.max(wanted)), "share": float(np.mean(wanted > clamp))},
+            )
+
+
+def adapted_model(model: ModelFile, found: Adaptation) -> ModelFile:
+    """The model with what was learnt; without any adaptation where nothing is to be adapted.
+
+    Equations and test vectors stay as they are.
+    """
+    outputs = []
+    for name, of in found.responses.items():
+        if of.learnt is None:
+            continue
+        drift = of.learnt.drift
+        outputs.append(
+            OutputAdaptation(
+                output=name,
+                offset_um2_per_s=drift.offset_um2_per_s,
+                offset_start_um2=drift.offset_start_um2,
+                gain_per_s=drift.gain_per_s,
+                gain_start=drift.gain_start,
+                noise_um2=drift.noise_um2,
+                offset_limit_um=float(drift.offset_limit_um),
+                gain_limit=float(drift.gain_limit),
+                interval=of.learnt.widening or None,
+            )
+        )
+    block = Block(outputs=tuple(outputs), gate=GATE, agreeing=AGREEING) if outputs else None
+    return model.model_copy(update={"adaptation": block})

@@ -1,0 +1,220 @@
+"""What is told of an adaptation: how often to probe, what that leaves of the error, and what was learnt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from selector.adaptation.judged import KINDS, LEVEL, Accuracy, Judged
+from selector.adaptation.result import Adaptation
+from selector.number_text import number_text
+from selector.telling import origin
+from selector.telling.account import (
+    Account,
+    Captioned,
+    Drawing,
+    Items,
+    Paragraph,
+    Remarks,
+    Table,
+    Verdict,
+    remarks_of,
+    section,
+    sections,
+    table,
+)
+from selector.telling.numbers import NONE, share_text, span_text
+from selector.telling.wording import label_text
+
+MOST_DRAWN = 6
+"""Runs of a response that are drawn, the worst ones."""
+
+_WORDS = {"none": "nothing", "offset": "an offset", "offset+gain": "an offset and a gain"}
+
+
+def adaptation_account(
+    found: Adaptation,
+    description: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    *,
+    drawn: bool = False,
+) -> Account:
+    """All that is told of an adaptation; `description` and `provenance` as `selector describe` and reports have them.
+
+    A page is `drawn`, with its drawings.
+    """
+    described, provenance = description or {}, provenance or {}
+    verdict, sentences = _advice(found)
+    urgent = remarks_of(found.findings, "error", "warning")
+    return Account(
+        title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
+        label=label_text("the recordings", "", provenance, described),
+        verdict=verdict,
+        sentences=sentences,
+        answer=_overall_table(found),
+        sections=sections(
+            section(
+                "warnings",
+                "Before you use it",
+                Remarks(urgent) if urgent else Paragraph("No warnings were found."),
+                link="Warnings",
+            ),
+            section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
+            section(
+                "runs", "Run by run", Captioned("Errors", _runs_table(found)), *_drawings(found, drawn), link="Runs"
+            ),
+            section(
+                "learnt",
+                "What the runs teach",
+                Captioned("Drift and noise", _learnt_table(found), on_screen=False),
+                link="Learnt",
+            ),
+            section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
+            section("origin", "Origin", *origin.origin_parts(described, provenance)),
+        ),
+        data=found.as_dict(),
+        footer="The same recordings and options give the same bytes.",
+    )
+
+
+def _advice(found: Adaptation) -> tuple[Verdict, tuple[str, ...]]:
+    said = [*_of_policy(found)]
+    told = [_of_response(name, of, found) for name, of in found.responses.items()]
+    is_bad = found.policy is not None and not found.policy.is_reached
+    is_nothing = found.kind == "none" and (found.policy is None or found.policy.every_s is not None)
+    verdict: Verdict = "bad" if is_bad else "plain" if is_nothing else "good"
+    return verdict, (*said, *told)
+
+
+def _of_policy(found: Adaptation) -> Iterator[str]:
+    policy = found.policy
+    if policy is None:
+        return
+    if not policy.is_reached:
+        yield (
+            f"± {number_text(policy.within_um)} µm cannot be held in 95 % of the time, however often the machine is "
+            f"probed; {share_text(policy.share_within)} was reached"
+            + (
+                " without probing."
+                if policy.every_s is None
+                else f" with a touch-off every {span_text(policy.every_s)}."
+            )
+        )
+    elif policy.every_s is None:
+        yield (
+            f"No probing is needed: the model alone is within ± {number_text(policy.within_um)} µm in "
+            f"{share_text(policy.share_within)} of the time."
+        )
+    else:
+        yield (
+            f"Probe every {span_text(policy.every_s)}, {number_text(policy.touch_offs_per_day)} times a day: that "
+            f"holds ± {number_text(policy.within_um)} µm in {share_text(policy.share_within)} of the time on runs that "
+            "did not teach it."
+        )
+
+
+def _of_response(name: str, of: Judged, found: Adaptation) -> str:
+    one = of.overall
+    if one.rmse_um is None or one.without_rmse_um is None:
+        return f"{name} was not recorded: nothing can be said of it."
+    alone = f"{number_text(one.without_rmse_um)} µm (RMS) with the model alone"
+    if of.kind == "none":
+        return f"{name}: nothing is adapted; {alone}."
+    often = "the touch-offs" if found.every_s is None else f"a touch-off every {span_text(found.every_s)}"
+    return (
+        f"{name}: {number_text(one.rmse_um)} µm are left with {often}, {alone}. Followed is {_WORDS[of.kind]}; on "
+        f"unseen runs {share_text(one.interval_share or 0.0)} of the samples were in their {LEVEL:.0%} interval."
+    )
+
+
+def _steps(found: Adaptation) -> tuple[str, ...]:
+    if found.kind == "none":
+        return ("Use the model as it is: these runs do not show that touch-offs would make it better.",)
+    often = "as in these runs" if found.every_s is None else f"every {span_text(found.every_s)}"
+    return (
+        "Export model.json of this folder for your control (`selector export`); its program has the inputs "
+        "is_touch_valid and touch_um_1 ….",
+        f"While the machine runs, probe a datum that does not move {often}, with the correction on.",
+        "Give what the probe shows (tool against workpiece, + as the output) to touch_um_1 … and set is_touch_valid "
+        "for one call.",
+        "If a reading is not believed, the program waits for a second one that agrees: look for chips, probe again.",
+    )
+
+
+_HEADINGS = [">with touch-offs", ">largest", ">model alone", ">before", ">touch-offs", ">in 90 % interval"]
+
+
+def _overall_table(found: Adaptation) -> Table:
+    rows = [(name, *_cells(of.overall)) for name, of in found.responses.items()]
+    note = (
+        "RMS errors [µm] at all samples, each with what was known before it. Each run is judged with what the "
+        "others taught. Before: without compensation."
+    )
+    return table(["all runs", *_HEADINGS], rows, note)
+
+
+def _runs_table(found: Adaptation) -> Table:
+    rows = [
+        (run, name, *_cells(accuracy)) for name, of in found.responses.items() for run, accuracy in of.accuracy.items()
+    ]
+    return table(["run", "response", *_HEADINGS], rows)
+
+
+def _cells(one: Accuracy) -> tuple[str, ...]:
+    def text(value: float | None) -> str:
+        return NONE if value is None else number_text(value)
+
+    share = NONE if one.interval_share is None else share_text(one.interval_share)
+    errors = (one.rmse_um, one.max_um, one.without_rmse_um, one.before_rmse_um)
+    return (*map(text, errors), str(one.touch_offs), share)
+
+
+def _learnt_table(found: Adaptation) -> Table:
+    rows = []
+    for name, of in found.responses.items():
+        unseen = [number_text(of.rmse_um_of[kind]) if kind in of.rmse_um_of else NONE for kind in KINDS]
+        if of.learnt is None:
+            rows.append((name, of.kind, *unseen, *[NONE] * 5))
+            continue
+        drift, hour = of.learnt.drift, 60.0
+        rows.append(
+            (
+                name, of.kind, *unseen, number_text(drift.offset_start_um2**0.5),
+                number_text(drift.offset_um2_per_s**0.5 * hour), number_text(drift.noise_um2**0.5),
+                number_text(drift.gain_start**0.5 * 100) if drift.has_gain else NONE,
+                number_text(drift.offset_limit_um),
+            )
+        )  # fmt: skip
+    headings = [
+        "response", "kind", ">model alone [µm]", ">offset [µm]", ">offset and gain [µm]", ">offset at the start [µm]",
+        ">drift [µm/√h]", ">noise [µm]", ">gain at the start [%]", ">limit of the offset [µm]",
+    ]  # fmt: skip
+    note = (
+        "Third to fifth column: RMS error on runs that did not teach. Drift, noise and starts are standard deviations, "
+        "by maximum likelihood over all runs."
+    )
+    return table(headings, rows, note)
+
+
+def _drawings(found: Adaptation, drawn: bool) -> list[Drawing]:
+    if not drawn:
+        return []
+    from selector.figures.adaptation import adapted_run
+
+    drawings: list[Drawing] = []
+    for name, of in found.responses.items():
+        known = [(run, of.accuracy[run.course.run]) for run in of.runs]
+        ranked = sorted(known, key=lambda one: -(one[1].rmse_um or 0.0))[:MOST_DRAWN]
+        for run, one in ranked:
+            if one.rmse_um is None or one.without_rmse_um is None:
+                continue
+            text = "" if drawings else _READ
+            drawings.append(Drawing(adapted_run(run, name, one.without_rmse_um, one.rmse_um), text))
+    return drawings
+
+
+_READ = (
+    f"The runs with the largest errors, at most {MOST_DRAWN} a response. Grey: what the model alone leaves. Vermilion: "
+    "what is left with touch-offs (dotted lines), each sample with what was known before it. Dotted grey: the interval "
+    "in which 90 % of the samples were expected."
+)

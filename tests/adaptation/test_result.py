@@ -1,0 +1,103 @@
+"""Adaptation is judged on runs that did not teach it; when to probe; what is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.adaptation import adaptation
+from selector.adaptation.drift import Course
+from selector.adaptation.judged import judged
+from tests.adaptation.machines import NOTHING, machines
+
+
+def ids(found):
+    return [finding.id for finding in found.findings]
+
+
+def test_drift_is_followed_and_the_intervals_hold():
+    found = judged(machines(12, 2), 7200.0)
+    assert found.kind == "offset"
+    assert found.overall.rmse_um < 0.7 * found.overall.without_rmse_um
+    # 12 runs of one machine: their shares scatter by some percent
+    assert 0.85 <= found.overall.interval_share <= 0.95
+    assert found.overall.touch_offs == 12 * 4
+
+
+def test_what_a_run_says_of_itself_is_not_used_for_it():
+    courses = machines(6, 4)
+    wild = courses[0]
+    moved = Course(wild.run, wild.time_s, wild.modelled_um, wild.recorded_um + 300.0, NOTHING, np.zeros(0))
+    found = judged([moved, *courses[1:]], 7200.0)
+    # the others never were so far off: the offset of this run is held by the limit that they teach
+    assert found.accuracy["r0"].rmse_um > 200.0
+
+
+def test_nothing_is_adapted_without_drift():
+    found = adaptation({"Z": machines(6, 5, walk=0.0, start=0.0)}, every_s=7200.0)
+    assert found.kind == "none"
+    assert "adaptation-no-better" in ids(found)
+    overall = found.responses["Z"].overall
+    assert overall.rmse_um == overall.without_rmse_um
+    assert found.as_dict()["responses"]["Z"]["drift"] is None
+
+
+def test_a_gain_is_followed_where_all_runs_have_one():
+    found = judged(machines(10, 6, walk=1e-6, start=0.01, gain_start=0.02), 3600.0)
+    assert found.kind == "offset+gain"
+    assert found.rmse_um_of["offset+gain"] < 0.9 * found.rmse_um_of["offset"]
+
+
+def test_one_run_cannot_be_judged():
+    found = adaptation({"Z": machines(1, 7)}, every_s=7200.0)
+    assert found.kind == "none"
+    assert ids(found) == ["adaptation-not-judged"]
+
+
+def test_runs_without_a_touch_off_are_named():
+    found = adaptation({"Z": [*machines(4, 8), *machines(1, 9, hours=1.0)]}, every_s=7200.0)
+    told = next(finding for finding in found.findings if finding.id == "no-touch-off")
+    assert told.evidence["runs"] == ["r0"]
+    assert adaptation({"Z": machines(4, 8)}, every_s=1e6).kind == "none"
+
+
+def test_responses_are_adapted_each_by_itself():
+    found = adaptation({"Z": machines(6, 2), "Y": machines(6, 5, walk=0.0, start=0.0)}, every_s=7200.0)
+    assert (found.kind, found.responses["Z"].kind, found.responses["Y"].kind) == ("offset", "offset", "none")
+    assert set(found.as_dict()["per_run"]["r0"]) == {"Z", "Y"}
+
+
+def test_the_rarest_probing_that_holds_the_limit_is_found():
+    found = adaptation({"Z": machines(6, 3)}, within_um=5.0)
+    policy = found.policy
+    assert policy.is_reached
+    assert policy.share_within >= 0.95
+    assert policy.touch_offs_per_day == 86_400.0 / policy.every_s
+    rarer = judged(machines(6, 3), 2.0 * policy.every_s)
+    errors = np.concatenate([run.error_um for run in rarer.runs])
+    assert np.mean(np.abs(errors) <= 5.0) < 0.95
+
+
+def test_a_limit_that_no_probing_holds_is_told():
+    found = adaptation({"Z": machines(3, 3, noise=9.0)}, within_um=1.0)
+    assert not found.policy.is_reached
+    assert found.policy.share_within < 0.95
+    assert "within-not-reached" in ids(found)
+
+
+def test_no_probing_is_needed_where_the_model_holds_the_limit():
+    found = adaptation({"Z": machines(3, 3, walk=0.0, start=0.0)}, within_um=5.0)
+    assert (found.policy.every_s, found.policy.touch_offs_per_day) == (None, 0.0)
+    assert ids(found) == ["within-without-probing"]
+
+
+@pytest.mark.parametrize("every_s", [3600.0, 7200.0])
+def test_false_readings_cost_at_most_a_tenth(every_s):
+    rng = np.random.default_rng(1)
+    clean = [one.touched_every(every_s) for one in machines(16, 14, start=9.0)]
+    spoilt = []
+    for one in clean:
+        is_false = rng.random(len(one.touched_at)) < 0.05
+        off = np.where(is_false, rng.choice([-50.0, 50.0], len(is_false)), 0.0)
+        spoilt.append(one.touched(one.touched_at, one.touched_um + off))
+    assert judged(spoilt, None).overall.rmse_um <= 1.1 * judged(clean, None).overall.rmse_um

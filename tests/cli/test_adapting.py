@@ -1,0 +1,192 @@
+"""`selector adapt` from the command line: a whole job, and what cannot be used."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from jsonschema import Draft202012Validator
+
+from selector.cli import exit_status
+from selector.controllers import Input, ModelFile, Output, Term, check_vectors, model_json_schema, read_model
+from selector.controllers.guard.decided import TouchCode
+from selector.controllers.guard.guarded_model import GuardedModel
+from selector.controllers.model_file import equations_sha256, write_model
+
+MACHINE = (
+    '[time]\ncolumn = "time_s"\nunit = "s"\n[channels.T1]\nrole = "temperature"\nunit = "degC"\n'
+    '[channels.Z]\nrole = "displacement"\nunit = "um"\naxis = "Z"\n'
+)
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory) -> Path:
+    """Five days of a machine that drifts away from its model by a few µm in an hour; a sample every two minutes."""
+    folder = tmp_path_factory.mktemp("shop")
+    item = Input(name="T1", reference="rise", valid_min=-1.0, valid_max=30.0)
+    output = Output(
+        name="Z", axis="Z", reference="rise", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=3.0),)
+    )
+    model = ModelFile(name="one", inputs=(item,), outputs=(output,))
+    write_model(model.model_copy(update={"test_vectors": check_vectors(model)}), folder / "m.json")
+    (folder / "machine.toml").write_text(MACHINE, encoding="utf-8")
+    (folder / "runs").mkdir()
+    rng = np.random.default_rng(5)
+    for day in range(5):
+        time_s = 120.0 * np.arange(241)
+        rise = 9.0 * (1.0 - np.exp(-time_s / 3000.0))
+        walk = np.r_[0.0, np.cumsum(rng.normal(0.0, 0.6, 240))]
+        z_um = 3.0 * rise + walk + rng.normal(0.0, 0.2, 241)
+        z_um[0] = 0.0
+        table = pd.DataFrame({"time_s": time_s, "T1": 20.0 + rise, "Z": z_um})
+        table.round(6).to_csv(folder / "runs" / f"d{day}.csv", index=False)
+    return folder
+
+
+def told(shop: Path, capsys, *words: object) -> dict:
+    base = ["adapt", shop / "m.json", shop / "runs", "--machine", shop / "machine.toml", "--json", *words]
+    assert exit_status([str(word) for word in base]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def refused(shop: Path, capsys, *words: object, runs: str = "runs") -> str:
+    base = ["adapt", shop / "m.json", shop / runs, "--machine", shop / "machine.toml", "--json", *words]
+    assert exit_status([str(word) for word in base]) == 2
+    found = capsys.readouterr()
+    assert found.out == ""
+    return found.err
+
+
+def test_a_whole_job(shop, capsys, tmp_path):
+    out = tmp_path / "adapted"
+    answer = told(shop, capsys, "--every", "1h", "--out", out)
+    assert (answer["schema"], answer["kind"], answer["policy"]) == ("selector.adaptation/1", "offset", None)
+    assert set(answer["per_run"]) == {f"d{day}" for day in range(5)}
+    one = answer["per_run"]["d2"]["Z"]
+    assert one["touch_offs"] == 8
+    assert {"rmse_um", "max_um", "without_rmse_um", "before_rmse_um"} < set(one)
+    overall = answer["overall"]["Z"]
+    assert overall["rmse_um"] < overall["without_rmse_um"] < overall["before_rmse_um"]
+    assert sorted(path.name for path in out.iterdir()) == ["adaptation.json", "model.json", "report.html"]
+    assert json.loads((out / "adaptation.json").read_text()) == answer
+    document = json.loads((out / "model.json").read_text())
+    Draft202012Validator(model_json_schema()).validate(document)
+    (block,) = document["adaptation"]["outputs"]
+    assert block["output"] == "Z"
+    # planted: 0.6 µm in two minutes, 0.2 µm of noise; five runs tell a variance to some tens of percent
+    assert block["offset_um2_per_s"] == pytest.approx(0.36 / 120.0, rel=0.5)
+    page = (out / "report.html").read_text()
+    assert "Touch-offs" in page
+    assert exit_status(["model", "check", str(out / "model.json")]) == 0
+    assert "Touch-offs" not in capsys.readouterr().err
+    assert exit_status(["model", "card", str(out / "model.json"), "--out", str(tmp_path / "card.html")]) == 0
+    capsys.readouterr()
+    words = ["apply", out / "model.json", shop / "runs", "--machine", shop / "machine.toml", "--json"]
+    assert exit_status(list(map(str, words))) == 0
+    assert "adaptation-not-applied" in {one["id"] for one in json.loads(capsys.readouterr().out)["findings"]}
+
+
+def test_the_control_does_with_touch_offs_what_was_told(shop, capsys, tmp_path):
+    out = tmp_path / "adapted"
+    answer = told(shop, capsys, "--every", "1h", "--out", out)
+    model = read_model(out / "model.json")
+    fast = model.model_copy(update={"guard": model.guard.model_copy(update={"recover_after_s": 0.0})})
+    table = pd.read_csv(shop / "runs" / "d3.csv")
+    guarded, left, previous = GuardedModel(fast), [], 0.0
+    for k, (_, reading, z_um) in enumerate(table.itertuples(index=False)):
+        is_touch = k > 0 and k % 30 == 0
+        shown = {"Z": z_um + previous}
+        found = guarded.step(120.0, {"T1": reading}, touch_um=shown, is_touch_valid=is_touch)
+        if is_touch:
+            assert found.touches["Z"] in (TouchCode.BELIEVED, TouchCode.DOUBTED)
+        previous = found.correction_um["Z"]
+        left.append(z_um + previous)
+    # what all runs taught, the slew limit and the first sample as start: near, not equal
+    assert np.sqrt(np.mean(np.square(left))) == pytest.approx(answer["per_run"]["d3"]["Z"]["rmse_um"], rel=0.2)
+
+
+def test_touch_offs_as_measured_are_those_of_the_recording(shop, capsys, tmp_path):
+    rows = ["run,time_s,Z"]
+    for day in range(5):
+        table = pd.read_csv(shop / "runs" / f"d{day}.csv")
+        rows += [f"d{day},{t:g},{z!r}" for t, z in zip(table["time_s"], table["Z"], strict=True) if t and t % 3600 == 0]
+    file = tmp_path / "probe.csv"
+    file.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    answer = told(shop, capsys, "--touch-offs", file)
+    every = told(shop, capsys, "--every", "60min")
+    assert answer["every_s"] is None
+    assert answer["per_run"]["d1"]["Z"]["touch_offs"] == every["per_run"]["d1"]["Z"]["touch_offs"]
+    # taught by one schedule instead of four
+    assert answer["overall"]["Z"]["rmse_um"] == pytest.approx(every["overall"]["Z"]["rmse_um"], rel=0.1)
+
+
+def test_when_to_probe(shop, capsys):
+    answer = told(shop, capsys, "--within", "8")
+    policy = answer["policy"]
+    assert policy["within_um"] == 8.0
+    assert policy["share_within"] >= 0.95
+    assert policy["touch_offs_per_day"] > 0.0
+    assert answer["every_s"] == policy["every_s"]
+
+
+def test_the_screen_says_what_to_do(shop, capsys):
+    words = ["adapt", shop / "m.json", shop / "runs", "--machine", shop / "machine.toml", "--every", "3600s"]
+    assert exit_status(list(map(str, words))) == 0
+    said = capsys.readouterr().out
+    assert "with a touch-off every 1 h" in " ".join(said.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ((), "one of them"),
+        (("--every", "2h", "--within", "5"), "one of them"),
+        (("--every", "2"), "a time above 0 with its unit"),
+        (("--every", "0h"), "a time above 0 with its unit"),
+        (("--every", "two hours"), "a time above 0 with its unit"),
+        (("--within", "-3"), "a number of µm above 0"),
+        (("--within", "nan"), "a number of µm above 0"),
+        (("--touch-offs", "nowhere.csv"), "no such file"),
+    ],
+)
+def test_what_cannot_be_asked(shop, capsys, words, says):
+    assert says in " ".join(refused(shop, capsys, *words).split())
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "no touch-off"),
+        ("run,time_s,Z\n", "no touch-off"),
+        ("run,time_s\nd0,60\n", "no column of a response"),
+        ("run,time_s,Q\nd0,60,1\n", "column 'Q'"),
+        ("run,Z\nd0,1\n", "0 columns 'time_s'"),
+        ("run,time_s,Z\nd9,60,1\n", "one of the runs d0"),
+        ("run,time_s,Z\nd0,1e7,1\n", "0 to 28800 s"),
+        ("run,time_s,Z\nd0,-5,1\n", "0 to 28800 s"),
+        ("run,time_s,Z\nd0,60,many\n", "a number with a decimal point"),
+        ("run,time_s,Z\nd0,60,nan\n", "a number with a decimal point"),
+        ("run,time_s,Z\nd0,60,1e9\n", "a displacement in µm"),
+        ("run,time_s,Z\nd0,60\n", "complete the row"),
+    ],
+)
+def test_touch_off_files_that_cannot_be_used(shop, capsys, tmp_path, text, says):
+    file = tmp_path / "probe.csv"
+    file.write_text(text, encoding="utf-8")
+    said = " ".join(refused(shop, capsys, "--touch-offs", file).split())
+    assert says in said
+    assert "Traceback" not in said
+
+
+def test_nothing_is_written_into_a_folder_of_inputs(shop, capsys):
+    assert "--out" in refused(shop, capsys, "--every", "1h", "--out", shop / "runs")
+
+
+def test_the_model_with_adaptation_is_another_program(shop, capsys, tmp_path):
+    told(shop, capsys, "--every", "1h", "--out", tmp_path / "adapted")
+    before, after = read_model(shop / "m.json"), read_model(tmp_path / "adapted" / "model.json")
+    assert equations_sha256(before) != equations_sha256(after)
+    assert after.model_copy(update={"adaptation": None}) == before
