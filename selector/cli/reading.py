@@ -38,10 +38,12 @@ def describe(
     """Shows what was read, what was guessed and what is wrong with the recordings.
 
     With --write the guesses become a machine file: correct it and give it to every other command with --machine. A
-    clock that was guessed stands in it as a comment only, so that every command says so until you do.
+    clock that was guessed stands in it as a comment only, so that every command says so until you do. Cables that
+    changed places and units of single runs that the findings prove stand in it as repairs of these runs.
     """
     from selector.quality import inspect, without_faults
     from selector.readers import guessed_clock, machine_of, write_machine_file
+    from selector.readers.roles.repairs import proposed
     from selector.study.material import drift_of
 
     if write is not None:
@@ -53,7 +55,11 @@ def describe(
     description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
     if write is not None:
         refuse_to_replace_input(write, [run.file for run in reading.runs], "--write")
-        write_machine_file(machine_of(reading), write, reading.undeclared, guessed_clock(reading))
+        written = machine_of(reading)
+        repairs = proposed(written.runs, faults)
+        new = [run for run, repair in repairs.items() if written.runs.get(run) != repair]
+        written = written.model_copy(update={"runs": repairs})
+        write_machine_file(written, write, reading.undeclared, guessed_clock(reading))
     if as_json:
         showing.print_json(description)
     console = showing.screen(as_json)
@@ -61,6 +67,8 @@ def describe(
         _show(console, description)
     if write is not None:
         console.print(f"wrote {write}; correct it there and give it with --machine {write}", markup=False)
+        if new:
+            console.print(f"it repairs {', '.join(new)} as the findings propose: check these lines", markup=False)
 
 
 @with_source

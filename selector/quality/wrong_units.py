@@ -126,7 +126,7 @@ def _told_temperatures(
             f"{mistake.undone(now):.3g} °C).",
             Where(channel.name, run),
             {"start": now, "reference": middle, "gain": mistake.gain, "offset": mistake.offset}
-            | {"mistake": mistake.name, "measured_gain": gain},
+            | {"mistake": mistake.name, "unit": mistake.unit, "measured_gain": gain},
             f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run."
             if acts
             else f"If so, {mistake.remedy} {everywhere}. Nothing is left out.",
@@ -194,7 +194,8 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                         f"{difference(span, channel)}, and its noise is smaller or larger by the same factor: this "
                         f"looks like {mistake.name} (factor {mistake.gain:.3g}).",
                         Where(channel.name, run),
-                        {"span_um": here.span, "usual_span_um": span, "gain": mistake.gain, "mistake": mistake.name},
+                        {"span_um": here.span, "usual_span_um": span, "gain": mistake.gain}
+                        | {"mistake": mistake.name, "unit": mistake.unit},
                         f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run.",
                         "leave-out-channel",
                         level="error",

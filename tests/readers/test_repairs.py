@@ -13,6 +13,7 @@ from selector.cli import exit_status
 from selector.errors import RecordingError, UnitError
 from selector.readers import read
 from selector.readers.stream import stream_parquet
+from selector.shipped import shipped
 
 TIME = np.arange(0.0, 3600.0, 10.0)
 CHANNELS = """
@@ -166,3 +167,33 @@ def test_a_repair_of_a_run_that_was_not_read_is_told(folder):
     reading = read([folder / "r1.csv"], machine(folder))
     (told,) = [one for one in reading.findings if one.id == "repair-of-no-run"]
     assert told.evidence["repaired"] == ["r2", "r3", "r4", "r5", "r6"]
+
+
+def test_describe_writes_the_repairs_that_its_findings_prove(tmp_path, capsys):
+    """Cables that changed places, °F and mm, each in one run: the written file gives back the clean recording."""
+    clean, spoilt_folder = shipped("vmc37"), tmp_path / "recordings"
+    spoilt_folder.mkdir()
+    for path in sorted(clean.glob("r*.csv")):
+        table = pd.read_csv(path)
+        if path.stem == "r3":
+            table[["T14", "T30"]] = table[["T30", "T14"]].to_numpy()
+        if path.stem == "r5":
+            table["T20"] = 1.8 * table["T20"] + 32.0
+        if path.stem == "r6":
+            table["Z"] = table["Z"] / 1000.0
+        table.to_csv(spoilt_folder / path.name, index=False)
+    machine, written = clean / "machine.toml", tmp_path / "written.toml"
+    assert exit_status(["describe", str(spoilt_folder), "--machine", str(machine), "--write", str(written)]) == 0
+    assert "it repairs r3, r5, r6" in capsys.readouterr().out
+    found, expected = read([spoilt_folder], machine=written).recording, read([clean], machine=machine).recording
+    for name in expected.names:
+        np.testing.assert_allclose(found.frame[name], expected.frame[name], rtol=1e-9, atol=1e-9)
+    again = tmp_path / "again.toml"
+    assert exit_status(["describe", str(spoilt_folder), "--machine", str(written), "--write", str(again)]) == 0
+    assert "it repairs" not in capsys.readouterr().out
+    assert again.read_text(encoding="utf-8") == written.read_text(encoding="utf-8")
+
+
+def test_describe_repairs_nothing_of_clean_recordings(tmp_path, capsys):
+    assert exit_status(["describe", str(shipped("vmc37")), "--write", str(tmp_path / "machine.toml")]) == 0
+    assert "[runs" not in (tmp_path / "machine.toml").read_text(encoding="utf-8")

@@ -5,14 +5,15 @@ The files are never edited. A repair of a run that is not among those read is to
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
 from selector.errors import RecordingError
 from selector.findings import Finding, Where
+from selector.quality.finding_table import SWAPPED_CHANNELS, WRONG_UNIT
 from selector.readers.finding_table import FINDINGS
-from selector.readers.machine_file import Machine, RunSection
+from selector.readers.machine_file import Machine, RunChannelSection, RunSection
 from selector.readers.roles.names import closest
 from selector.readers.roles.plan import Plan, Planned
 from selector.readers.runs import TimedRun
@@ -44,6 +45,27 @@ def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[T
         evidence = {"repaired": unknown, "read": names[:100]}
         findings.append(FINDINGS.finding("repair-of-no-run", read, evidence=evidence))
     return kept, findings
+
+
+def proposed(runs: Mapping[str, RunSection], findings: Iterable[Finding]) -> dict[str, RunSection]:
+    """The repairs of a machine file and those that findings propose: cables that changed places, a unit of one run.
+
+    Only what is proved, so that the readings would be left out without a repair, and what nobody has settled yet.
+    """
+    found = dict(runs)
+    for finding in findings:
+        run, name = finding.where.run, finding.where.channel
+        if run is None or name is None or finding.action != "leave-out-channel":
+            continue
+        section = found.get(run, RunSection())
+        touched = {one for pair in section.swap for one in pair} | set(section.channels)
+        other, unit = finding.evidence.get("other"), finding.evidence.get("unit")
+        if finding.id == SWAPPED_CHANNELS and not touched & {name, other}:
+            found[run] = section.model_copy(update={"swap": (*section.swap, (name, other))})
+        elif finding.id == WRONG_UNIT and unit is not None and name not in touched:
+            channels = {**section.channels, name: RunChannelSection(unit=unit)}
+            found[run] = section.model_copy(update={"channels": channels})
+    return found
 
 
 def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -> Plan:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -30,7 +31,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     lowest = max(_FEWEST_CYCLES / max(shortest, comparison.period_s), 0.5)
     n_fitted = sum(part.start < part.stop for part in fitted_parts(comparison))
     own = resonances_of(comparison, response)
-    octaves = np.log(max(0.5 / comparison.period_s / lowest, np.e))
+    octaves = np.log(max(0.5 / comparison.period_s / lowest, math.e))
     for line in lines(comparison, leftover(comparison, response), time, even, lowest=lowest, chance=_CHANCE):
         # a frequency of many, as likely in one octave as in another
         looked = max(line.cycles * shortest * float(octaves), 1.0)
@@ -48,7 +49,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             turn = 2.0 * np.pi * line.cycles * time
             columns = np.column_stack([np.cos(turn), np.sin(turn)])
             names = (f"cosine of {line.cycles:.4g} Hz from the start of each run", "sine of the same")
-            yield Variant(columns, names, shape, looked_at=looked * float(np.e) * rings)
+            yield Variant(columns, names, shape, looked_at=looked * math.e * rings)
 
 
 def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
