@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 
 from sphinx.application import Sphinx
@@ -75,6 +76,12 @@ def _arrays(text: str | None) -> str | None:
     return text and re.sub(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]", r"NDArray[\1]", text)
 
 
+def _without_note(_app: Sphinx, obj: object, _bound_method: bool) -> None:
+    """A bound method that several modules offer: Sphinx notes its signature at the function, shorter each time."""
+    if inspect.ismethod(obj):
+        obj.__func__.__dict__.pop("__signature__", None)
+
+
 def _escaped(found: re.Match[str]) -> str:
     return "".join(f"\\{letter}" for letter in found[0])
 
@@ -83,3 +90,4 @@ def setup(app: Sphinx) -> None:
     """Called by Sphinx. After napoleon, which has priority 500."""
     app.connect("autodoc-process-docstring", _plain_docstring, priority=600)
     app.connect("autodoc-process-signature", _short_signature)
+    app.connect("autodoc-before-process-signature", _without_note, priority=900)

@@ -153,7 +153,8 @@ def test_ridge_shrinks(data, penalty):
     x, y = data
     free, held = fitted(x, y), fitted(x, y, ridge=penalty)
     assert np.linalg.norm(held.coefficients[1:]) <= np.linalg.norm(free.coefficients[1:]) * (1 + 1e-12)
-    assert held.rmse_um >= free.rmse_um * (1 - 1e-12)
+    # residuals are rounded to the level of what is predicted
+    assert held.rmse_um >= free.rmse_um * (1 - 1e-12) - 1e-15 * np.abs(y).max()
 
 
 @MODEST

@@ -3,6 +3,8 @@ from __future__ import annotations
 import datetime
 import gc
 import io
+import logging
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ import scipy.io
 
 from selector.errors import ReadError
 from selector.readers import Overrides, read
+from selector.readers.binary.optional import quiet
 
 N = 8
 TIME = np.arange(N, dtype=np.float64) * 10
@@ -264,3 +267,15 @@ class TestMdf:
         finally:
             gc.unfreeze()
         assert capsys.readouterr().out == ""
+
+
+def test_what_is_silenced_while_files_are_read_speaks_again_when_the_last_thread_is_done():
+    """The workbench reads in one thread while another reads, too; whoever comes first may leave first."""
+    level, filters = logging.root.manager.disable, list(warnings.filters)
+    first, second = quiet(), quiet()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert logging.root.manager.disable >= logging.CRITICAL
+    second.__exit__(None, None, None)
+    assert (logging.root.manager.disable, list(warnings.filters)) == (level, filters)

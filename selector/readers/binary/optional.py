@@ -7,9 +7,10 @@ import importlib
 import io
 import logging
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stdout
 from typing import Any
 
 from selector.errors import ReadError
@@ -29,17 +30,39 @@ def optional_module(name: str, what: str, where: str) -> Any:
         ) from error
 
 
+class _Quiet:
+    """What is switched off belongs to the whole process: of threads that read at once the last switches it on again."""
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._undone = threading.Lock(), 0, ExitStack()
+
+    def enter(self) -> None:
+        with self._lock:
+            self._inside += 1
+            if self._inside == 1:
+                self._undone.enter_context(warnings.catch_warnings())
+                warnings.simplefilter("ignore")
+                self._undone.callback(logging.disable, logging.root.manager.disable)
+                logging.disable(logging.CRITICAL)
+
+    def leave(self) -> None:
+        with self._lock:
+            self._inside -= 1
+            if self._inside == 0:
+                self._undone.close()
+
+
+_QUIET = _Quiet()
+
+
 @contextmanager
 def quiet() -> Iterator[None]:
     """Other packages' warnings (deprecations, odd but harmless files) are no concern of the user here."""
-    before = logging.root.manager.disable
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        logging.disable(logging.CRITICAL)
-        try:
-            yield
-        finally:
-            logging.disable(before)
+    _QUIET.enter()
+    try:
+        yield
+    finally:
+        _QUIET.leave()
 
 
 @contextmanager
