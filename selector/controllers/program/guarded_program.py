@@ -1,4 +1,4 @@
-"""The guard and the model as a program; statement by statement what `GuardedModel` does."""
+"""The guard and the model as a program: what `GuardedModel` executes and every writer prints."""
 
 from __future__ import annotations
 

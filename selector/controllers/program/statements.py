@@ -1,4 +1,4 @@
-"""The check of one sensor and the correction of one output as statements, as `SensorWatch` and `Correction` do them."""
+"""The check of one sensor and the correction of one output as statements."""
 
 from __future__ import annotations
 

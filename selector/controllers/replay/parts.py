@@ -20,8 +20,8 @@ from selector.controllers.guard.decided import (
     decided_limits,
     is_turned,
 )
-from selector.controllers.guard.guarded_model import GuardedModel, Number
 from selector.controllers.model_file import ModelFile
+from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.single_precision import SINGLE, rounding_errors
 from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
@@ -129,33 +129,10 @@ def called(
 
 
 def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:
-    """What `GuardedModel` gives in this number type."""
-    guarded = GuardedModel(model, number)
-    names, axes = [item.name for item in model.inputs], axes_of(model)
-    outputs = [output.name for output in model.outputs]
-    answers = Answers.empty(len(rows), len(outputs), len(names), len(axes))
-    table, where, tests = rows.readings.tolist(), rows.positions_m.tolist(), rows.tests_um(len(outputs)).tolist()
-    valid, shown = rows.touches(len(outputs))
-    for k, dt_s in enumerate(rows.dt_s.tolist()):
-        # a switch that stays on is one restart
-        if rows.is_restart[k] and not (k and rows.is_restart[k - 1]):
-            guarded.restart(float(rows.standstill_s[k]))
-        found = guarded.step(
-            dt_s,
-            dict(zip(names, table[k], strict=True)),
-            dict(zip(axes, where[k], strict=True)),
-            is_ready=bool(rows.is_ready[k]),
-            is_wanted=bool(rows.is_wanted[k]),
-            test_um=dict(zip(outputs, tests[k], strict=True)),
-            touch_um=dict(zip(outputs, shown[k].tolist(), strict=True)),
-            is_touch_valid=bool(valid[k]),
-        )
-        answers.correction_um[k] = [found.correction_um[name] for name in outputs]
-        answers.k0_um[k] = [found.k0_um[name] for name in outputs]
-        answers.slope_um_per_m[k] = [found.slope_um_per_m[name] for name in outputs]
-        answers.mode[k], answers.sensors[k] = found.mode, found.sensors
-        answers.axes[k] = [found.axes[axis] for axis in axes]
-    return answers
+    """What the guard gives in this number type."""
+    block = executable(guarded_program(model), number)
+    with np.errstate(all="ignore"):
+        return called(block, block.call, model, rows, "", number)
 
 
 def without_fallbacks(model: ModelFile) -> ModelFile:
