@@ -1,5 +1,6 @@
-"""A million hostile rows through the guard: as a person reads it, as statements that are executed, as generated C and Python;
-and how many rows a second generated C does.
+"""A million hostile rows through the guard, and how many rows a second generated C does.
+
+The guard is there as a person reads it (tests/controllers/plain_guard.py), as statements, as generated C and Python.
 
     python benchmarks/bench_guard.py [--rows 1000000] [--adapted]
 
@@ -57,7 +58,8 @@ def agreement(n: int, *, is_adapted: bool) -> None:
         base = np.clip(guard.correction_um[:-1, 0] + carried, -limit.clamp_um, limit.clamp_um)
         step = np.abs(guard.correction_um[1:, 0] - base)
         worst = max(worst, float(np.max((step - limit.slew_um_per_s * passed_s)[free])))
-    print(f"{n} rows, {time.perf_counter() - started:.0f} s: {unequal} values differ between the plain guard and statements, C or Python;")
+    took_s = time.perf_counter() - started
+    print(f"{n} rows, {took_s:.0f} s: {unequal} values differ between the plain guard and statements, C or Python;")
     print(
         f"{beyond} corrections are not finite or beyond their clamp; slew exceeded by {max(worst, 0.0):.1e} um at most"
     )

@@ -16,6 +16,7 @@ from selector.controllers.model_file import (
     CheckVector,
     Fallback,
     Guard,
+    GuardVector,
     Input,
     ModelFile,
     Output,
@@ -32,7 +33,7 @@ from selector.controllers.model_file import (
     read_model,
     write_model,
 )
-from selector.controllers.self_check import check_model, check_vectors, model_findings
+from selector.controllers.self_check import check_model, check_vectors, model_findings, sealed, usable_model
 
 __all__ = [
     "Accuracy",
@@ -43,6 +44,7 @@ __all__ = [
     "Evaluator",
     "Fallback",
     "Guard",
+    "GuardVector",
     "GuardedModel",
     "Input",
     "Mode",
@@ -71,6 +73,8 @@ __all__ = [
     "physical_coefficients",
     "physical_slopes",
     "read_model",
+    "sealed",
+    "usable_model",
     "write_model",
     "write_predictions",
 ]

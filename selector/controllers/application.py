@@ -38,6 +38,9 @@ OTHERS_MOVED_SHARE = 0.15
 NOISE_SIGMAS = 6.0
 
 
+PerRun = Mapping[str, Mapping[str, float]]
+
+
 def usable_readings(
     model: ModelFile, run: str, time_s: Array, readings: Mapping[str, Array]
 ) -> tuple[dict[str, Array], tuple[Finding, ...]]:
@@ -251,6 +254,18 @@ def displacement_starts(model: ModelFile, recording: Recording) -> dict[str, dic
     return {run: dict(found) for run, found in levels.items()}
 
 
+def sensor_starts(model: ModelFile, recording: Recording) -> dict[str, dict[str, float]]:
+    """Run → sensor → reading that its rise counts from, as in a selection; NaN: it has none at the start of the run."""
+    rises = [item.name for item in model.inputs if item.reference == "rise" and item.name in recording.names]
+    levels = datum_of(recording, rises, (), "rise").levels
+    return {run: {name: found.get(name, math.nan) for name in rises} for run, found in levels.items()}
+
+
+def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
+    """Those that there are."""
+    return {run: {name: of for name, of in found.items() if math.isfinite(of)} for run, found in starts.items()}
+
+
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording without the faults of its displacement, and what is wrong with the channels of the model.
 
@@ -333,8 +348,6 @@ def _on_the_clock(model: ModelFile, *, is_guarded: bool) -> str:
     return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + "".join(parts[-1:])
 
 
-PerRun = Mapping[str, Mapping[str, float]]
-
 SCHEMA = "selector.application/1"
 
 
@@ -377,6 +390,7 @@ class Application:
     #: recording so that the two can be laid over each other; NaN = no prediction
     predictions: pd.DataFrame
     findings: tuple[Finding, ...]
+    zeros_um: PerRun = dataclasses.field(default_factory=dict)  #: Run → output → what was added to get there
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, ``selector.application/1``."""
@@ -419,6 +433,7 @@ def apply_model(
     findings = list(other_sampling(model, recording))
     zeros = displacement_starts(model, recording)
     per_run: dict[str, dict[str, Accuracy]] = {}
+    added: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     tables: list[pd.DataFrame] = []
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
@@ -428,7 +443,7 @@ def apply_model(
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = given.get(output.name, zeros[run].get(output.name, 0.0))
+            zero = added[run][output.name] = given.get(output.name, zeros[run].get(output.name, 0.0))
             recorded[output.name].append(displacement_of(output, recording, run) - zero)
             modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
@@ -440,7 +455,7 @@ def apply_model(
     }
     findings.extend(_without_displacement(recording.runs, recorded))
     findings.extend(_worse_than_nothing(overall))
-    return Application(per_run, overall, predictions, tuple(findings))
+    return Application(per_run, overall, predictions, tuple(findings), added)
 
 
 def write_predictions(application: Application, path: str | Path) -> None:

@@ -23,6 +23,13 @@ Date = Annotated[
     ),
 ]
 Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)]
+Flags = Annotated[
+    tuple[Annotated[bool, Field(strict=True)], ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)
+]
+Codes = Annotated[
+    tuple[Annotated[int, Field(strict=True, ge=0, le=1000)], ...],
+    Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True),
+]
 Role = Literal[
     "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
     "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",

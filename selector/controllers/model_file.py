@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+import json
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Never
 
@@ -20,8 +21,10 @@ from selector.atomic_file import write_whole
 from selector.controllers.adaptation_block import Adaptation
 from selector.controllers.closed_values import (
     Closed,
+    Codes,
     ContradictionError,
     Date,
+    Flags,
     KeyPath,
     Name,
     NonNegative,
@@ -228,20 +231,61 @@ class CheckVector(Closed):
     )
     positions_m: dict[Name, Series] | None = Field(default=None, description="axis → position; null: P = P0")
     expected: dict[Name, Series]
+    fallbacks: tuple[dict[Name, Series], ...] = Field(
+        default=(), max_length=500, description="of each fallback in their order, the outputs on the same readings"
+    )
 
     @model_validator(mode="after")
     def _hangs_together(self) -> CheckVector:
         if any(b <= a for a, b in zip(self.time_s, self.time_s[1:], strict=False)):
             _refuse(("time_s",), "time that repeats or runs backwards", "strictly increasing time")
-        for field, table in (
-            ("readings", self.readings),
-            ("positions_m", self.positions_m or {}),
-            ("expected", self.expected),
-        ):
-            for name, series in table.items():
+        _check_lengths(self, "time_s", "readings", "positions_m", "expected")
+        for i, outputs in enumerate(self.fallbacks):
+            for name, series in outputs.items():
                 if len(series) != len(self.time_s):
-                    _refuse((field, name), f"{len(series)} values", f"{len(self.time_s)}, as many as time_s has")
+                    _refuse(("fallbacks", i, name), f"{len(series)} values", f"{len(self.time_s)}, as time_s has")
         return self
+
+    @model_serializer(mode="wrap")
+    def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return _without(of_fields(self), "fallbacks")
+
+
+class GuardVector(Closed):
+    """Calls of the model behind its guard with what they must give: a path that is taken when something fails."""
+
+    name: Name
+    dt_s: Series
+    readings: dict[Name, Series]
+    positions_m: dict[Name, Series] = Field(default_factory=dict, description="axis → position")
+    test_um: dict[Name, Series] = Field(default_factory=dict, description="output → what is commanded; none: nothing")
+    standstill_s: Series = Field(description="0, or: before this call the control was off for so long")
+    is_ready: Flags
+    is_wanted: Flags
+    expected: dict[Name, Series] = Field(description="output → correction [µm]")
+    mode: Codes
+    sensors: dict[Name, Codes] = Field(description="input → its code")
+
+    @model_validator(mode="after")
+    def _hangs_together(self) -> GuardVector:
+        _check_lengths(self, "dt_s", "readings", "positions_m", "test_um", "expected", "sensors")
+        for field in ("standstill_s", "is_ready", "is_wanted", "mode"):
+            if len(getattr(self, field)) != len(self.dt_s):
+                _refuse((field,), f"{len(getattr(self, field))} values", f"{len(self.dt_s)}, as many as dt_s has")
+        return self
+
+
+def _check_lengths(of: Any, by: str, *tables: str) -> None:
+    n = len(getattr(of, by))
+    for field in tables:
+        for name, series in (getattr(of, field) or {}).items():
+            if len(series) != n:
+                _refuse((field, name), f"{len(series)} values", f"{n}, as many as {by} has")
+
+
+def _without(content: dict[str, Any], *fields: str) -> dict[str, Any]:
+    """Content without these fields where they say nothing: it has the bytes from before there were any."""
+    return {key: value for key, value in content.items() if value or key not in fields}
 
 
 def _schema_is_required(schema: dict[str, Any]) -> None:
@@ -264,6 +308,8 @@ class ModelFile(Closed):
     provenance: Provenance = Provenance()
     validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
     test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100, fail_fast=True)
+    guard_vectors: tuple[GuardVector, ...] = Field(default=(), max_length=100, fail_fast=True)
+    digest: Sha256 | None = Field(default=None, description="SHA-256 of the other fields: JSON with sorted keys")
 
     @model_validator(mode="after")
     def _hangs_together(self) -> ModelFile:
@@ -285,11 +331,7 @@ class ModelFile(Closed):
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # a model that is not adapted has the same bytes as before there was adaptation
-        content: dict[str, Any] = of_fields(self)
-        if content.get("adaptation") is None:
-            content.pop("adaptation", None)
-        return content
+        return _without(of_fields(self), "adaptation", "guard_vectors", "digest")
 
 
 def model_json_schema() -> dict[str, Any]:
@@ -400,21 +442,32 @@ def _place(output: Output) -> str:
 
 def _check_vectors(model: ModelFile, outputs: list[str]) -> None:
     inputs = [item.name for item in model.inputs]
-    axes = {item.position.axis for item in model.outputs if item.position is not None}
+    axes = [item.position.axis for item in model.outputs if item.position is not None]
     for i, vector in enumerate(model.test_vectors):
-        for field, given, wanted in (
-            ("readings", set(vector.readings), set(inputs)),
-            ("expected", set(vector.expected), set(outputs)),
-            ("positions_m", axes if vector.positions_m is None else set(vector.positions_m), axes),
-        ):
-            if given != wanted:
-                found = (
-                    "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
-                )
-                _refuse(("test_vectors", i, field), found, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
+        where: KeyPath = ("test_vectors", i)
+        _check_names((*where, "readings"), vector.readings, inputs)
+        _check_names((*where, "expected"), vector.expected, outputs)
+        _check_names((*where, "positions_m"), axes if vector.positions_m is None else vector.positions_m, axes)
         for name in vector.start_readings or {}:
             if name not in inputs:
-                _refuse(("test_vectors", i, "start_readings", name), repr(name), _one_of(inputs))
+                _refuse((*where, "start_readings", name), repr(name), _one_of(inputs))
+        if vector.fallbacks and len(vector.fallbacks) != len(model.fallbacks):
+            _refuse(
+                (*where, "fallbacks"), f"{len(vector.fallbacks)} entries", f"{len(model.fallbacks)}, one a fallback"
+            )
+        for k, found in enumerate(vector.fallbacks):
+            _check_names((*where, "fallbacks", k), found, outputs)
+    for i, path in enumerate(model.guard_vectors):
+        for field, wanted in (("readings", inputs), ("sensors", inputs), ("expected", outputs), ("positions_m", axes)):
+            _check_names(("guard_vectors", i, field), getattr(path, field), wanted)
+        _check_names(("guard_vectors", i, "test_um"), path.test_um, outputs if path.test_um else ())
+
+
+def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -> None:
+    given, wanted = set(found), set(expected)
+    if given != wanted:
+        told = "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
+        _refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
 
 
 LARGEST_FILE_BYTES = 16_000_000
@@ -435,14 +488,14 @@ _OF_NAMES = "^[^"
 _EXPORT_AGAIN = "correct this place, or export the model again"
 
 
-def read_model(path: str | Path) -> ModelFile:
-    """The model in a file.
+def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
+    """The model in a file; `is_changed`: somebody changed it on purpose, and its digest is not looked at.
 
     Raises
     ------
     ModelFileError
-        The file cannot be read, is too large, is cut off, is of another version or does not follow the schema; the
-        message has the JSON path and the value.
+        The file cannot be read, is too large, is cut off, is of another version, does not follow the schema or is not
+        what its digest says; the message has the JSON path and the value.
     """
     place = Path(path)
 
@@ -456,10 +509,10 @@ def read_model(path: str | Path) -> ModelFile:
         )
 
     text = text_of(place, LARGEST_FILE_BYTES, refused)
-    return parsed_model(text, where=str(place))
+    return parsed_model(text, where=str(place), is_changed=is_changed)
 
 
-def parsed_model(text: str, *, where: str = "model") -> ModelFile:
+def parsed_model(text: str, *, where: str = "model", is_changed: bool = False) -> ModelFile:
     """The model in a JSON text; `where` names the text in messages.
 
     Raises
@@ -483,14 +536,41 @@ def parsed_model(text: str, *, where: str = "model") -> ModelFile:
             advice="give a model file of this version, or use the version of selector that wrote the file",
         )
     try:
-        return ModelFile.model_validate(value)
+        model = ModelFile.model_validate(value)
     except ValidationError as error:
         raise _model_file_error(error, where) from None
+    if model.digest is not None and not is_changed and _digest(value) != model.digest:
+        raise ChangedFileError(
+            f"a file whose contents have the SHA-256 {_digest(value)[:16]}…",
+            expected=f"{model.digest[:16]}…, as it had when selector wrote it",
+            where=f"{where}, $.digest",
+            advice="take an intact copy; if somebody changed it on purpose, selector model check --accept tests what "
+            "it can and writes vectors and digest anew",
+        )
+    return model
+
+
+class ChangedFileError(ModelFileError):
+    """The contents of a file are not what its digest says."""
 
 
 def model_text(model: ModelFile) -> str:
-    """The JSON text of a model: field order of the schema, shortest float text, the same for equal models."""
-    return json_text(model.model_dump(by_alias=True)) + "\n"
+    """The JSON text of a model: field order of the schema, shortest float text, the same for equal models.
+
+    Where the model has a digest, that of its contents.
+    """
+    written = model if model.digest is None else with_digest(model)
+    return json_text(written.model_dump(by_alias=True)) + "\n"
+
+
+def with_digest(model: ModelFile) -> ModelFile:
+    """The model with the digest of its contents."""
+    return model.model_copy(update={"digest": _digest(model.model_dump(by_alias=True))})
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    others = {key: value for key, value in content.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(others, ensure_ascii=False, sort_keys=True).encode("utf-8")).hexdigest()
 
 
 def write_model(model: ModelFile, path: str | Path) -> None:
@@ -515,7 +595,7 @@ def equations_sha256(model: ModelFile) -> str:
     Limits, checks of readings, provenance, validation and test vectors are no part of it: start readings that a
     control kept are as good with another clamp.
     """
-    left_out = {"schema_", "name", "guard", "provenance", "validation", "test_vectors"}
+    left_out = {"schema_", "name", "guard", "provenance", "validation", "test_vectors", "guard_vectors", "digest"}
     content = model.model_dump(by_alias=True, exclude=left_out)
     for of in (content, *content["fallbacks"]):
         for item in of["inputs"]:

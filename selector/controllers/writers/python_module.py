@@ -64,4 +64,3 @@ def _class(program: Program) -> list[str]:
                 about = f"  # {plain(one.about)}" if one.about else ""
                 lines.append(f"        self.{one.name} = {language.initial(one)}{about}")
     return [*lines, "", "    def step(self):", *language.lines(program.body, 2)]
-
