@@ -30,14 +30,12 @@ from selector.controllers.replay.parts import (
     Rows,
     at_most,
     macro_corrections_um,
-    reference_answers,
     rounding_um,
     straight_line_um,
     tenths_um,
     unguarded_um,
     units_in_single_um,
     whole_numbers_um,
-    without_fallbacks,
 )
 from selector.controllers.replay.structured_text_executed import (
     drive_answers,
@@ -54,7 +52,7 @@ from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
 from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
-from selector.controllers.writers.fixed_point_sensor import INT_NAME as FIXED_POINT_NAME
+from selector.controllers.writers.fixed_point import INT_NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
@@ -138,9 +136,7 @@ TARGETS: Mapping[str, Target] = {
                 f"{FIXED_POINT_NAME}.c",
                 _alone(fixed_point_answers),
                 _cc,
-                lambda model, rows, _whole, _main: reference_answers(without_fallbacks(model), rows).correction_um,
-                whole_numbers_um,
-                _SMALLER,
+                allowed_um=whole_numbers_um,
             ),
         ),
         not_always=(f"{SINGLE_NAME}.[ch]", f"{FIXED_POINT_NAME}.[ch]"),
