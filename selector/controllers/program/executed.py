@@ -43,9 +43,28 @@ class _Typed(PythonText):
         return f"number({value!r})"
 
 
-def executable(program: Program, number: Number = float) -> Any:
-    """An object with an attribute for every variable, and ``call()``, which runs the statements once."""
-    language = PythonText() if number is float else _Typed()
+class _Rounded(PythonText):
+    """Every literal is what a control makes of its digits."""
+
+    def __init__(self, literal: Number) -> None:
+        super().__init__()
+        object.__setattr__(self, "literal", literal)
+
+    def real(self, value: float) -> str:
+        return repr(self.literal(value))
+
+    def initial(self, variable: Variable) -> str:
+        return PythonText().initial(variable)
+
+    literal: Number
+
+
+def executable(program: Program, number: Number = float, literal: Number | None = None) -> Any:
+    """An object with an attribute for every variable, and ``call()``, which runs the statements once.
+
+    `literal`: what a control makes of the literals of its program; default: all of their digits.
+    """
+    language = _Rounded(literal) if literal else PythonText() if number is float else _Typed()
     lines = ["class Block:", "    def __init__(self):"]
     lines += [f"        self.{v.name} = {language.initial(v)}" for v in program.variables if v.place != "temporary"]
     lines += ["    def call(self):", *language.lines(program.body, 2)]

@@ -15,18 +15,23 @@ from functools import cache
 import numpy as np
 
 from selector.controllers.evaluator import axes_of
+from selector.controllers.guard.decided import LONGEST_S, SAMPLE_S
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.parts import Answers, Rows, held, rows_at, sampled_rows
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.writers.fanuc import (
     ABSOLUTE_OR_NOT,
     FILE,
     INCH_OR_MM,
     LONGEST_BLOCK,
+    LONGEST_PAUSE_S,
     STATUS,
     TIME,
     fanuc_export,
+    literal_value,
+    macro_model,
     macro_variables,
 )
+from selector.types import Array
 
 ALARM = 3000
 DEEPEST_BRACKETS = 5
@@ -117,17 +122,17 @@ class MacroB:
 
 
 def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
-    """What the generated macro leaves in the external work offset, called in every row, and the mode that it tells.
+    """What the generated macro leaves in the external work offset, called in every row, with its mode and codes.
 
-    Only `dt_s`, `readings`, `is_wanted` and `test_um` of the rows are looked at; what is not finite is vacant. Which
-    sensor is bad it tells for one only: sensor codes are 0.
+    `is_ready` and `positions_m` are not looked at, and a restart is a pause; what is not finite is vacant.
     """
     macro = MacroB((files or fanuc_export(model).files)[FILE])
     names = macro_variables(model)
     numbers = [*names.readings.values(), *names.tests.values()]
+    codes = [names.program[f"sensor_{k}"] for k in range(1, len(model.inputs) + 1)]
     written = np.column_stack([rows.readings, rows.tests_um(len(model.outputs))]).tolist()
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
-    for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
+    for k, time_s in enumerate(np.cumsum(_passed_s(rows)).tolist()):
         macro.variables[TIME] = time_s
         macro.variables[names.off] = float(not rows.is_wanted[k])
         for number, reading in zip(numbers, written[k], strict=True):
@@ -137,15 +142,27 @@ def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | Non
         macro.call()
         found.correction_um[k] = [1000.0 * macro.offsets[str(output.axis).upper()] for output in model.outputs]
         found.mode[k] = int(macro.variables[STATUS])
+        found.sensors[k] = [int(macro.variables[code]) for code in codes]
     found.k0_um[:] = found.correction_um
     return found
 
 
-def macro_b_called_at_most_once_a_second(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
-    """As `macro_b_answers`, called as its sheet says; its offset stays until the next call."""
-    calls = sampled_rows(rows)
-    answers = macro_b_answers(model, rows_at(rows, calls), files)
-    return Answers(*(held(getattr(answers, field.name), calls, len(rows)) for field in dataclasses.fields(Answers)))
+def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
+    """What the macro has to give, to the last bit but those of mm, of shape (n_rows, n_outputs) [µm]."""
+    n, never = len(rows), np.zeros(len(rows), dtype=np.bool_)
+    passed_s = _passed_s(rows)
+    is_pause = (passed_s < 0.0) | (passed_s > LONGEST_PAUSE_S)
+    passed_s = np.where(passed_s < 0.0, SAMPLE_S, np.minimum(passed_s, LONGEST_S))
+    readings = np.where(is_pause[:, None] | ~np.isfinite(rows.readings), np.nan, rows.readings)
+    called = dataclasses.replace(
+        rows, dt_s=passed_s, readings=readings, positions_m=np.zeros((n, 0)), is_ready=~never, is_restart=never
+    )
+    return reference_answers(macro_model(model), called, literal=literal_value).correction_um
+
+
+def _passed_s(rows: Rows) -> Array:
+    """The clock of the readings runs on while the control is off."""
+    return rows.dt_s + np.where(rows.is_restart, rows.standstill_s, 0.0)
 
 
 @cache

@@ -24,8 +24,8 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.single_precision import SINGLE, rounding_errors
-from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
 from selector.controllers.writers.fixed_point import fixed_point_bound_um
+from selector.controllers.writers.fixed_point_numbers import fixed
 from selector.types import Array, Indices, Mask
 
 Flags = Mask
@@ -128,47 +128,18 @@ def called(
     return Answers.of_outputs(dict(zip(names, table.T, strict=True)), model)
 
 
-def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:
-    """What the guard gives in this number type."""
-    block = executable(guarded_program(model), number)
+def reference_answers(model: ModelFile, rows: Rows, number: Number = float, literal: Number | None = None) -> Answers:
+    """What the guard gives in this number type; `literal`: what a control makes of its literals."""
+    block = executable(guarded_program(model), number, literal)
     with np.errstate(all="ignore"):
         return called(block, block.call, model, rows, "", number)
 
 
-def without_fallbacks(model: ModelFile) -> ModelFile:
-    """The guard of the fixed-point program: no fallback models, no sensor that stands still is found."""
-    guard = model.guard
-    changes = {"on_fault": guard.last_resort, "stuck_after_s": None}
-    return model.model_copy(update={"guard": guard.model_copy(update=changes), "fallbacks": ()})
-
-
-def macro_model(model: ModelFile) -> ModelFile:
-    """The guard of custom macro B: also no jumps, no end of holding, no position."""
-    small = without_fallbacks(model)
-    return small.model_copy(
-        update={
-            "inputs": tuple(item.model_copy(update={"rate_limit_per_min": None}) for item in small.inputs),
-            "outputs": tuple(output.model_copy(update={"position": None}) for output in small.outputs),
-            "guard": small.guard.model_copy(update={"hold_at_most_s": None}),
-        }
-    )
-
-
-def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
-    """What a macro has to give that is called as its sheet says, of shape (n_rows, n_outputs) [µm].
-
-    With one bad reading it takes none of that call: memory and start readings wait for all sensors. So does it in the
-    first call after a pause.
-    """
-    small, calls = macro_model(model), sampled_rows(rows)
-    called = dataclasses.replace(rows_at(rows, calls), positions_m=np.zeros((len(calls), 0)))
-    called.readings[called.dt_s > LONGEST_PAUSE_S] = np.nan
-    limiting = small.model_copy(update={"guard": small.guard.model_copy(update={"outside_valid_range": "limit-input"})})
-    # what is bad whatever the start reading, then what is outside the valid range
-    for judged in (limiting, small):
-        bad = np.any(reference_answers(judged, called).sensors > SensorCode.RECOVERING, axis=1, keepdims=True)
-        called = dataclasses.replace(called, readings=np.where(bad, np.nan, called.readings))
-    return held(reference_answers(small, called).correction_um, calls, len(rows))
+def in_counts(model: ModelFile, rows: Rows) -> Rows:
+    """Readings as the fixed-point program gets them."""
+    inputs = fixed(model).inputs
+    per_unit = np.array([float(inputs[item.name].per_unit) for item in model.inputs])
+    return dataclasses.replace(rows, readings=np.rint(rows.readings * per_unit) / per_unit)
 
 
 def sampled_rows(rows: Rows) -> Indices:
@@ -187,11 +158,6 @@ def rows_at(rows: Rows, calls: Indices) -> Rows:
     tables: dict[str, Any] = {field.name: getattr(rows, field.name) for field in dataclasses.fields(Rows)}
     chosen: dict[str, Any] = {name: None if table is None else table[calls] for name, table in tables.items()}
     return Rows(**chosen | {"dt_s": np.diff(np.cumsum(rows.dt_s)[calls], prepend=0.0)})
-
-
-def held(answers: NDArray[Any], calls: Indices, n_rows: int) -> NDArray[Any]:
-    """The answer of each call, until the next."""
-    return answers[np.searchsorted(calls, np.arange(n_rows), side="right") - 1]
 
 
 def unguarded_um(model: ModelFile, rows: Rows) -> Array:

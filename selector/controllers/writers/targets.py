@@ -22,14 +22,15 @@ from selector.controllers.replay.compiled import (
     linuxcnc_version,
     python_answers,
 )
-from selector.controllers.replay.macro_b_executed import macro_b_called_at_most_once_a_second
+from selector.controllers.replay.macro_b_executed import macro_b_answers, macro_corrections_um
 from selector.controllers.replay.parts import (
     Answers,
     Execution,
     Part,
     Rows,
     at_most,
-    macro_corrections_um,
+    in_counts,
+    reference_answers,
     rounding_um,
     straight_line_um,
     tenths_um,
@@ -51,7 +52,7 @@ from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
-from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
+from selector.controllers.writers.fanuc import fanuc_export
 from selector.controllers.writers.fixed_point import INT_NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
@@ -136,7 +137,9 @@ TARGETS: Mapping[str, Target] = {
                 f"{FIXED_POINT_NAME}.c",
                 _alone(fixed_point_answers),
                 _cc,
-                allowed_um=whole_numbers_um,
+                lambda model, rows, _whole, _main: reference_answers(model, in_counts(model, rows)).correction_um,
+                whole_numbers_um,
+                "its readings are whole counts, and one that changes by less stands still",
             ),
         ),
         not_always=(f"{SINGLE_NAME}.[ch]", f"{FIXED_POINT_NAME}.[ch]"),
@@ -168,10 +171,10 @@ TARGETS: Mapping[str, Target] = {
         (
             Part(
                 MACRO_FILE,
-                _alone(macro_b_called_at_most_once_a_second),
+                _alone(macro_b_answers),
                 _own("macro B"),
                 lambda model, rows, _whole, _main: macro_corrections_um(model, rows),
-                partial(rounding_um, roundoff=LITERAL_ROUNDOFF),
+                at_most(1e-9),
                 _SMALLER,
             ),
         ),
