@@ -73,7 +73,7 @@ centre-outside-valid-range [info] the centre of an input is outside its valid ra
     → check that centre and range are both of the rise, or both of the reading
 input-not-used [info] an input is in the model file, but no output depends on it
     → leave it out, so that nobody wires a sensor for nothing
-sensor-looks-broken [warning, error] a sensor holds a break code, stands still, jumps, or reads what it cannot
+sensor-looks-broken [error] a sensor holds a break code, reads what it cannot, or has no readings
     → check the sensor and its wiring, or leave the run out
 missing-readings [info] a sensor has single readings missing
 single-precision-bound [info, warning] by how much single precision can differ from the model

@@ -89,6 +89,7 @@ def _never_met(model: ModelFile) -> Iterator[Finding]:
                 f"{item.name}: readings count as good within {said} only, where it cannot be and do what the model has "
                 "seen: it is never believed.",
                 evidence={"input": item.name, "reading_min": item.reading_min, "reading_max": item.reading_max},
+                level="error",
             )
         rate = item.rate_limit_per_min
         if rate is not None and width / rate > DAY_S / MINUTE_S:
@@ -260,9 +261,10 @@ def _vector(
     positions = {
         axis: [(part.valid_min_m, part.valid_max_m)[k % 2] for k in range(len(rows))] for axis, part in axes.items()
     }
+    everything: list[Equations] = [model, *model.fallbacks]
     expected, *fallbacks = (
         {key: tuple(series) for key, series in _recomputed(of, time_s, rows, start, positions).items()}
-        for of in (model, *model.fallbacks)
+        for of in everything
     )
     return CheckVector(
         name=name,
@@ -338,11 +340,11 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
         )
         return
     largest, samples, wrong = 0.0, 0, False
+    everything: list[Equations] = [model, *model.fallbacks]
     for vector in model.test_vectors:
         rows = [{name: series[k] for name, series in vector.readings.items()} for k in range(len(vector.time_s))]
         positions = {axis: list(series) for axis, series in (vector.positions_m or {}).items()}
-        everything = zip((model, *model.fallbacks), (vector.expected, *vector.fallbacks), strict=False)
-        for number, (of, expected) in enumerate(everything):
+        for number, (of, expected) in enumerate(zip(everything, (vector.expected, *vector.fallbacks), strict=False)):
             computed = _recomputed(of, list(vector.time_s), rows, vector.start_readings, positions)
             for output in of.outputs:
                 given, found = np.asarray(expected[output.name]), np.asarray(computed[output.name])

@@ -254,7 +254,7 @@ def test_literals_have_no_exponent_and_no_more_than_twelve_digits():
 
 def test_what_macro_b_cannot_do_is_refused():
     many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
-    with pytest.raises(ExportRefusedError, match="#223"):
+    with pytest.raises(ExportRefusedError, match="#208"):
         fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
     for outputs in (
         (Output(name="Z", intercept=0.0),),

@@ -53,7 +53,8 @@ class _Calls:
         """With what the guard gives."""
         parts = {o.position.axis: o.position for o in self.model.outputs if o.position is not None}
         places = {
-            a: [(p.valid_max_m, p.valid_min_m)[k // 5 % 2] for k in range(len(self.of))] for a, p in parts.items()
+            axis: tuple((part.valid_max_m, part.valid_min_m)[k // 5 % 2] for k in range(len(self.of)))
+            for axis, part in parts.items()
         }
         dt_s, readings, tests, off_s, is_ready, is_wanted = zip(*self.of, strict=True)
         outputs = [output.name for output in self.model.outputs] if any(tests) else []
@@ -104,8 +105,8 @@ def recomputed(model: ModelFile, vector: GuardVector) -> dict[str, object]:
             {name: series[k] for name, series in of.items()}
             for of in (vector.readings, vector.positions_m, vector.test_um)
         )
-        switches = {"is_ready": vector.is_ready[k], "is_wanted": vector.is_wanted[k]}
-        given.append(guarded.step(dt_s, readings, positions, test_um=tests, **switches))
+        is_ready, is_wanted = vector.is_ready[k], vector.is_wanted[k]
+        given.append(guarded.step(dt_s, readings, positions, is_ready=is_ready, is_wanted=is_wanted, test_um=tests))
     sensors = zip(*([int(code) for code in one.sensors] for one in given), strict=True)
     return {
         "expected": {o.name: tuple(float(one.correction_um[o.name]) for one in given) for o in model.outputs},

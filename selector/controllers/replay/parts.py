@@ -13,17 +13,13 @@ from numpy.typing import NDArray
 from selector.controllers.evaluator import axes_of, evaluate
 from selector.controllers.guard.decided import (
     LARGEST_NUMBER,
-    LONGEST_S,
-    LONGEST_STEP_S,
-    SAMPLE_S,
-    SensorCode,
     decided_limits,
     is_turned,
 )
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.single_precision import SINGLE, rounding_errors
+from selector.controllers.single_precision import SINGLE
 from selector.controllers.writers.fixed_point import fixed_point_bound_um
 from selector.controllers.writers.fixed_point_numbers import fixed
 from selector.types import Array, Indices, Mask
@@ -135,22 +131,16 @@ def reference_answers(model: ModelFile, rows: Rows, number: Number = float, lite
         return called(block, block.call, model, rows, "", number)
 
 
+def in_single_um(model: ModelFile, rows: Rows, _whole: Answers, _main: Answers) -> Array:
+    """What a program in single precision has to give, to the last bit."""
+    return reference_answers(model, rows, np.float32).correction_um
+
+
 def in_counts(model: ModelFile, rows: Rows) -> Rows:
     """Readings as the fixed-point program gets them."""
     inputs = fixed(model).inputs
     per_unit = np.array([float(inputs[item.name].per_unit) for item in model.inputs])
     return dataclasses.replace(rows, readings=np.rint(rows.readings * per_unit) / per_unit)
-
-
-def sampled_rows(rows: Rows) -> Indices:
-    """Rows in which readings are looked at, at most once a second; without restarts."""
-    sampled, since = [], np.inf
-    for k, dt_s in enumerate(rows.dt_s.tolist()):
-        since += dt_s
-        if since >= SAMPLE_S:
-            sampled.append(k)
-            since = 0.0
-    return np.array(sampled, dtype=np.int64)
 
 
 def rows_at(rows: Rows, calls: Indices) -> Rows:
@@ -237,32 +227,6 @@ class Part:
     allowed_um: Allowed = TO_THE_LAST_BIT
     lacks: str = ""  #: What makes its reference another one than the whole guard; empty = nothing
     tells_mode: bool = True  #: Whether it says what it follows
-    #: It also has to be the reference in binary32, to the last bit: what is allowed may be wide
-    is_single: bool = False
-
-
-def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float = SINGLE) -> dict[str, float]:
-    """The a-priori bound for these readings, a dead band that is passed a sample earlier or later, and the slew."""
-    sampled = sampled_rows(rows)
-    used = whole.sensors[sampled] <= SensorCode.LIMITED
-    sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
-    largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
-    limits, _ = decided_limits(model)
-    shortest_s = float(np.min(np.diff(np.cumsum(rows.dt_s)[sampled]), initial=LONGEST_S))
-    found = {}
-    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff, shortest_s).items()):
-        limit = limits[name]
-        # each of two aims is less than a dead band away from where its model wants it
-        band = 2.0 * limit.dead_band_um
-        slewing = _slewing_um(whole.k0_um[:, k], rows, limit.own_slew_um_per_s, limit.clamp_um, roundoff)
-        k0_um, slope = of.k0_um + band + slewing, of.slope_um_per_m
-        if limit.reach_m > 0.0:
-            slewing = _slewing_um(
-                whole.slope_um_per_m[:, k], rows, limit.slope_slew_um_per_m_s, limit.slope_clamp_um_per_m, roundoff
-            )
-            slope += band / limit.reach_m + slewing
-        found[name] = of.correction_um + (k0_um - of.k0_um + (slope - of.slope_um_per_m) * limit.reach_m)
-    return found
 
 
 def units_in_single_um(model: ModelFile, rows: Rows, _whole: Answers) -> dict[str, float]:
@@ -305,14 +269,3 @@ def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:
         else float(np.max(np.abs(places[:, axes.index(o.position.axis)] - o.position.reference_m), initial=0.0))
         for o in model.outputs
     }
-
-
-def _slewing_um(course: Array, rows: Rows, slew: float, size: float, roundoff: float) -> float:
-    """What is rounded in the longest row of calls in which something moves as fast as it may."""
-    most = slew * np.minimum(rows.dt_s, LONGEST_STEP_S)
-    step = np.abs(np.diff(course, prepend=0.0))
-    # a call without time goes on with what was; nearly as fast is as fast
-    is_slewing = (step > 0.999 * most - 1e-3 * size * roundoff) | (most == 0.0)
-    ends = np.flatnonzero(~is_slewing)
-    longest = int(np.max(np.diff(np.concatenate([[-1], ends, [len(course)]])), initial=1)) - 1
-    return longest * 2.0 * roundoff * (size + slew * LONGEST_STEP_S)

@@ -42,14 +42,13 @@ class PartDifference:
     #: To what it has to give; that of the run in which it is farthest beyond what is allowed
     max_abs_difference_um: float
     allowed_um: float  #: What its number type explains in that run
-    in_single_um: float  #: To the reference in binary32, for a program in single precision: has to be 0
     guard_difference_um: float  #: Between what it has to give and the whole guard, in any run
     lacks: str  #: Why these differ; empty = they are the same
 
     @property
     def is_explained(self) -> bool:
         """No difference is larger than allowed."""
-        return self.max_abs_difference_um <= self.allowed_um and self.in_single_um == 0.0
+        return self.max_abs_difference_um <= self.allowed_um
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.parts` of `selector.export/1`."""
@@ -64,7 +63,6 @@ class ExecutedPart:
     part: Part
     answers: Answers  #: What it gave
     expected_um: Array  #: (n_rows, n_outputs): What it has to give
-    in_single_um: Array | None  #: What it has to give to the last bit
     whole: Answers  #: What the whole guard gives
     allowed_um: Mapping[str, float]  #: Per output
 
@@ -72,13 +70,10 @@ class ExecutedPart:
         """One per output."""
         largest = _largest(self.answers.correction_um - self.expected_um)
         of_guard = _largest(self.expected_um - self.whole.correction_um)
-        of_bits = [0.0 for _ in model.outputs]
-        if self.in_single_um is not None:
-            of_bits = _largest(self.answers.correction_um - self.in_single_um)
         part, executed_by = self.part, self.part.executed_by()
-        for output, size, bits, guard in zip(model.outputs, largest, of_bits, of_guard, strict=True):
+        for output, size, guard in zip(model.outputs, largest, of_guard, strict=True):
             allowed = self.allowed_um[output.name]
-            yield PartDifference(part.file, output.name, executed_by, size, allowed, bits, guard, part.lacks)
+            yield PartDifference(part.file, output.name, executed_by, size, allowed, guard, part.lacks)
 
 
 @dataclass(frozen=True)
@@ -201,10 +196,8 @@ def executed(
     for part in parts:
         answers = part.execute(model, rows, files, found[0].answers if found else whole)
         main = found[0].answers if found else answers
-        expected, own = part.expected(model, rows, whole, main), None
-        if part.is_single:
-            own = reference_answers(model, rows, np.float32).correction_um
-        found.append(ExecutedPart(part, answers, expected, own, whole, part.allowed_um(model, rows, whole)))
+        expected = part.expected(model, rows, whole, main)
+        found.append(ExecutedPart(part, answers, expected, whole, part.allowed_um(model, rows, whole)))
     return found
 
 
@@ -342,13 +335,11 @@ def _of_parts(proof: Replay) -> Iterator[Finding]:
     for part in proof.parts:
         evidence = {"file": part.file, "output": part.output}
         if not part.is_explained:
-            single = ", and the reference in single precision, which it has to be to the last bit, by "
-            single = f"{single}{part.in_single_um:.3g} µm" if part.in_single_um > 0.0 else ""
-            sizes = ("max_abs_difference_um", "allowed_um", "in_single_um")
+            sizes = ("max_abs_difference_um", "allowed_um")
             yield FINDINGS.finding(
                 "replay-differs",
                 f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
-                f"{part.allowed_um:.3g} µm is what its numbers explain{single}.",
+                f"{part.allowed_um:.3g} µm is what its numbers explain.",
                 evidence=evidence | {name: getattr(part, name) for name in sizes},
             )
         if part.lacks and part.guard_difference_um > max(part.allowed_um, SEEN_UM):

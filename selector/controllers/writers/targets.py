@@ -30,8 +30,8 @@ from selector.controllers.replay.parts import (
     Rows,
     at_most,
     in_counts,
+    in_single_um,
     reference_answers,
-    rounding_um,
     straight_line_um,
     tenths_um,
     unguarded_um,
@@ -117,6 +117,7 @@ def _line_of_sinumerik(model: ModelFile, rows: Rows, _whole: Answers, main: Answ
 
 _ST_FILE, _SCL_FILE, _BLOCK_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU"
 _SMALLER = "its guard is smaller"
+_SINGLE = "it calculates in single precision"
 _NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"
 _BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _alone(tcpou_answers), parser_name)
 
@@ -130,8 +131,8 @@ TARGETS: Mapping[str, Target] = {
                 f"{SINGLE_NAME}.c",
                 _alone(partial(c_answers, precision="float", name=SINGLE_NAME)),
                 _cc,
-                allowed_um=rounding_um,
-                is_single=True,
+                in_single_um,
+                lacks=_SINGLE,
             ),
             Part(
                 f"{FIXED_POINT_NAME}.c",
@@ -155,7 +156,7 @@ TARGETS: Mapping[str, Target] = {
         "Siemens SINUMERIK 840D sl",
         sinumerik_export,
         (
-            Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um, is_single=True),
+            Part(_SCL_FILE, _alone(scl_answers), parser_name, in_single_um, lacks=_SINGLE),
             Part(SETTING_DATA, setting_data_answers, parser_name, _line_of_sinumerik, units_in_single_um, _NO_CLAMP),
         ),
     ),
