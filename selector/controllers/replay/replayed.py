@@ -52,7 +52,7 @@ class PartDifference:
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.parts` of `selector.export/1`."""
-        told = ("file", "output", "executed_by", "max_abs_difference_um", "allowed_um")
+        told = ("file", "output", "executed_by", "max_abs_difference_um", "allowed_um", "guard_difference_um")
         return {name: getattr(self, name) for name in told}
 
 
