@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Never
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
@@ -49,6 +49,11 @@ class ContradictionError(ValueError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self.found, self.expected), self.__dict__
+
+
+def refuse(path: KeyPath, found: str, expected: str) -> Never:
+    """Ends with a `ContradictionError`."""
+    raise ContradictionError(path, found, expected)
 
 
 class Closed(BaseModel):

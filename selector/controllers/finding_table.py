@@ -5,6 +5,7 @@ from __future__ import annotations
 from selector.findings import Kinds
 
 SENSOR_LOOKS_BROKEN = "sensor-looks-broken"
+OUTSIDE_VALID_RANGE = "outside-valid-range"
 
 FINDINGS = Kinds.of(
     """

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Never
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     ConfigDict,
@@ -21,10 +21,8 @@ from selector.atomic_file import write_whole
 from selector.controllers.adaptation_block import Adaptation
 from selector.controllers.closed_values import (
     Closed,
-    Codes,
     ContradictionError,
     Date,
-    Flags,
     KeyPath,
     Name,
     NonNegative,
@@ -32,12 +30,13 @@ from selector.controllers.closed_values import (
     Positive,
     Power,
     Role,
-    Series,
     Sha256,
     Sign,
     Text,
+    refuse,
 )
 from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
+from selector.controllers.vector_block import CheckVector, GuardVector, without
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS
@@ -188,7 +187,7 @@ class Fallback(Closed):
         _check_equations(self.inputs, self.states, self.outputs)
         for i, item in enumerate(self.inputs):
             if item.name in self.without:
-                _refuse(("inputs", i, "name"), item.name, "an input that this fallback is not without")
+                refuse(("inputs", i, "name"), item.name, "an input that this fallback is not without")
         return self
 
 
@@ -218,74 +217,6 @@ class Validation(Closed):
     adjusted_r2: Number | None = None
     n_runs: Annotated[int, Field(strict=True, ge=0)] | None = None
     n_samples: Annotated[int, Field(strict=True, ge=0)] | None = None
-
-
-class CheckVector(Closed):
-    """Readings with the outputs that they must give, so that any program can check itself."""
-
-    name: Name
-    time_s: Series
-    readings: dict[Name, Series]
-    start_readings: dict[Name, Number] | None = Field(
-        default=None, description="null: the first readings are the start"
-    )
-    positions_m: dict[Name, Series] | None = Field(default=None, description="axis → position; null: P = P0")
-    expected: dict[Name, Series]
-    fallbacks: tuple[dict[Name, Series], ...] = Field(
-        default=(), max_length=500, description="of each fallback in their order, the outputs on the same readings"
-    )
-
-    @model_validator(mode="after")
-    def _hangs_together(self) -> CheckVector:
-        if any(b <= a for a, b in zip(self.time_s, self.time_s[1:], strict=False)):
-            _refuse(("time_s",), "time that repeats or runs backwards", "strictly increasing time")
-        _check_lengths(self, "time_s", "readings", "positions_m", "expected")
-        for i, outputs in enumerate(self.fallbacks):
-            for name, series in outputs.items():
-                if len(series) != len(self.time_s):
-                    _refuse(("fallbacks", i, name), f"{len(series)} values", f"{len(self.time_s)}, as time_s has")
-        return self
-
-    @model_serializer(mode="wrap")
-    def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without(of_fields(self), "fallbacks")
-
-
-class GuardVector(Closed):
-    """Calls of the model behind its guard with what they must give: a path that is taken when something fails."""
-
-    name: Name
-    dt_s: Series
-    readings: dict[Name, Series]
-    positions_m: dict[Name, Series] = Field(default_factory=dict, description="axis → position")
-    test_um: dict[Name, Series] = Field(default_factory=dict, description="output → what is commanded; none: nothing")
-    standstill_s: Series = Field(description="0, or: before this call the control was off for so long")
-    is_ready: Flags
-    is_wanted: Flags
-    expected: dict[Name, Series] = Field(description="output → correction [µm]")
-    mode: Codes
-    sensors: dict[Name, Codes] = Field(description="input → its code")
-
-    @model_validator(mode="after")
-    def _hangs_together(self) -> GuardVector:
-        _check_lengths(self, "dt_s", "readings", "positions_m", "test_um", "expected", "sensors")
-        for field in ("standstill_s", "is_ready", "is_wanted", "mode"):
-            if len(getattr(self, field)) != len(self.dt_s):
-                _refuse((field,), f"{len(getattr(self, field))} values", f"{len(self.dt_s)}, as many as dt_s has")
-        return self
-
-
-def _check_lengths(of: Any, by: str, *tables: str) -> None:
-    n = len(getattr(of, by))
-    for field in tables:
-        for name, series in (getattr(of, field) or {}).items():
-            if len(series) != n:
-                _refuse((field, name), f"{len(series)} values", f"{n}, as many as {by} has")
-
-
-def _without(content: dict[str, Any], *fields: str) -> dict[str, Any]:
-    """Content without these fields where they say nothing: it has the bytes from before there were any."""
-    return {key: value for key, value in content.items() if value or key not in fields}
 
 
 def _schema_is_required(schema: dict[str, Any]) -> None:
@@ -319,29 +250,25 @@ class ModelFile(Closed):
         _check_fallbacks(self, outputs)
         for name in self.validation:
             if name not in outputs:
-                _refuse(("validation", name), name, _one_of(outputs))
+                refuse(("validation", name), name, _one_of(outputs))
         _check_vectors(self, outputs)
         if self.adaptation is not None:
             named = self.adaptation.outputs
             _check_unique((("adaptation", "outputs", i, "output"), of.output) for i, of in enumerate(named))
             for i, of in enumerate(named):
                 if of.output not in outputs:
-                    _refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
+                    refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
         return self
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return _without(of_fields(self), "adaptation", "guard_vectors", "digest")
+        return without(of_fields(self), "adaptation", "guard_vectors", "digest")
 
 
 def model_json_schema() -> dict[str, Any]:
     """The closed JSON Schema (draft 2020-12) of the model file, as shipped in ``schema/selector.model-1.json``."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:selector:model:1"}
     return head | ModelFile.model_json_schema(by_alias=True)
-
-
-def _refuse(path: KeyPath, found: str, expected: str) -> Never:
-    raise ContradictionError(path, found, expected)
 
 
 def _one_of(names: Iterable[str]) -> str:
@@ -352,13 +279,13 @@ def _check_unique(names: Iterable[tuple[KeyPath, str]]) -> None:
     seen: set[str] = set()
     for path, name in names:
         if name in seen:
-            _refuse(path, f"{name!r} a second time", "unique names")
+            refuse(path, f"{name!r} a second time", "unique names")
         seen.add(name)
 
 
 def _check_range(low: float | None, high: float | None, path: KeyPath) -> None:
     if low is not None and high is not None and low > high:
-        _refuse(path, f"minimum {low!r} above maximum {high!r}", "minimum ≤ maximum")
+        refuse(path, f"minimum {low!r} above maximum {high!r}", "minimum ≤ maximum")
 
 
 def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outputs: tuple[Output, ...]) -> None:
@@ -369,17 +296,15 @@ def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outpu
         _check_range(item.valid_min, item.valid_max, ("inputs", i, "valid_min"))
         _check_range(item.reading_min, item.reading_max, ("inputs", i, "reading_min"))
         if item.unit != CANONICAL_UNITS[item.role]:
-            _refuse(
-                ("inputs", i, "unit"), repr(item.unit), f"{CANONICAL_UNITS[item.role]!r}, the unit of {item.role!r}"
-            )
+            refuse(("inputs", i, "unit"), repr(item.unit), f"{CANONICAL_UNITS[item.role]!r}, the unit of {item.role!r}")
     sources = [item.name for item in inputs]
     for i, state in enumerate(states):
         if state.source not in sources:
-            _refuse(("states", i, "source"), repr(state.source), _one_of(sources))
+            refuse(("states", i, "source"), repr(state.source), _one_of(sources))
     known = {*sources, *(state.name for state in states)}
     for i, output in enumerate(outputs):
         if output.name in ("run", "time_s"):
-            _refuse(("outputs", i, "name"), repr(output.name), "a name that is not taken in a table of predictions")
+            refuse(("outputs", i, "name"), repr(output.name), "a name that is not taken in a table of predictions")
         _check_terms(output.terms, known, ("outputs", i, "terms"))
         if output.position is not None:
             _check_terms(output.position.terms, known, ("outputs", i, "position", "terms"))
@@ -393,10 +318,10 @@ def _check_terms(terms: tuple[Term, ...], known: set[str], path: KeyPath) -> Non
     for i, term in enumerate(terms):
         for name in term.powers:
             if name not in known:
-                _refuse((*path, i, "powers", name), repr(name), "the name of an input or a state")
+                refuse((*path, i, "powers", name), repr(name), "the name of an input or a state")
         product = frozenset(term.powers.items())
         if product in seen:
-            _refuse((*path, i, "powers"), "the same product a second time", "every product once in an output")
+            refuse((*path, i, "powers"), "the same product a second time", "every product once in an output")
         seen.add(product)
 
 
@@ -404,9 +329,9 @@ def _check_guard(model: ModelFile, outputs: list[str]) -> None:
     _check_unique((("guard", "limits", i, "output"), item.output) for i, item in enumerate(model.guard.limits))
     for i, limits in enumerate(model.guard.limits):
         if limits.output not in outputs:
-            _refuse(("guard", "limits", i, "output"), repr(limits.output), _one_of(outputs))
+            refuse(("guard", "limits", i, "output"), repr(limits.output), _one_of(outputs))
     if model.guard.on_fault == "fallback" and not model.fallbacks:
-        _refuse(("guard", "on_fault"), "'fallback' without any fallback", "at least one entry in fallbacks")
+        refuse(("guard", "on_fault"), "'fallback' without any fallback", "at least one entry in fallbacks")
 
 
 def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
@@ -415,22 +340,22 @@ def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
     for i, fallback in enumerate(model.fallbacks):
         for j, name in enumerate(fallback.without):
             if name not in inputs:
-                _refuse(("fallbacks", i, "without", j), repr(name), _one_of(inputs))
+                refuse(("fallbacks", i, "without", j), repr(name), _one_of(inputs))
         if frozenset(fallback.without) in seen:
-            _refuse(("fallbacks", i, "without"), "the same sensors a second time", "one fallback for a set of sensors")
+            refuse(("fallbacks", i, "without"), "the same sensors a second time", "one fallback for a set of sensors")
         seen.add(frozenset(fallback.without))
         for j, item in enumerate(fallback.inputs):
             if inputs.get(item.name) != (item.role, item.unit, item.reference):
                 expected = "an input of the model with the same role, unit and reference"
-                _refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
+                refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
         if [item.name for item in fallback.outputs] != outputs:
-            _refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
+            refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
         for j, (own, output) in enumerate(zip(fallback.outputs, model.outputs, strict=True)):
             if own.sign != output.sign:
-                _refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
+                refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
             if _place(own) != _place(output):
                 where = ("fallbacks", i, "outputs", j, "position")
-                _refuse(where, _place(own), f"{_place(output)}, as the model has")
+                refuse(where, _place(own), f"{_place(output)}, as the model has")
 
 
 def _place(output: Output) -> str:
@@ -450,11 +375,9 @@ def _check_vectors(model: ModelFile, outputs: list[str]) -> None:
         _check_names((*where, "positions_m"), axes if vector.positions_m is None else vector.positions_m, axes)
         for name in vector.start_readings or {}:
             if name not in inputs:
-                _refuse((*where, "start_readings", name), repr(name), _one_of(inputs))
+                refuse((*where, "start_readings", name), repr(name), _one_of(inputs))
         if vector.fallbacks and len(vector.fallbacks) != len(model.fallbacks):
-            _refuse(
-                (*where, "fallbacks"), f"{len(vector.fallbacks)} entries", f"{len(model.fallbacks)}, one a fallback"
-            )
+            refuse((*where, "fallbacks"), f"{len(vector.fallbacks)} entries", f"{len(model.fallbacks)}, one a fallback")
         for k, found in enumerate(vector.fallbacks):
             _check_names((*where, "fallbacks", k), found, outputs)
     for i, path in enumerate(model.guard_vectors):
@@ -467,7 +390,7 @@ def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -
     given, wanted = set(found), set(expected)
     if given != wanted:
         told = "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
-        _refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
+        refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
 
 
 LARGEST_FILE_BYTES = 16_000_000

@@ -299,3 +299,15 @@ def test_a_formula_keeps_its_brackets():
 
 def test_comments_are_cut_into_blocks():
     assert list(remarks("a:b " + "c" * 80)) == [f"(A,B {'C' * 66})", f"({'C' * 14})"]
+
+
+def test_a_cold_start_by_hand_takes_new_start_readings():
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    names = macro_variables(read_model(PATENT)).program
+    called_until_settled(macro)
+    macro.variables |= {names["has_start_1"]: 0.0, names["has_start_2"]: 0.0}
+    for time_s in range(400, 500, 10):
+        macro.variables |= {100: float(time_s), 101: 15.0, 102: 16.0}
+        macro.call()
+    assert (macro.variables[names["start_1"]], macro.variables[names["start_2"]]) == (15.0, 16.0)
+    assert macro.variables[STATUS] == 1.0

@@ -11,7 +11,7 @@ from selector.controllers.application import Accuracy
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import Mode, SensorCode, is_turned
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.parts import Answers, Part, Rows, rows_at
+from selector.controllers.replay.parts import Answers, Part, Rows, reference_answers, rows_at
 from selector.findings import Finding, Where
 from selector.types import Array, Indices
 
@@ -38,10 +38,13 @@ class Rehearsed:
     healthy_rmse_um: float | None  #: Without the fault, over the same samples
     mode: str  #: What it mostly follows when it does not follow what it would without the fault
     reacts_after_s: float | None  #: From the fault until mode or code of the sensor change; None: never
+    max_abs_difference_um: float  #: Between the program and what it has to give in these calls
+    allowed_um: float  #: What its numbers explain of it
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.rehearsal` of `selector.export/1`."""
-        own = {name: getattr(self, name) for name in ("fault", "sensor", "run", "from_s", "output", "mode")}
+        names = ("fault", "sensor", "run", "from_s", "output", "mode", "max_abs_difference_um")
+        own = {name: getattr(self, name) for name in names}
         sizes = {"rmse_um": self.left.rmse_um, "max_um": self.left.max_um, "before_max_um": self.left.before_max_um}
         return own | sizes | {"healthy_rmse_um": self.healthy_rmse_um, "reacts_after_s": self.reacts_after_s}
 
@@ -70,15 +73,19 @@ def rehearsed(
         if say is not None:
             say(f"{sensor or 'control'} {kind}")
         answers = _given(model, files, part, faulty)
+        whole = reference_answers(model, faulty)
+        expected_um = part.expected(model, faulty, whole, answers)
+        off = np.nan_to_num(np.abs(answers.correction_um - expected_um), nan=np.inf).max(axis=0).tolist()
+        allowed = part.allowed_um(model, faulty, whole)
         seen = kept >= at
         samples = kept[seen]
         mode, reacts_s = _reaction(model, answers, healthy, kept, at, time_s, sensor) if part.tells_mode else ("", None)
         for k, output in enumerate(model.outputs):
             left = Accuracy.of(signs[k] * answers.correction_um[seen, k], recorded_um[samples, k])
             usual = Accuracy.of(signs[k] * healthy.correction_um[samples, k], recorded_um[samples, k])
-            found.append(
-                Rehearsed(kind, sensor, run, float(time_s[at]), output.name, left, usual.rmse_um, mode, reacts_s)
-            )
+            numbers = off[k], allowed[output.name]
+            place = run, float(time_s[at]), output.name
+            found.append(Rehearsed(kind, sensor, *place, left, usual.rmse_um, mode, reacts_s, *numbers))
     return tuple(found)
 
 
@@ -139,7 +146,16 @@ def mode_text(model: ModelFile, mode: int) -> str:
 
 
 def rehearsal_findings(found: Sequence[Rehearsed]) -> Iterator[Finding]:
-    """Per output the fault that leaves most."""
+    """Faults in which the program is not what it has to be, and per output the fault that leaves most."""
+    for one in found:
+        if not one.max_abs_difference_um <= one.allowed_um:
+            yield FINDINGS.finding(
+                "replay-differs",
+                f"With {one.sensor or 'the control'} {one.fault}, {one.output} and the reference differ by up to "
+                f"{one.max_abs_difference_um:.3g} µm; {one.allowed_um:.3g} µm is what its numbers explain.",
+                Where(channel=one.sensor, run=one.run, from_s=one.from_s),
+                one.as_dict(),
+            )
     for output in dict.fromkeys(one.output for one in found):
         own = [one for one in found if one.output == output and one.left.max_um is not None]
         if not own:

@@ -21,7 +21,7 @@ from selector.controllers.application import (
     unit_of_difference,
 )
 from selector.controllers.evaluator import axes_of
-from selector.controllers.finding_table import FINDINGS
+from selector.controllers.finding_table import FINDINGS, OUTSIDE_VALID_RANGE
 from selector.controllers.guard.decided import Mode, SensorCode, decided_limits, is_turned
 from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.replay.parts import TIME_STEP_S, Answers, Part, Rows, reference_answers
@@ -252,7 +252,7 @@ def _because(
 ) -> Iterator[str]:
     """What a program does otherwise than the model alone in a run, in words."""
     for finding in applied.findings if part.tells_mode else ():
-        if finding.id == "outside-valid-range" and finding.where.run == run:
+        if finding.id == OUTSIDE_VALID_RANGE and finding.where.run == run:
             width = finding.evidence["valid_max"] - finding.evidence["valid_min"]
             far = f"{finding.evidence['largest_excess'] / width:.0%}" if width > 0.0 else "any amount"
             yield f"{finding.where.channel} leaves the range of the model by up to {far} of its width"

@@ -346,6 +346,8 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     names = macro_variables(model)
     left_out = list(left_out_of_macro(model))
     program, tests = names.program, list(names.tests.values())
+    kinds = {"rise": "has_start", "absolute": "has_memory"}
+    begins_anew = [f"{kinds[item.reference]}_{k}" for k, item in enumerate(model.inputs, 1)]
     corrections = [program[f"correction_{k}"] for k in range(1, len(model.outputs) + 1)]
     _, open_limits = decided_limits(model)
     return Exported(
@@ -370,7 +372,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             f"once, as after a bad one: before the first cut of a day call the program {LEAST_GOOD_SAMPLES + 2} times, "
             f"{max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES):g} s apart or more.",
             "At a cold start set to 0 "
-            + ", ".join(f"#{program[f'has_memory_{k}']}" for k in range(1, len(model.inputs) + 1))
+            + ", ".join(f"#{program[name]}" for name in begins_anew)
             + ": start readings and memory are taken anew.",
         ),
         sign_test=sign_test(
