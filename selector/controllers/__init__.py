@@ -13,10 +13,8 @@ from selector.controllers.evaluator import (
 from selector.controllers.guard.decided import DecidedLimits, Mode, SensorCode, decided_limits
 from selector.controllers.guard.guarded_model import Corrected, GuardedModel
 from selector.controllers.model_file import (
-    CheckVector,
     Fallback,
     Guard,
-    GuardVector,
     Input,
     ModelFile,
     Output,
@@ -34,6 +32,7 @@ from selector.controllers.model_file import (
     write_model,
 )
 from selector.controllers.self_check import check_model, check_vectors, model_findings, sealed, usable_model
+from selector.controllers.vector_block import CheckVector, GuardVector
 
 __all__ = [
     "Accuracy",

@@ -16,15 +16,14 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LONGEST_S, decided_limits
 from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
 from selector.controllers.model_file import (
-    CheckVector,
     Fallback,
-    GuardVector,
     Input,
     ModelFile,
     OutputLimits,
     read_model,
     with_digest,
 )
+from selector.controllers.vector_block import CheckVector, GuardVector
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
 from selector.types import Array, Vector

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
-from selector.controllers.model_file import GuardVector, Input, ModelFile
+from selector.controllers.model_file import Input, ModelFile
+from selector.controllers.vector_block import GuardVector
 
 START_DEGC = 20.0
 MINUTE_S = 60.0
