@@ -248,7 +248,7 @@ def replay_table(replay: Replay) -> Table:
             )
     return table(
         ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
-         ">`apply`: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
+         ">apply: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
         rows,
         " ".join([BEFORE_AND_AFTER, *_beginnings(replay)]),
     )  # fmt: skip

@@ -36,7 +36,7 @@ from selector.types import Array
 ALARM = 3000
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
-_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|EQ|NE|GT|GE|LT|LE|[\[\]+\-*/]")
+_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|[\[\]+\-*/]")
 _COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=\[\]]*\)")
 _BLOCK = re.compile(
     r"(?:N(?P<label>\d+))?(?:IF\[(?P<condition>.*)\](?:GOTO(?P<jump>\d+)|THEN#(?P<then>\d+)=(?P<value>.+))"
@@ -45,9 +45,7 @@ _BLOCK = re.compile(
 _COMPARED: dict[str, Callable[[float, float], bool]] = {
     "EQ": operator.eq, "NE": operator.ne, "GT": operator.gt, "GE": operator.ge, "LT": operator.lt, "LE": operator.le,
 }  # fmt: skip
-_JOINED: dict[str, Callable[[float, float], float]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
-}  # fmt: skip
+_PYTHON = {"[": "(", "]": ")", "ABS": "abs"}
 _Read = Callable[[int], float | None]  #: From the number of a variable to what it holds; None: it is vacant.
 _Value = Callable[[_Read], float | None]
 
@@ -167,72 +165,29 @@ def _passed_s(rows: Rows) -> Array:
 
 @cache
 def _value(text: str) -> _Value:
-    """The value of an expression, from what the variables hold."""
-    tokens = list(_tokens(text))
-    value = _sum(tokens)
-    if tokens:
-        raise MacroError(text)
+    """The value of an expression, from what the variables hold; of a variable alone also that it is vacant."""
+    if re.fullmatch(r"#\d+", text):
+        number = int(text[1:])
+        return lambda read: read(number)
+    words = (f"number(read({word[1:]}))" if word[0] == "#" else _PYTHON.get(word, word) for word in _tokens(text))
+    try:
+        # numbers, signs and brackets only: the tokens are no others
+        value: _Value = eval("lambda read: " + " ".join(words), {"number": _number, "abs": abs})  # noqa: S307
+    except SyntaxError:
+        raise MacroError(text) from None
     return value
 
 
 @cache
 def _condition(text: str) -> Callable[[_Read], bool]:
-    tokens = list(_tokens(text))
-    left = _sum(tokens)
-    compare = _COMPARED[tokens.pop(0)]
-    right = _sum(tokens)
-    if tokens:
+    match = re.fullmatch(r"(.+?)(EQ|NE|GT|GE|LT|LE)(.+)", text)
+    if match is None:
         raise MacroError(text)
-
-    def holds(read: _Read) -> bool:
-        one, other = left(read), right(read)
-        if "#0" in text and (one is None or other is None):
-            # vacant equals #0 alone; the generated text compares with it by EQ only
-            return bool(compare(one is None, other is None))
-        return bool(compare(_number(one), _number(other)))
-
-    return holds
-
-
-def _sum(tokens: list[str]) -> _Value:
-    total = _product(tokens)
-    while tokens and tokens[0] in "+-":
-        total = _joined(tokens.pop(0), total, _product(tokens))
-    return total
-
-
-def _product(tokens: list[str]) -> _Value:
-    total = _factor(tokens)
-    while tokens and tokens[0] in "*/":
-        total = _joined(tokens.pop(0), total, _factor(tokens))
-    return total
-
-
-def _joined(sign: str, left: _Value, right: _Value) -> _Value:
-    join = _JOINED[sign]
-    return lambda read: join(_number(left(read)), _number(right(read)))
-
-
-def _factor(tokens: list[str]) -> _Value:
-    word = tokens.pop(0) if tokens else ""
-    if word == "-":
-        negated = _factor(tokens)
-        return lambda read: -_number(negated(read))
-    if word == "ABS" and tokens and tokens[0] == "[":
-        of = _factor(tokens)
-        return lambda read: abs(_number(of(read)))
-    if word == "[":
-        value = _sum(tokens)
-        if not tokens or tokens.pop(0) != "]":
-            raise MacroError("a bracket is not closed")
-        return value
-    if word.startswith("#"):
-        number = int(word[1:])
-        return lambda read: read(number)
-    if not word[:1].isdigit():
-        raise MacroError(f"{word!r} is no value")
-    literal = float(word)
-    return lambda read: literal
+    left, compare, right = _value(match[1]), _COMPARED[match[2]], _value(match[3])
+    if match[3] == "#0":
+        # vacant equals #0 alone; the generated text compares with it by EQ only
+        return lambda read: compare(left(read) is None, True)
+    return lambda read: compare(_number(left(read)), _number(right(read)))
 
 
 def _number(value: float | None) -> float:
