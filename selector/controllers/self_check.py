@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LONGEST_S, decided_limits
+from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
 from selector.controllers.model_file import (
     Fallback,
@@ -396,9 +397,11 @@ def _without(of: Fallback) -> str:
 
 def _guard_vector_findings(model: ModelFile) -> Iterator[Finding]:
     """What the guard gives now against what it gave when the file was written, to the last digits."""
-    limits = decided_limits(model)[0]
+    if not model.guard_vectors:
+        return
+    limits, guarded = decided_limits(model)[0], GuardedModel(model)
     for vector in model.guard_vectors:
-        found = recomputed(model, vector)
+        found = recomputed(model, guarded, vector)
         for field, given, now in _series(vector, found):
             allowed = (
                 TOLERANCE * limits[field].clamp_um if field in limits and given is vector.expected.get(field) else 0.0

@@ -208,7 +208,8 @@ def _turned(model: ModelFile) -> tuple[str, ...]:
 
 def _bare(model: ModelFile) -> str:
     """The model without limits, which an export fills in."""
-    return model_text(model.model_copy(update={"guard": model.guard.model_copy(update={"limits": ()})}))
+    bare = {"guard": model.guard.model_copy(update={"limits": ()}), "guard_vectors": (), "digest": None}
+    return model_text(model.model_copy(update=bare))
 
 
 def _said(command: Sequence[str], option: str) -> list[str]:

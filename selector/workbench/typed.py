@@ -20,7 +20,7 @@ FIELDS = {
     "--must": "must be kept", "--never": "never", "--cost": "cost",
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
-    "--sign-verified": "The sign test was passed", "--tested": "Equations SHA-256 of the tested program",
+    "--sign-verified": "The sign test was passed", "--tested": "Target and SHA-256 of the tested program",
 }  # fmt: skip
 """Option of the command line → title of the field that does the same."""
 

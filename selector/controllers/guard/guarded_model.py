@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -107,6 +108,12 @@ class GuardedModel:
         """
         with np.errstate(over="ignore"):
             self._block.is_restart, self._block.standstill_s = True, self._number(standstill_s)
+
+    def again(self) -> GuardedModel:
+        """The same model in a control that has never run and kept nothing."""
+        other = copy(self)
+        other._block = type(self._block)()
+        return other
 
     @property
     def start_readings(self) -> dict[str, float]:

@@ -25,6 +25,7 @@ class _Calls:
     """Calls while they are written; `of` is what is asked for of each: dt_s, readings and switches."""
 
     model: ModelFile
+    guarded: GuardedModel
     of: list[tuple[float, dict[str, float], Mapping[str, float], float, bool, bool]] = field(default_factory=list)
 
     def call(
@@ -72,7 +73,7 @@ class _Calls:
             mode=(0,) * len(dt_s),
             sensors={item.name: (0,) * len(dt_s) for item in self.model.inputs},
         )
-        return vector.model_copy(update=recomputed(self.model, vector))
+        return vector.model_copy(update=recomputed(self.model, self.guarded, vector))
 
 
 def guard_vectors(model: ModelFile) -> tuple[GuardVector, ...]:
@@ -87,18 +88,18 @@ def guard_vectors(model: ModelFile) -> tuple[GuardVector, ...]:
         "sign test": _sign_test,
         "restart": _restarts,
     }
-    found = []
+    found, guarded = [], GuardedModel(model)
     for name, path in paths.items():
-        calls = _Calls(model).begun()
+        calls = _Calls(model, guarded).begun()
         path(calls, model)
         if len(calls.of) > 8:
             found.append(calls.vector(name))
     return tuple(found)
 
 
-def recomputed(model: ModelFile, vector: GuardVector) -> dict[str, object]:
+def recomputed(model: ModelFile, of: GuardedModel, vector: GuardVector) -> dict[str, object]:
     """What the guard gives in these calls: the fields `expected`, `mode` and `sensors`."""
-    guarded, given = GuardedModel(model), []
+    guarded, given = of.again(), []
     for k, dt_s in enumerate(vector.dt_s):
         if vector.standstill_s[k] > 0.0:
             guarded.restart(vector.standstill_s[k])

@@ -60,7 +60,7 @@ def layout(bench: Bench) -> Component:
     tested = parts.field(
         FIELDS["--tested"],
         parts.typed_text(f"{ID}-tested", asked.tested),
-        "8 digits or more, from its head; another program, or the other sign, is then not called verified.",
+        "As st:1a2b3c4d, 8 digits or more from its head; no other program, control or sign is then called verified.",
     )
     return html.Div(
         [
