@@ -446,12 +446,12 @@ def _contradicting_fallbacks(model: ModelFile) -> Iterator[Finding]:
 
 
 def _reached_clamps(model: ModelFile) -> Iterator[Finding]:
+    """Clamps that cut off a third or more where all sensors go through their ranges."""
     for limits in model.guard.limits:
         wanted = [np.abs(np.asarray(vector.expected[limits.output])) for vector in _courses(model)]
         if limits.clamp_um is not None and wanted:
-            finding = clamp_reached(
-                limits.output, limits.clamp_um, np.concatenate(wanted), "of the file's test vectors"
-            )
+            course, where = np.concatenate(wanted), "of the file's test vectors"
+            finding = clamp_reached(limits.output, limits.clamp_um, course, where, least=1.0 / 3.0)
             if finding is not None:
                 yield finding
 
