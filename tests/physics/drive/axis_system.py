@@ -217,9 +217,16 @@ class AxisSystem:
         return bristle * state["bristle"] + damping * rate["bristle"]
 
 
+def shaft_m_per_n(compliance: AxialCompliance, table_m: float) -> float:
+    """Deflection of the shaft alone per force with the table there [m/N]; constant beyond the bearings."""
+    free = min(max(compliance.origin_m + table_m, 0.0), compliance.length_m)
+    share = free * (compliance.length_m - free) / compliance.length_m if compliance.both_ends else free
+    return share / compliance.shaft_n
+
+
 def _compliant(compliance: AxialCompliance, deflection: float, table_m: float) -> tuple[float, float]:
     """Force at a deflection by root finding, and the force along the travel of ½·force²·shaft(x)."""
-    shaft, free = compliance.shaft_m_per_n(table_m), compliance.origin_m + table_m
+    shaft, free = shaft_m_per_n(compliance, table_m), compliance.origin_m + table_m
     slope = (1.0 - 2.0 * free / compliance.length_m) if compliance.both_ends else 1.0
     if not 0.0 < free < compliance.length_m:
         slope = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
+from selector.physics.checks import ABOVE_0, FINITE, NOT_BELOW_0, Checked, keep_arrays, told_of
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -23,44 +23,42 @@ RAMP_S = 1.0
 
 MOST_SAMPLES = 5_000_000
 _MM_PER_MIN = 1e-3 / 60.0
+_Above0 = Annotated[float, ABOVE_0]
 
 
 @dataclass(frozen=True)
-class TableBall:
+class TableBall(Checked):
     """The ball of the workpiece on a rotary table."""
 
-    ball_distance_m: float  #: From the centre of the table [m]
+    ball_distance_m: Annotated[float, NOT_BELOW_0]  #: From the centre of the table [m]
     #: Direction of the ball seen from the centre of the table at the start of the measured circle [rad]. A quarter turn
     #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
     #: radius; in line with the bar it does not.
-    ball_angle_rad: float = -math.pi / 2
-    ratio: float = 1.0  #: Turn of the table per turn of the bar; 1: the bar stands still on the table
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "ball_distance_m")
-        require_finite(self, "ball_angle_rad", "ratio")
+    ball_angle_rad: Annotated[float, FINITE] = -math.pi / 2
+    ratio: Annotated[float, FINITE] = (
+        1.0  #: Turn of the table per turn of the bar; 1: the bar stands still on the table
+    )
 
 
 @dataclass(frozen=True)
-class Circle:
+class Circle(Checked):
     """One run of a circular test: 360° that are measured, and an overshoot before and after them.
 
     The feed-in is along the circle: the axes start at rest on it, reach the feed as a raised cosine within half of the
     overshoot and at most `RAMP_S`, and stop in the same way, so that the measured arc has a steady feed.
     """
 
-    feed_mm_per_min: float  #: Speed of one ball about the other one, radius × angular speed [mm/min]
+    feed_mm_per_min: _Above0  #: Speed of one ball about the other one, radius × angular speed [mm/min]
     direction: Literal[1, -1] = 1  #: {1, -1}: 1: counter-clockwise, from the first axis to the second; −1: clockwise
-    radius_m: float = 0.1  #: Nominal length of the bar [m]
+    radius_m: _Above0 = 0.1  #: Nominal length of the bar [m]
     #: Centre in the coordinates of the axes [m]; with a rotary axis the centre of its table
     centre_m: tuple[float, float] = (0.0, 0.0)
-    start_angle_rad: float = 0.0  #: Where the measured arc begins [rad]
-    overshoot_rad: float = math.pi / 4  #: Arc before and after the measured one [rad]
+    start_angle_rad: Annotated[float, FINITE] = 0.0  #: Where the measured arc begins [rad]
+    overshoot_rad: _Above0 = math.pi / 4  #: Arc before and after the measured one [rad]
     table_ball: TableBall | None = None  #: The third, rotary axis
 
     def __post_init__(self) -> None:
-        require_positive(self, "feed_mm_per_min", "radius_m", "overshoot_rad")
-        require_finite(self, "start_angle_rad")
+        super().__post_init__()
         if self.direction not in (1, -1):
             raise _wrong(f"direction {self.direction}", "1 (counter-clockwise) or -1 (clockwise)", "give 1 or -1")
         if len(self.centre_m) != 2 or not np.isfinite(self.centre_m).all():
@@ -208,7 +206,7 @@ class PairGeometry:
 
 
 @dataclass(frozen=True)
-class BallBarPlan:
+class BallBarPlan(Checked):
     """Which circles are run: both directions at every feed."""
 
     #: radius_m, centre_m, start_angle_rad, overshoot_rad and table_ball: As in `Circle`
@@ -219,12 +217,11 @@ class BallBarPlan:
     overshoot_rad: float = math.pi / 4
     table_ball: TableBall | None = None
     #: Distance of the samples [s]; None: at least `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener
-    period_s: float | None = None
-    noise_um: float = 0.0  #: Standard deviation of a reading of the bar [µm]
+    period_s: _Above0 | None = None
+    noise_um: Annotated[float, NOT_BELOW_0] = 0.0  #: Standard deviation of a reading of the bar [µm]
 
     def __post_init__(self) -> None:
-        require_positive(self, "period_s")
-        require_not_negative(self, "noise_um")
+        super().__post_init__()
         if not self.feeds_mm_per_min:
             expected, advice = "one or more in mm/min", "name the feeds of the test"
             raise InputError("no feed", expected=expected, where="feeds_mm_per_min", advice=advice)
@@ -238,7 +235,7 @@ class BallBarPlan:
 
 
 @dataclass(frozen=True, eq=False)
-class BallBarTrace:
+class BallBarTrace(Checked):
     """One full circle as the bar shows it, simulated or measured.
 
     InputError: less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
@@ -250,15 +247,15 @@ class BallBarTrace:
     deviation_um: Vector  #: (n_samples,): Distance of the balls minus nominal length [µm]
     direction: Literal[1, -1]  #: {1, -1}: 1: counter-clockwise, from the first axis to the second
     #: feed_mm_per_min and radius_m: Feed [mm/min] and nominal length of the bar [m]
-    feed_mm_per_min: float
-    radius_m: float = 0.1
+    feed_mm_per_min: _Above0
+    radius_m: _Above0 = 0.1
     axes: tuple[str, ...] = ("X", "Y")  #: Names: first, second, and of a third, rotary one if there was one
     table_ball: TableBall | None = None  #: Where the ball of the workpiece stood on the rotary axis
     #: Direction of the bar where the ball of the workpiece stood at its `ball_angle_rad` [rad]
     start_angle_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "feed_mm_per_min", "radius_m")
+        super().__post_init__()
         keep_arrays(self, "angle_rad", "deviation_um")
         angle, deviation = self.angle_rad, self.deviation_um
         if angle.ndim != 1 or angle.shape != deviation.shape or len(angle) < 100:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, special
 
 from selector.errors import InputError
-from selector.physics.checks import require_positive
+from selector.physics.checks import ABOVE_0, Checked
 from selector.physics.drive.parts.axis import AxialCompliance, Friction, ThreeMassMechanics
 from selector.physics.drive.parts.catalogue import Bearings, Nut, Parts
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -21,7 +21,7 @@ POISSON = 0.3
 
 
 @dataclass(frozen=True)
-class PreloadedContact:
+class PreloadedContact(Checked):
     """Two equal contacts, force κ·δ^(3/2) each, pressed against each other by a preload.
 
     A load F deflects them by δ: ``F = κ·(δ0 + δ)₊^1.5 − κ·(δ0 − δ)₊^1.5`` with δ0 = (preload/κ)^(2/3); odd in F. The
@@ -29,11 +29,8 @@ class PreloadedContact:
     grows with F^(1/3) from there on.
     """
 
-    load_per_deflection: float  #: κ of one side [N/m^1.5]
-    preload_n: float  #: Preload [N]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "load_per_deflection", "preload_n")
+    load_per_deflection: Annotated[float, ABOVE_0]  #: κ of one side [N/m^1.5]
+    preload_n: Annotated[float, ABOVE_0]  #: Preload [N]
 
     @classmethod
     def from_rigidity(cls, stiffness_n_per_m: float, at_preload_n: float, preload_n: float) -> PreloadedContact:
