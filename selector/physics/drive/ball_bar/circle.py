@@ -166,7 +166,6 @@ _MicrometresOfBoth = Annotated[Pair, Unit("µm")]
 CourseOf = Callable[[Reference], ParameterCourse | None]
 """Stiffness and damping that change along a reference; None: they do not."""
 
-FEEDS_MM_PER_MIN = (100.0, 1000.0, 3000.0, 5000.0)
 LONGEST_PERIOD_S = 0.01
 """A reversal takes some hundredths of a second, however slow the feed is."""
 
@@ -203,35 +202,6 @@ class PairGeometry:
                     where=name,
                     advice="correct this error of the geometry",
                 )
-
-
-@dataclass(frozen=True)
-class BallBarPlan(Checked):
-    """Which circles are run: both directions at every feed."""
-
-    #: radius_m, centre_m, start_angle_rad, overshoot_rad and table_ball: As in `Circle`
-    radius_m: float = 0.1
-    feeds_mm_per_min: tuple[float, ...] = FEEDS_MM_PER_MIN  #: Feeds [mm/min]
-    centre_m: Pair = (0.0, 0.0)
-    start_angle_rad: float = 0.0
-    overshoot_rad: float = math.pi / 4
-    table_ball: TableBall | None = None
-    #: Distance of the samples [s]; None: at least `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener
-    period_s: _Above0 | None = None
-    noise_um: Annotated[float, NOT_BELOW_0] = 0.0  #: Standard deviation of a reading of the bar [µm]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.feeds_mm_per_min:
-            expected, advice = "one or more in mm/min", "name the feeds of the test"
-            raise InputError("no feed", expected=expected, where="feeds_mm_per_min", advice=advice)
-
-    @property
-    def circles(self) -> tuple[Circle, ...]:
-        """The runs: counter-clockwise and clockwise, feed after feed."""
-        directions: tuple[Literal[1, -1], ...] = (1, -1)
-        path = (self.radius_m, self.centre_m, self.start_angle_rad, self.overshoot_rad, self.table_ball)
-        return tuple(Circle(feed, direction, *path) for feed in self.feeds_mm_per_min for direction in directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,8 +248,9 @@ def ball_bar_run(
     axes: Mapping[str, Axis],
     circle: Circle,
     geometry: PairGeometry,
-    plan: BallBarPlan,
     *,
+    period_s: float | None = None,
+    noise_um: float = 0.0,
     courses: Mapping[str, CourseOf] | None = None,
     step_s: float | None = None,
     seed: int = 0,
@@ -287,11 +258,13 @@ def ball_bar_run(
 ) -> tuple[BallBarTrace, dict[str, AxisRun]]:
     """What the bar shows of one circle of a test, and what every axis did from rest to rest, simulated.
 
-    `axes` are first, second and, if the plan has a `table_ball`, the rotary one, in this order; `courses` their
-    stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
-    `circle_step_s` of each axis; `number` parts the noise of the runs of a test.
+    `axes` are first, second and, if the circle has a `table_ball`, the rotary one, in this order; `courses` their
+    stiffness and damping along the reference, where they change. `period_s` is the distance of the samples [s], by
+    default `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener; `noise_um` the standard deviation of a
+    reading of the bar [µm]. `step_s` is the longest step [s], by default `circle_step_s` of each axis; `number` parts
+    the noise of the runs of a test.
 
-    InputError if axes, courses and plan do not fit together, or an axis cannot be simulated.
+    InputError if axes, courses and circle do not fit together, or an axis cannot be simulated.
     """
     names = tuple(axes)
     if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
@@ -304,7 +277,7 @@ def ball_bar_run(
         raise _misfit(
             f"courses of {', '.join(courses or {})}", f"of {', '.join(names)} at most", "give courses of these axes"
         )
-    period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
+    period = period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
     inside = np.flatnonzero(measured_samples(circle, references[names[0]].time_s))
@@ -318,8 +291,8 @@ def ball_bar_run(
             motion = simulate_axis(axis, reference, step_s=longest_s, course=course, seed=int(own))
         runs[name] = AxisRun(axis, reference, motion, course, longest_s, arc)
     angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])
-    if plan.noise_um > 0:
-        deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
+    if noise_um > 0:
+        deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, noise_um, len(deviation))
     asked = (circle.direction, circle.feed_mm_per_min, circle.radius_m)
     return BallBarTrace(angle, deviation, *asked, names, circle.table_ball, circle.start_angle_rad), runs
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -298,28 +299,32 @@ class Axis(Checked):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        rigid = isinstance(self.mechanics, RigidMechanics)
-        for is_there, what in (
-            (self.transmission.backlash_m > 0, "backlash"),
-            (self.compliance is not None, "an axial compliance"),
-            (self.friction.screw_coulomb_nm > 0, "friction of the screw"),
-        ):
-            if rigid and is_there:
-                raise _unfit(f"{what} in a rigid axis", "a three-mass axis", "describe motor, screw and table")
+        for found, expected, where, advice in self._misfits():
+            raise InputError(found, expected=expected, where=where, advice=advice)
+
+    def _misfits(self) -> Iterator[tuple[str, str, str, str]]:
+        """(found, expected, where, advice) of what needs a structure or a servo that the axis has not."""
+        if isinstance(self.mechanics, RigidMechanics):
+            advice = 'describe motor, screw and table (mechanics.kind = "three-mass", or parts), or leave this key out'
+            for where, there in (
+                ("transmission.backlash_m", self.transmission.backlash_m),
+                ("friction.screw_coulomb_nm", self.friction.screw_coulomb_nm),
+            ):
+                if there > 0:
+                    yield f"{there:g} in an axis of one mass", "0, or an axis of three masses", where, advice
+            if self.compliance is not None:
+                yield "an axial compliance in an axis of one mass", "an axis of three masses", "compliance", advice
         if self._least_travel <= 0.0:
-            raise InputError(
-                f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})",
-                expected="errors that change by less than the travel",
-                where="transmission",
-                advice="give pitch errors in metres: 5 µm are 5e-6",
-            )
-        sampled = self.servo is not None and self.servo.sample_s > 0
-        for is_there, what in (
-            (self.servo is not None and self.servo.delay_s > 0, "a delay"),
-            (self.sensing != Sensing(), "an encoder or noise"),
-        ):
-            if is_there and not sampled:
-                raise _unfit(f"{what} without a sampled servo", "sample_s above 0", "give the servo's sample time")
+            found = f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})"
+            advice = "give pitch errors in metres: 5 µm are 5e-6"
+            yield found, "errors that change by less than the travel", "transmission", advice
+        if self.servo is None or self.servo.sample_s == 0:
+            advice = "give servo.sample_s, the period of the control in seconds, or leave this key out"
+            if self.servo is not None and self.servo.delay_s > 0:
+                yield "a delay in a continuous control", "a sampled control", "servo.delay_s", advice
+            said = sorted(one.name for one in fields(Sensing) if getattr(self.sensing, one.name) != one.default)
+            if said:
+                yield f"{', '.join(said)} in a continuous control", "a sampled control", "sensing", advice
 
     @property
     def _least_travel(self) -> float:
@@ -331,10 +336,6 @@ class Axis(Checked):
             for (since, before), (at, error) in pairwise(zip(pitch.pitch_position_m, pitch.pitch_error_m, strict=True))
         ]
         return 1.0 + pitch.pitch_slope + min(falls, default=0.0) - pitch.pitch_amplitude_m * rate / radius
-
-
-def _unfit(found: str, expected: str, advice: str) -> InputError:
-    return InputError(found, expected=expected, where="feed axis", advice=advice)
 
 
 def pitch_error_m(axis: Axis, screw: ArrayLike) -> tuple[Vector, Vector]:
