@@ -21,18 +21,18 @@ class Must:
 
     expected: str
     least: float = -math.inf
-    is_above: bool = False  #: Whether `least` itself is too little
+    above: bool = False  #: Whether `least` itself is too little
 
     def refuse(self, values: object, name: str) -> None:
         """Raises InputError, naming the field, if its value is something else; None is allowed."""
         value = getattr(values, name)
         if value is None:
             return
-        if not (math.isfinite(value) and (value > self.least if self.is_above else value >= self.least)):
+        if not (math.isfinite(value) and (value > self.least if self.above else value >= self.least)):
             raise InputError(f"{value:g}", expected=self.expected, where=name, advice="correct this parameter")
 
 
-ABOVE_0 = Must("a number above 0", 0.0, is_above=True)
+ABOVE_0 = Must("a number above 0", 0.0, above=True)
 NOT_BELOW_0 = Must("0 or more", 0.0)
 FINITE = Must("a finite number")
 
