@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ class Checked:
     """A dataclass whose numbers are refused where they are not what their fields say they must be."""
 
     def __post_init__(self) -> None:
-        for name, must in _musts(type(self)):
+        own: Any = type(self)
+        for name, must in _musts(own):
             must.refuse(self, name)
 
 

@@ -128,8 +128,9 @@ def file_circles(file: DriveFile) -> tuple[Circle, ...]:
     motion = file.motion
     if not isinstance(motion, CircleMotion):
         raise ValueError("only circles make a ball-bar test")
-    ball = motion.table_ball
-    table_ball = ball and TableBall(ball.distance_mm * _MM, math.radians(ball.angle_deg), ball.ratio)
+    ball, table_ball = motion.table_ball, None
+    if ball is not None:
+        table_ball = TableBall(ball.distance_mm * _MM, math.radians(ball.angle_deg), ball.ratio)
     centre_m = (motion.centre_mm[0] * _MM, motion.centre_mm[1] * _MM)
     angles_rad = math.radians(motion.start_angle_deg), math.radians(motion.overshoot_deg)
     directions: tuple[Literal[1, -1], ...] = (1, -1)
