@@ -33,7 +33,7 @@ class Must:
 
 
 ABOVE_0 = Must("a number above 0", 0.0, above=True)
-NOT_BELOW_0 = Must("0 or more", 0.0)
+FROM_0 = Must("0 or more", 0.0)
 FINITE = Must("a finite number")
 
 
@@ -56,24 +56,6 @@ def _musts(kind: type) -> tuple[tuple[str, Must], ...]:
     }
     musts = {name: [one for one in said if isinstance(one, Must)] for name, said in told.items()}
     return tuple((name, found[-1]) for name, found in musts.items() if found)
-
-
-def require_positive(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not above 0; None is allowed."""
-    for name in names:
-        ABOVE_0.refuse(values, name)
-
-
-def require_not_negative(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not 0 or more; None is allowed."""
-    for name in names:
-        NOT_BELOW_0.refuse(values, name)
-
-
-def require_finite(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not finite; None is allowed."""
-    for name in names:
-        FINITE.refuse(values, name)
 
 
 def keep_arrays(values: object, *names: str) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, NOT_BELOW_0, Checked, keep_arrays, told_of
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays, told_of
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -30,7 +30,7 @@ _Above0 = Annotated[float, ABOVE_0]
 class TableBall(Checked):
     """The ball of the workpiece on a rotary table."""
 
-    ball_distance_m: Annotated[float, NOT_BELOW_0]  #: From the centre of the table [m]
+    ball_distance_m: Annotated[float, FROM_0]  #: From the centre of the table [m]
     #: Direction of the ball seen from the centre of the table at the start of the measured circle [rad]. A quarter turn
     #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
     #: radius; in line with the bar it does not.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, NOT_BELOW_0, Checked, keep_arrays
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
@@ -21,14 +21,14 @@ Mass = Annotated[float, ABOVE_0, Unit("kg"), Limits(1e-9, 1e9), Fit()]
 CarriedMass = Annotated[Mass, Usual(5.0, 1e5, {"t": 1e3, "g": 1e-3})]
 _INERTIA_UNITS = {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7}
 Inertia = Annotated[float, ABOVE_0, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
-Force = Annotated[float, NOT_BELOW_0, Unit("N"), Limits(0.0, 1e9), Fit()]
-Torque = Annotated[float, NOT_BELOW_0, Unit("N·m"), Limits(0.0, 1e9), Fit()]
+Force = Annotated[float, FROM_0, Unit("N"), Limits(0.0, 1e9), Fit()]
+Torque = Annotated[float, FROM_0, Unit("N·m"), Limits(0.0, 1e9), Fit()]
 Stiffness = Annotated[float, ABOVE_0, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
 TorsionalStiffness = Annotated[
     float, ABOVE_0, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
 ]
-Damping = Annotated[float, NOT_BELOW_0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
-TorsionalDamping = Annotated[float, NOT_BELOW_0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
+Damping = Annotated[float, FROM_0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
+TorsionalDamping = Annotated[float, FROM_0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
 Angle = Annotated[float, FINITE, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
 Length = Annotated[float, Unit("m"), Limits(0.0, 1e4)]
 _Place = Annotated[float, FINITE]
@@ -93,7 +93,7 @@ class LuGre(Checked):
     stiffness_n_per_m: Stiffness  #: σ0 [N/m]
     damping_ns_per_m: Damping = 0.0  #: σ1 [N·s/m]
     #: σ1 falls as exp(−(v/v_d)²), so that sliding is not damped twice and friction stays passive; 0: it does not fall
-    fading_speed_m_per_s: Annotated[float, NOT_BELOW_0, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
+    fading_speed_m_per_s: Annotated[float, FROM_0, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
 
 
 @dataclass(frozen=True)
@@ -148,10 +148,10 @@ class Transmission(Checked):
     """Where the travel differs from lead × turns."""
 
     #: Lost motion at reversal, the whole gap [m]; three-mass axis only
-    backlash_m: Annotated[Length, NOT_BELOW_0, Fit(up_to=1e-3), _ERROR] = 0.0
+    backlash_m: Annotated[Length, FROM_0, Fit(up_to=1e-3), _ERROR] = 0.0
     #: pitch_amplitude_m and pitch_phase_rad: Error that repeats with the lead: amplitude·sin(θl + phase) [m]; of a
     #: rigid axis θl is 2π a `ripple_period`
-    pitch_amplitude_m: Annotated[Length, NOT_BELOW_0, Fit(up_to=1e-4), _ERROR] = 0.0
+    pitch_amplitude_m: Annotated[Length, FROM_0, Fit(up_to=1e-4), _ERROR] = 0.0
     pitch_phase_rad: Angle = 0.0
     #: Cumulative pitch error, travel per travel (1e-6: 1 µm/m)
     pitch_slope: Annotated[float, FINITE, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
@@ -211,7 +211,7 @@ KV = 1000.0 / 60.0
 """1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
 
 _Limit = Annotated[float, ABOVE_0, Limits(1e-9, 1e9), Fit()]
-_Waiting = Annotated[float, NOT_BELOW_0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
+_Waiting = Annotated[float, FROM_0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
 
 
 @dataclass(frozen=True)
@@ -237,7 +237,7 @@ class Servo(Checked):
     #: velocity_gain and velocity_integral_gain: Kvp [actuator unit per motor speed], Kvi [the same per s]: A·s/rad,
     #: A/rad; or V·s/m, V/m
     velocity_gain: Annotated[float, ABOVE_0, Limits(1e-12, 1e12), Fit()]
-    velocity_integral_gain: Annotated[float, NOT_BELOW_0, Fit()] = 0.0
+    velocity_integral_gain: Annotated[float, FROM_0, Fit()] = 0.0
     actuator_gain: _Limit = 1.0  #: Kf [N·m or N per actuator unit]
     #: command_limit and speed_limit: Largest |u| [actuator unit] and largest |speed*| [motor speed]
     command_limit: _Limit | None = None
@@ -247,8 +247,8 @@ class Servo(Checked):
     #: From the computed command to the actuator [s]
     delay_s: Annotated[_Waiting, Limits(0.0, 100.0), Fit(up_to=0.02)] = 0.0
     #: velocity_feedforward and acceleration_feedforward: Shares ff_v, ff_a, 1 = complete
-    velocity_feedforward: Annotated[float, NOT_BELOW_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
-    acceleration_feedforward: Annotated[float, NOT_BELOW_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    velocity_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    acceleration_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
     #: {"table", "motor"}: Where the position is measured: scale on the table, or encoder of the motor × R
     feedback: Literal["table", "motor"] = "table"
 
@@ -258,17 +258,17 @@ class Sensing(Checked):
     """What the control sees of position and current; zero: exactly."""
 
     #: Step of the motor's encoder [rad], or [m] for a rigid axis
-    motor_resolution: Annotated[float, NOT_BELOW_0, Limits(1e-15, 1e3)] = 0.0
+    motor_resolution: Annotated[float, FROM_0, Limits(1e-15, 1e3)] = 0.0
     #: Step of the linear scale [m]
     scale_resolution_m: Annotated[
-        float, NOT_BELOW_0, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
+        float, FROM_0, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
     ] = 0.0
     #: Speed as the difference of two encoder readings, as controls have it; else the true speed
     speed_from_encoder: bool = False
     #: Samples between these two readings; over more than one the speed is smoother and later, by half of them
     speed_samples: Annotated[int, Limits(1, MOST_WAITING)] = 1
     #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
-    current_noise: Annotated[float, NOT_BELOW_0, Limits(0.0, 1e6)] = 0.0
+    current_noise: Annotated[float, FROM_0, Limits(0.0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, NOT_BELOW_0, Checked
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
@@ -65,7 +65,7 @@ class Motor(Checked):
 class Coupling(Checked):
     """Coupling between motor and screw: its catalogue stiffness [N·m/rad], or None: a solid cylinder, πGD⁴/(32L)."""
 
-    inertia_kg_m2: Annotated[Inertia, NOT_BELOW_0] = 0.0009
+    inertia_kg_m2: Annotated[Inertia, FROM_0] = 0.0009
     stiffness_nm_per_rad: TorsionalStiffness | None = 76_000.0
     diameter_mm: _Diameter = 40.0
     length_mm: _Millimetres = 80.0
@@ -83,7 +83,7 @@ class Screw(Checked):
     lead_mm: Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-3, 1e4), Usual(0.5, 200.0, {"m": 1e3, "µm": 1e-3})] = 20.0
     #: length_mm and overhang_mm: Between the axial bearings; from the coupling to the first of them [mm]
     length_mm: Annotated[_Millimetres, Usual(20.0, 5e4, {"m": 1e3, "µm": 1e-3})] = 1200.0
-    overhang_mm: Annotated[_Millimetres, NOT_BELOW_0] = 100.0
+    overhang_mm: Annotated[_Millimetres, FROM_0] = 100.0
     origin_mm: _Millimetres = 600.0  #: From the first bearing to the nut at table position 0 [mm]
     both_ends: bool = True  #: Held axially at both ends, else at the motor's only
     #: modulus_gpa, shear_modulus_gpa and density_kg_per_m3: Of its steel
@@ -163,8 +163,8 @@ class Guide(Checked):
     Balls of both rows of a carriage carry its preload, hence the 2.
     """
 
-    friction_coefficient: Annotated[float, NOT_BELOW_0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
-    carriages: Annotated[int, NOT_BELOW_0, Limits(0, 1000)] = 4
+    friction_coefficient: Annotated[float, FROM_0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
+    carriages: Annotated[int, FROM_0, Limits(0, 1000)] = 4
     carriage_preload_n: Force = 4000.0
     seal_n: Force = 20.0
     viscous_ns_per_m: Damping = 600.0

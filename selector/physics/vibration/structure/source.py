@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, NOT_BELOW_0, Checked, keep_arrays
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.types import Indices, Vector
 
 
@@ -21,9 +21,9 @@ class Line(Checked):
 
     frequency_hz: Annotated[float, ABOVE_0] | None = None  #: Where the frequency is fixed [Hz]
     order: Annotated[float, ABOVE_0] | None = None  #: Where it follows a shaft: periods per revolution
-    force_n: Annotated[float, NOT_BELOW_0] = 0.0  #: Amplitude of the force, the same at every speed [N]
+    force_n: Annotated[float, FROM_0] = 0.0  #: Amplitude of the force, the same at every speed [N]
     #: Mass times eccentricity of what turns [kg·m]: a force of unbalance·ω² beside `force_n`
-    unbalance_kg_m: Annotated[float, NOT_BELOW_0] = 0.0
+    unbalance_kg_m: Annotated[float, FROM_0] = 0.0
     phase_rad: Annotated[float, FINITE] = 0.0  #: Phase against the other lines of its source [rad]
 
     def __post_init__(self) -> None:

@@ -12,7 +12,7 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, NOT_BELOW_0, Checked
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
@@ -44,7 +44,7 @@ class Joint(Checked):
 
     between: tuple[str, str]  #: Names of what it joins
     stiffness_n_per_m: Annotated[float, ABOVE_0]  #: j [N/m]
-    dissipation: Annotated[float, NOT_BELOW_0] = (
+    dissipation: Annotated[float, FROM_0] = (
         0.0  #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
     )
 
