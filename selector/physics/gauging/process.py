@@ -16,6 +16,7 @@ from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
 _SECONDS = {"ms": 1e-3, "µs": 1e-6}
+_TURNING, _CHANGING = Usual(2.0, 5e3, {"1/s": 60.0}), Usual(0.05, 1e5, {"1/ms": 1e3})
 _SIZE = {"mm": 1e3, "nm": 1e-3, "m": 1e6}
 
 
@@ -82,9 +83,7 @@ class Surface(Checked):
     """What the probe meets on a turn of the workpiece: grooves, keyways or holes, and run-out."""
 
     #: [r/min]
-    workpiece_rpm: Annotated[
-        float, FROM_0, Unit("r/min"), Limits(0.0, 1e6), Fit(), Usual(2.0, 5e3, {"1/s": 60.0})
-    ] = 0.0
+    workpiece_rpm: Annotated[float, FROM_0, Unit("r/min"), Limits(0.0, 1e6), Fit(), _TURNING] = 0.0
     grooves: Annotated[int, FROM_0, Limits(0, 10000)] = 0  #: Interruptions on the circumference; 0: a whole surface
     #: Part of the circumference that they take
     groove_share: Annotated[float, FROM_0, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
@@ -123,9 +122,7 @@ class Noise(Checked):
     #: √D_x [µm]
     sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     #: β [1/s]
-    rate_per_s: Annotated[
-        float, ABOVE_0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), Usual(0.05, 1e5, {"1/ms": 1e3})
-    ] = 100.0
+    rate_per_s: Annotated[float, ABOVE_0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), _CHANGING] = 100.0
 
 
 @dataclass(frozen=True)
