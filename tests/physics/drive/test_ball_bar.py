@@ -113,7 +113,7 @@ def test_lag_of_a_rotary_axis_shows_where_the_ball_is_across_the_bar(direction):
         # the angle of the table against a steady bar: all constant
         assert np.ptp(trace.deviation_um) < 0.05
     turned = runs["B"].motion.table_m
-    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * math.pi + 2 * plan.overshoot_rad, rel=1e-3)
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * math.pi + 2 * circle.overshoot_rad, rel=1e-3)
 
 
 def test_offsets_of_a_rotary_table():
