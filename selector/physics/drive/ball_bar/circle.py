@@ -35,9 +35,8 @@ class TableBall(Checked):
     #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
     #: radius; in line with the bar it does not.
     ball_angle_rad: Annotated[float, FINITE] = -math.pi / 2
-    ratio: Annotated[float, FINITE] = (
-        1.0  #: Turn of the table per turn of the bar; 1: the bar stands still on the table
-    )
+    #: Turn of the table per turn of the bar; 1: the bar stands still on the table
+    ratio: Annotated[float, FINITE] = 1.0
 
 
 @dataclass(frozen=True)

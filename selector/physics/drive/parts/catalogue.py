@@ -28,6 +28,7 @@ _Diameter = Annotated[_Millimetres, Usual(3.0, 500.0, {"m": 1e3, "cm": 10.0})]
 _BallDiameter = Annotated[_Millimetres, Usual(0.5, 50.0, {"m": 1e3, "cm": 10.0})]
 _Modulus = Annotated[float, ABOVE_0, Unit("GPa"), Limits(1e-3, 1e12)]
 _MODULUS_UNITS = {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}
+_Density = Annotated[float, ABOVE_0, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})]
 _ShearModulus = Annotated[_Modulus, Usual(10.0, 300.0, _MODULUS_UNITS)]
 _Preload = Annotated[float, ABOVE_0, Unit("N"), Limits(0.0, 1e7), Fit(), Usual(10.0, 1e6, {"kN": 1e3})]
 _RIGIDITY_UNITS = {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}
@@ -89,9 +90,7 @@ class Screw(Checked):
     #: modulus_gpa, shear_modulus_gpa and density_kg_per_m3: Of its steel
     modulus_gpa: Annotated[_Modulus, Usual(20.0, 700.0, _MODULUS_UNITS)] = 206.0
     shear_modulus_gpa: _ShearModulus = 79.0
-    density_kg_per_m3: Annotated[float, ABOVE_0, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})] = (
-        7850.0
-    )
+    density_kg_per_m3: _Density = 7850.0
     inertia_kg_m2: Inertia | None = None  #: Of the whole screw; None: a cylinder of the nominal diameter
     damping_nms_per_rad: TorsionalDamping = 0.004  #: Viscous friction of screw, nut and bearings [N·m·s/rad]
     #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Damping inside the two springs; none in F

@@ -44,9 +44,8 @@ class Joint(Checked):
 
     between: tuple[str, str]  #: Names of what it joins
     stiffness_n_per_m: Annotated[float, ABOVE_0]  #: j [N/m]
-    dissipation: Annotated[float, FROM_0] = (
-        0.0  #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
-    )
+    #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
+    dissipation: Annotated[float, FROM_0] = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
