@@ -10,7 +10,7 @@ import pytest
 from selector.proof.thermal.duty import STEP_S, STYLES, duty, speed_programme
 from selector.proof.thermal.machine import Body, Heat, machine, temperatures
 from selector.proof.thermal.scene import Scene, stage_of
-from selector.proof.thermal.speed import growth, heating
+from selector.proof.thermal.sources import growth, heating
 
 
 def steady(n: int, level: float = 20.0) -> Heat:

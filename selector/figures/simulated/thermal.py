@@ -109,13 +109,7 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
     )
     drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
     drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
-    drawn.update_yaxes(
-        range=[len(rows) - 0.5, -0.5],
-        tickvals=list(range(len(rows))),
-        ticktext=[style.label(name, 40) for name, _, _ in rows],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(name, 40) for name, _, _ in rows]))
     return drawn
 
 

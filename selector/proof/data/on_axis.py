@@ -12,9 +12,9 @@ from selector.proof.case import TrueEffect
 from selector.proof.data import faults
 from selector.proof.data.faults import Fault
 from selector.proof.data.on_heat import fault_plan
-from selector.proof.drive.recorded import Change, Drive, axis_world, plus
+from selector.proof.drive.recorded import Drive, axis_world
 from selector.proof.drive.true_axis import LENGTH_S, Bench
-from selector.proof.world import Plan, size_with
+from selector.proof.world import Change, Plan, plus, scenarios_of, size_with
 
 Drawing = Callable[[np.random.Generator], Fault]
 _UNIT_D_PRIME = 8.0
@@ -46,14 +46,14 @@ def beside(
     """The same beside missing physics, each as strong as the other."""
 
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-        run, fault, start = int(generator.integers(0, 2)), drawing(generator), bench.axis
+        run, fault, start = int(generator.integers(0, 2)), drawing(generator), bench.machine
         read = fault.read(bench.stamps, (channel,), (run,))
 
         def changed(size: float) -> Any:
             return change(start, size) if size else start
 
-        physics = size_with(axis_world(bench, lambda size: (), true=changed, first=first), _UNIT_D_PRIME)
-        alone = axis_world(bench, lambda size: (), true=lambda size: start, recorded_as=read, first=0.3)
+        physics = size_with(axis_world(bench, true=changed, first=first), _UNIT_D_PRIME)
+        alone = axis_world(bench, true=lambda size: start, recorded_as=read, first=0.3)
         reading = size_with(alone, _UNIT_D_PRIME)
 
         def effects(size: float) -> tuple[TrueEffect, ...]:
@@ -105,16 +105,16 @@ DRIVES = (
         misread(lambda g: faults.frozen(_END_S, 0.3, _moment(g)), "E"),
     ),
     _entry(
-        fault_plan("data.several/coulomb+step", kind="several", verdicts=("missing-physics",)),
+        fault_plan("data.several/coulomb+step", kind="several"),
         beside(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E", "drive.coulomb", plus("coulomb_n"), 1.0),
         {"friction": False},
         0.3,
     ),
     _entry(
-        fault_plan("data.several/ripple+gain", kind="several", verdicts=("missing-physics",)),
+        fault_plan("data.several/ripple+gain", kind="several"),
         beside(lambda g: faults.stretched(_END_S, 0.01), "I", "drive.ripple", plus("ripple_n"), 4.0),
         {},
         0.3,
     ),
 )
-SCENARIOS = tuple(drive.scenario for drive in DRIVES)
+SCENARIOS = scenarios_of(drive.case for drive in DRIVES)
