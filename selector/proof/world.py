@@ -211,7 +211,7 @@ class Missing:
         """The bench with its `machine`, without the effect."""
         raise NotImplementedError
 
-    def world_of(self, bench: Any, **arguments: Any) -> World:
+    def world_of(self, bench: Any, **more: Any) -> World:
         """What is recorded and simulated on this bench."""
         raise NotImplementedError
 

@@ -177,6 +177,6 @@ class Drive(Missing):
         """An axis with its loop, and what it is told."""
         return bench(generator, start=self.start, **self.bench)
 
-    def world_of(self, bench: Bench, **arguments: Any) -> World:
+    def world_of(self, bench: Bench, **more: Any) -> World:
         """See `axis_world`."""
-        return axis_world(bench, **arguments)
+        return axis_world(bench, **more)

@@ -27,7 +27,7 @@ from selector.proof.thermal.duty import (
     with_bath,
     with_power,
 )
-from selector.proof.thermal.machine import Heat, Machine, machine, temperatures
+from selector.proof.thermal.machine import Heat, machine, temperatures
 from selector.proof.world import Made, Plan, World
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -164,35 +164,22 @@ def thermal_case(
     planned = {key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__}
     scene = Scene(omissions, styles, gauges, **rest)
     plan = Plan(name, **{"family": "thermal", "kind": "single", "note": note} | planned)
-    return plan, lambda generator: stage_of(scene, generator).world()
-
-
-def stage_of(scene: Scene, generator: np.random.Generator) -> Stage:
-    """A machine, its duties and what is left out, drawn for a scene."""
-    tool = machine(generator)
-    hours = float(generator.uniform(*scene.hours))
-    level, swing, drift = scene.hall
-    duties: list[Duty] = []
-    for k, style in enumerate(scene.styles):
-        hall = (level + float(generator.uniform(-1.2, 1.2)), swing, drift)
-        duties.append(duty(generator, f"r{k + 1}", style, hours, tool.highest_rpm, hall))
-    changed = scene.duties(generator, duties)
-    omissions = [one if isinstance(one, Omission) else one(generator, changed) for one in scene.omissions]
-    return Stage(scene, generator, tool, changed, omissions)
+    return plan, lambda generator: Stage(scene, generator).world()
 
 
 class Stage:
-    """A machine in its runs; solves the heat of the simulation, and of the machine with every omission at its size."""
+    """A machine in its runs, drawn for a scene; solves its heat as simulated, and with every omission at its size."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        generator: np.random.Generator,
-        tool: Machine,
-        duties: Sequence[Duty],
-        omissions: Sequence[Omission],
-    ) -> None:
-        self.scene, self.tool, self.duties, self.omissions = scene, tool, duties, omissions
+    def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
+        self.scene, self.tool = scene, machine(generator)
+        hours = float(generator.uniform(*scene.hours))
+        level, swing, drift = scene.hall
+        duties: list[Duty] = []
+        for k, style in enumerate(scene.styles):
+            hall = (level + float(generator.uniform(-1.2, 1.2)), swing, drift)
+            duties.append(duty(generator, f"r{k + 1}", style, hours, self.tool.highest_rpm, hall))
+        self.duties = scene.duties(generator, duties)
+        self.omissions = [one if isinstance(one, Omission) else one(generator, self.duties) for one in scene.omissions]
         self.exponent = float(generator.uniform(*scene.law))
         self.watts = {
             "front bearing": float(generator.uniform(55.0, 85.0)),
@@ -200,14 +187,15 @@ class Stage:
             "motor": float(generator.uniform(15.0, 35.0)),
             "nut": float(generator.uniform(30.0, 60.0)),
         }
-        self.expansion = tool.displacement()
-        self.base = [self._heat(one) for one in duties]
-        self.fields = [self._solved(heat, one) for heat, one in zip(self.base, duties, strict=True)]
+        self.expansion = self.tool.displacement()
+        self.base = [self._heat(one) for one in self.duties]
+        self.fields = [self._solved(heat, one) for heat, one in zip(self.base, self.duties, strict=True)]
         self._truths: dict[tuple[int, float], dict[str, Vector]] = {}
-        self.weights = [1.0] * len(omissions)
+        several = range(len(self.omissions))
+        self.weights = [1.0 for _ in several]
         self._sample(generator)
-        if len(omissions) > 1:
-            self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in range(len(omissions))]
+        if len(several) > 1:
+            self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in several]
 
     def _heat(self, one: Duty) -> Heat:
         share = one["speed"] / self.tool.highest_rpm

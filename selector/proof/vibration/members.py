@@ -213,9 +213,9 @@ class Swing(Missing):
         """A structure with its excitation."""
         return bench(generator, start=self.start, **self.bench)
 
-    def world_of(self, bench: Bench, **arguments: Any) -> World:
+    def world_of(self, bench: Bench, **more: Any) -> World:
         """See `swinging`."""
-        return swinging(bench, **arguments)
+        return swinging(bench, **more)
 
 
 Drawing = Callable[[Bench, np.random.Generator], dict[str, Any]]
