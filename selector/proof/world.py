@@ -367,12 +367,13 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         if world.rival is not None:
             concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
         truth = replace(truth, effects=world.effects(size), d_prime=strength.weakest(size), concealed=concealed)
+    said = [channel for channel in world.channels if channel.name in now.simulation]
     return Case(
         whole.name,
         whole.family,
         whole.kind,
-        _recording(world, readings, [~part for part in split(lost, starts)]),
-        _simulation(world, now.simulation),
+        _recording(world.channels, world.time_s, readings, [~part for part in split(lost, starts)]),
+        _recording(said, world.simulation_time_s, now.simulation),
         world.responses,
         truth,
     )
@@ -417,18 +418,13 @@ def size_with(world: World, wanted: float) -> float:
     return _size_for(wanted, _Strength(world), world.first)
 
 
-def _recording(world: World, readings: Runs, kept: Sequence[NDArray[np.bool_]]) -> Recording:
+def _recording(
+    channels: Sequence[Channel], times: Mapping[str, Vector], courses: Runs, kept: Sequence[NDArray[np.bool_]] = ()
+) -> Recording:
+    """Courses of these channels as a recording; `kept` are the rows of every run, empty = all."""
     frames = {}
-    for k, (run, time) in enumerate(world.time_s.items()):
-        table = {channel.name: readings[channel.name][k][kept[k]] for channel in world.channels}
-        frames[run] = pd.DataFrame(table, index=pd.Index(time[kept[k]], name="time_s"))
-    return Recording.from_runs(frames, world.channels)
-
-
-def _simulation(world: World, courses: Runs) -> Recording:
-    channels = [channel for channel in world.channels if channel.name in courses]
-    frames = {}
-    for k, (run, time) in enumerate(world.simulation_time_s.items()):
-        table = {channel.name: courses[channel.name][k] for channel in channels}
-        frames[run] = pd.DataFrame(table, index=pd.Index(time, name="time_s"))
+    for k, (run, time) in enumerate(times.items()):
+        rows = kept[k] if kept else slice(None)
+        table = {channel.name: courses[channel.name][k][rows] for channel in channels}
+        frames[run] = pd.DataFrame(table, index=pd.Index(time[rows], name="time_s"))
     return Recording.from_runs(frames, channels)
