@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -11,10 +11,11 @@ import numpy as np
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.concealment import like_known, ruled_out
+from selector.proof.data.faults import Fault
 from selector.proof.drive.friction_and_joints import OWN_VALUE, softer
 from selector.proof.drive.recorded import FORCE, Drive, axis_world
 from selector.proof.drive.true_axis import LENGTH_S, RUNS, STEP_S, Bench, TrueAxis, true_motion
-from selector.proof.world import Change, Runs, plus, scenarios_of, size_with
+from selector.proof.world import Change, Prepared, Runs, plus, scenarios_of, size_with
 from selector.types import Vector
 
 
@@ -150,45 +151,55 @@ _UNIT_D_PRIME = 8.0
 
 @dataclass(frozen=True)
 class Part:
-    """One of several effects: its id, the change of the axis, a first size, where it shows."""
+    """One of several effects: id, change of the axis, a first size, where it shows; or a fault that is drawn."""
 
     id: str
-    change: Change
-    first: float
+    change: Change | None = None
+    first: float = 1.0
     channels: tuple[str, ...] = ("E", "I")
-    place: str = "guide"
+    place: str | None = "guide"
     sign: float = 1.0
+    drawing: Callable[[np.random.Generator], Fault] | None = None
 
 
-def together(*parts: Part) -> Any:
+def together(*parts: Part) -> Prepared:
     """What `Drive.prepared` needs: the parts, each scaled so that alone it has the same strength at size 1."""
+    everything = tuple(range(len(parts)))
 
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-        start = bench.machine
-        sizes = [_alone(bench, start, part) for part in parts]
+        sizes = [part.sign for part in parts]
+        faults: dict[int, tuple[int, Fault]] = {}
+        for k, part in enumerate(parts):
+            if part.drawing is not None:
+                faults[k] = int(generator.integers(0, 2)), part.drawing(generator)
 
-        def without(lacking: int | None, size: float) -> TrueAxis:
-            axis = start
-            for number, (part, own) in enumerate(zip(parts, sizes, strict=True)):
-                axis = part.change(axis, size * own) if size and number != lacking else axis
+        def true(acting: tuple[int, ...], size: float) -> TrueAxis:
+            axis = bench.machine
+            for k in acting:
+                change = parts[k].change
+                axis = change(axis, size * sizes[k]) if size and change is not None else axis
             return axis
 
-        effects = tuple(TrueEffect(part.id, (part.id,), part.channels, part.place) for part in parts)
-        return {
-            "true": partial(without, None),
-            "effects": lambda size: effects,
-            "lacking": tuple({"true": partial(without, k)} for k in range(len(parts))),
-        }
+        def read(acting: tuple[int, ...], courses: Runs, size: float) -> Runs:
+            for k, (run, fault) in faults.items():
+                if k in acting:
+                    courses = fault.read(bench.stamps, parts[k].channels, (run,))(courses, size * sizes[k])
+            return courses
+
+        def arguments(*acting: int) -> dict[str, Any]:
+            return {"true": partial(true, acting), "recorded_as": partial(read, acting)}
+
+        def effects(size: float) -> tuple[TrueEffect, ...]:
+            windows = {k: fault.windows((run,), size * sizes[k]) for k, (run, fault) in faults.items()}
+            told = enumerate(parts)
+            return tuple(TrueEffect(one.id, (one.id,), one.channels, one.place, windows.get(k, ())) for k, one in told)
+
+        alone = [axis_world(bench, **arguments(k), first=part.first) for k, part in enumerate(parts)]
+        sizes[:] = [part.sign * size_with(world, _UNIT_D_PRIME) for part, world in zip(parts, alone, strict=True)]
+        lacking = tuple(arguments(*(other for other in everything if other != k)) for k in everything)
+        return {**arguments(*everything), "effects": effects, "lacking": lacking}
 
     return prepared
-
-
-def _alone(bench: Bench, start: TrueAxis, part: Part) -> float:
-    def true(size: float) -> TrueAxis:
-        return part.change(start, part.sign * size) if size else start
-
-    world = axis_world(bench, true=true, first=part.first)
-    return part.sign * size_with(world, _UNIT_D_PRIME)
 
 
 def _several(name: str, parts: Sequence[Part], *bench_and_start: Mapping[str, Any], note: str = "") -> Drive:

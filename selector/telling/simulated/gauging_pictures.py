@@ -18,7 +18,7 @@ from selector.number_text import number_text
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
-from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.sizes.size_distribution import SizeDistribution
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text
 from selector.telling.simulated.gauging import MATTERS, spread_text
@@ -49,12 +49,11 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
 
 def _sizes(result: SimulationResult) -> list[Block]:
     model, summary, ground = result.simulated.model, result.summary, result.simulated.details.sizes
-    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
     tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
     limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
     curves = {
         name: size_density(one)
-        for name, one in (("formula, early trips", summary.formula), ("eq. 25", linear))
+        for name, one in (("formula, early trips", summary.formula), ("eq. 25", summary.linear))
         if one.sd_um > 0
     }
     histogram = size_histogram(summary.sizes.finished_um, curves, limits, wanted_um, sizes_title(summary))
