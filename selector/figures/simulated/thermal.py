@@ -109,13 +109,7 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
     )
     drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
     drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
-    drawn.update_yaxes(
-        range=[len(rows) - 0.5, -0.5],
-        tickvals=list(range(len(rows))),
-        ticktext=[style.label(name, 40) for name, _, _ in rows],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(name, 40) for name, _, _ in rows]))
     return drawn
 
 
@@ -170,21 +164,15 @@ _OTHER_PX, _MOST_OTHERS = 90, 6
 
 def courses(recording: Recording, run: str) -> go.Figure:
     """Displacements, temperatures, speed, and up to six further roles of a run; nothing is left out of a panel."""
-    time_s = recording.time_s(run)
+    taken = {role for _, roles, _ in _PANELS for role in roles}
+    others = dict.fromkeys(channel.role for channel in recording.channels if channel.role not in taken)
+    wanted = [*_PANELS, *((role.replace("_", " "), (role,), _OTHER_PX) for role in list(others)[:_MOST_OTHERS])]
     panels, drawn_channels = [], []
-    taken: set[str] = set()
-    for text, roles, height in _PANELS:
-        taken |= set(roles)
+    for text, roles, height in wanted:
         if chosen := _recorded(recording, run, roles):
             panels.append(Panel(f"{text} [{_unit(chosen[0])}]", _recorded_lines(recording, run, chosen), height))
             drawn_channels += chosen
-    others = dict.fromkeys(channel.role for channel in recording.channels if channel.role not in taken)
-    for role in list(others)[:_MOST_OTHERS]:
-        if chosen := _recorded(recording, run, (role,)):
-            text = f"{role.replace('_', ' ')} [{_unit(chosen[0])}]"
-            panels.append(Panel(text, _recorded_lines(recording, run, chosen), _OTHER_PX))
-            drawn_channels += chosen
-    drawn = stacked(f"Run {style.label(run)}", panels, float(time_s[-1]))
+    drawn = stacked(f"Run {style.label(run)}", panels, float(recording.time_s(run)[-1]))
     for line, channel in zip(drawn.data, drawn_channels, strict=True):
         named = f"<extra>{style.label(channel.name)}</extra>"
         line.update(name=style.label(channel.name), hovertemplate=line.hovertemplate.partition("<extra>")[0] + named)
