@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -45,13 +45,17 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: the title of its axis with the unit, its lines, its height [px], and a band of values that is shaded."""
+    """A panel: the title of its axis with the unit, its lines, its height [px], and a band of values that is shaded.
+
+    `spans_s`: stretches of time [s] that are shaded in this panel alone, and what stands at them.
+    """
 
     axis: str
     lines: Sequence[Line]
     height_px: int = 160
     band: tuple[float, float] | None = None
     least: float | None = None  #: A value that the axis shows in any case.
+    spans_s: Mapping[tuple[float, float], str] = field(default_factory=dict)
 
 
 def stacked(
@@ -100,7 +104,12 @@ def stacked(
                 type="rect", xref=f"x{key} domain", x0=0, x1=1, yref=f"y{key}", y0=panel.band[0], y1=panel.band[1],
                 fillcolor=style.CHOSEN, opacity=0.12, line={"width": 0}, layer="below",
             )  # fmt: skip
-        for start, stop in spans_s:
+        for (start, stop), text in [*((span, "") for span in spans_s), *panel.spans_s.items()]:
+            drawn.add_annotation(
+                text=style.label(text), x=max(start, 0.0) / seconds, xref=f"x{key}", xanchor="left", y=1.0,
+                yref=f"y{key} domain", yanchor="top", showarrow=False, font={"color": style.RESIDUAL, "size": 11},
+                visible=bool(text),
+            )  # fmt: skip
             drawn.add_shape(
                 type="rect", xref=f"x{key}", x0=start / seconds, x1=stop / seconds, yref=f"y{key} domain", y0=0, y1=1,
                 fillcolor=style.RESIDUAL, line={"width": 0}, layer="below",

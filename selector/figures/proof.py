@@ -38,7 +38,7 @@ def errors_per_run(selection: Selection, response: str) -> go.Figure:
         for part in selection.proof.per_response[response]
     ]
     title = run_errors_title(response, runs, KINDS[selection.proof.left_out])
-    return changed(run_errors_picture(response, runs, title), run_error_changes(runs))
+    return changed(run_errors_picture(runs, title), run_error_changes(response, runs))
 
 
 def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
@@ -52,7 +52,7 @@ def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
     )
 
 
-def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> go.Figure:
+def run_errors_picture(runs: Sequence[RunError], title: str) -> go.Figure:
     """The frame for the errors of these runs; `run_error_changes` fills it."""
     n = len(runs)
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
@@ -74,14 +74,15 @@ def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> g
         text="rms [µm]", x=1.01, y=1.0, xref="paper", yref="paper", xanchor="left", yanchor="bottom", showarrow=False
     )
     drawn.update_layout(margin={"r": 120})
-    drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
+    drawn.update_xaxes(rangemode="tozero")
     drawn.update_yaxes(**style.rows_of([style.label(one.name) for one in runs]))
     return drawn
 
 
-def run_error_changes(runs: Sequence[RunError]) -> Changes:
-    """The errors of the same runs in the frame of `run_errors_picture`."""
+def run_error_changes(response: str, runs: Sequence[RunError]) -> Changes:
+    """The errors of a response in the same runs, in the frame of `run_errors_picture`."""
     changes: dict[tuple[str | int, ...], object] = {
+        ("layout", "xaxis", "title", "text"): f"error of {style.label(response)} [µm]",
         ("data", 0, "x"): [one.before_rmse_um for one in runs],
         ("data", 1, "x"): [one.rmse_um for one in runs],
         ("data", 2, "x"): [one.max_um for one in runs],
@@ -106,7 +107,7 @@ class SetError:
     error_um: float
 
 
-def set_errors_picture(response: str, height: int) -> go.Figure:
+def set_errors_picture(height: int) -> go.Figure:
     """The frame for sets against their error; `set_error_changes` fills it. It has no title.
 
     A point of a line carries its sensors as ``customdata``, so that a click can take them.
@@ -133,25 +134,36 @@ def set_errors_picture(response: str, height: int) -> go.Figure:
         marker={"color": "rgba(0,0,0,0)", "size": 22, "line": {"color": style.RESIDUAL, "width": 3}},
         hoverinfo="skip",
     )
-    drawn.update_xaxes(title_text="sensors [–]", dtick=1, showgrid=False)
-    drawn.update_yaxes(title_text=f"error of {style.label(response)}, rms [µm]")
+    drawn.add_scatter(mode="lines", name="target", line={"color": style.RESIDUAL, "width": 2, "dash": "dot"})
+    drawn.update_xaxes(title_text="number of sensors [–]", dtick=1, showgrid=False)
     return drawn
 
 
 def set_error_changes(
-    everywhere: Sequence[SetError], cut: Sequence[SetError], taken: SetError, before_um: float
+    response: str,
+    everywhere: Sequence[SetError],
+    cut: Sequence[SetError],
+    taken: SetError,
+    before_um: float,
+    target_um: float | None = None,
 ) -> Changes:
     """The sets in the frame of `set_errors_picture`: the best of each size among all sensors, and among those of a cut.
 
-    The set that is `taken` gets a ring; `before_um` is the error without any sensor.
+    The set that is `taken` gets a ring; `before_um` is the error without any sensor, `target_um` the one that is to be
+    reached, if any.
     """
     last = max(len(one.sensors) for one in (*everywhere, *cut, taken)) + 0.5
-    values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um]
+    wanted = [] if target_um is None else [target_um]
+    values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um, *wanted]
     changes: dict[tuple[str | int, ...], object] = {
         ("data", 0, "x"): [0.5, last],
         ("data", 0, "y"): [before_um, before_um],
         ("data", 3, "x"): [len(taken.sensors)],
         ("data", 3, "y"): [taken.error_um],
+        ("data", 4, "x"): [0.5, last],
+        ("data", 4, "y"): 2 * wanted,
+        ("data", 4, "showlegend"): bool(wanted),
+        ("layout", "yaxis", "title", "text"): f"error of {style.label(response)}, rms [µm]",
         ("layout", "xaxis", "range"): [0.5, last],
     }
     for k, sets in enumerate((everywhere, cut), start=1):

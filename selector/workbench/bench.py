@@ -83,11 +83,12 @@ class Bench:
             return self._diagnosis.model_copy(update={"model": f"{SIMULATION}/{models[0]}"})
         return self._diagnosis.model_copy(update={"simulation": (SIMULATION,) if files else ()})
 
-    def add(self, path: Path) -> None:
-        """Takes a recording up and reads all of them."""
+    def add(self, *paths: Path, machine: Path | None = None) -> None:
+        """Takes recordings up, with a machine file if it is given, and reads all of them."""
         with self._lock:
-            if all(one.path != path for one in self._loaded):
-                self._loaded.append(Loaded(path))
+            there = {one.path for one in self._loaded}
+            self._loaded += [Loaded(path) for path in paths if path not in there]
+            self.machine = machine or self.machine
         self.read()
 
     def use(self, paths: Iterable[Path]) -> None:

@@ -24,7 +24,7 @@ class Export:
 
     model: str = ""  #: Model file in the study folder
     target: str = "c"  #: One of `selector.controllers.writers.targets.TARGETS`
-    replayed: tuple[Path, ...] = ()  #: Recordings that are run through the program
+    replayed: tuple[Path, ...] | None = None  #: Recordings that are run through the program; None: all that are used
     is_sign_verified: bool = False  #: Whether the sign test of the commissioning sheet was passed
     tested: str = ""  #: Digits of the equations SHA-256 of the program that passed it; empty: nobody said
     #: clamp_um and slew_um_per_s: Output → largest correction, and fastest change of it; none: what the model says, or
@@ -111,7 +111,7 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
 def export_command(folder: Path, asked: Export, machine: Path | None, overrides: Overrides) -> tuple[str, ...]:
     """`selector export`, which reads as all other commands do; paths in `folder` are told from there."""
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
-    words += _each("--replay", (told_path(folder, path) for path in asked.replayed))
+    words += _each("--replay", (told_path(folder, path) for path in asked.replayed or ()))
     words += _reading_words(folder, machine, overrides) if asked.replayed else []
     # a control without a guard refuses limits
     if TARGETS[asked.target].has_guard:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -11,8 +11,6 @@ from dash import ALL, Input, Output, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.number_text import number_text
-from selector.quality.survey import duration
 from selector.study import DiagnoseSection
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
@@ -56,9 +54,8 @@ def layout(bench: Bench) -> Component:
             drop,
             html.Div(id=f"{ID}-files"),
             html.Div(fields, className="fields"),
-            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
-            html.Div(id=f"{ID}-answer"),
-            dcc.Store(id=f"{ID}-answered", data=None),
+            parts.start_row(ID),
+            *parts.answer_place(ID),
         ]
     )
 
@@ -111,10 +108,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="load recordings on the first page, and simulated runs here",
     )
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, missing, [form])
-    parts.register_answer(
-        app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
-    )
+    task = parts.Task(
+        ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, missing, [form],
+        answered=lambda stamp, _: _answered(bench, stamp),
+    )  # fmt: skip
+    parts.register_task(app, bench, task)
 
 
 def _texts(bench: Bench) -> list[str]:
@@ -142,18 +140,17 @@ def _answered(bench: Bench, stamp: str) -> Component | None:
     result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
     if result is None:
         return None
-    there = [(name, text) for name, text in _FILES if (bench.folder / DIAGNOSIS / name).is_file()]
-    links = [parts.download(f"{DIAGNOSIS}/{name}", text) for name, text in there]
     look = "advice" if result["verdict"] in _GOOD else "advice bad"
     effects = [_effect(effect) for effect in result["effects"]]
-    columns = ["channel", "unit", "as it is", "recalibrated", "with what was found", "noise"]
-    places = ["channel", "run", "from", "to", "when", "share"]
+    about = (
+        "Where they differ, how much better it gets and the evidence: the report. Drag across one of its pictures, and "
+        "the same stretch of time is marked in all of them."
+    )
     return parts.section(
         "The answer",
         html.Div([html.P(result.get("headline") or result["verdict"], className="first"), *effects], className=look),
-        parts.table(columns, _fits(result), numeric=columns[2:], caption="RMS error on what was held out"),
-        parts.table(places, _places(result), numeric=["share"], caption="Where they differ"),
-        html.Div([html.Span("Save: "), *links], className="row"),
+        parts.saved(bench, DIAGNOSIS, _FILES),
+        html.P(about, className="about"),
         parts.framed(f"{DIAGNOSIS}/report.html", "Report of the diagnosis", stamp),
     )
 
@@ -167,16 +164,3 @@ def _effect(effect: Mapping[str, Any]) -> Component:
         others = ", ".join(effect["cannot_be_told_from"])
         lines.append(html.P(f"It cannot be told from {others}. What would tell: {effect['experiment']}"))
     return html.Div(lines)
-
-
-def _fits(result: Mapping[str, Any]) -> Iterator[list[Any]]:
-    for name, fit in result["fit"].items():
-        held = fit["heldout"]
-        errors = (held["rmse_before"], fit.get("recalibrated_heldout_rmse"), held["rmse_after"], held["noise_floor"])
-        yield [name, fit["unit"], *("–" if error is None else number_text(error) for error in errors)]
-
-
-def _places(result: Mapping[str, Any]) -> Iterator[list[Any]]:
-    for place in result["where"]:
-        times = ("" if place[key] is None else duration(place[key]) for key in ("from_s", "to_s"))
-        yield [place["channel"], place["run"] or "all", *times, place["regime"] or "", f"{place['share']:.0%}"]

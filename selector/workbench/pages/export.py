@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,15 +15,21 @@ from dash.development.base_component import Component
 from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
+from selector.number_text import number_text
+from selector.selection.result_file import FindingPart
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
-from selector.workbench.saved_study import SHEET, model_at, other_than_exported
+from selector.workbench.saved_study import MODEL, SHEET, model_at, other_than_exported
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"
 
 _KINDS = ("clamp", "slew")
+_WHAT = {
+    SHEET: "commissioning sheet: print it, and follow it at the machine",
+    MODEL: "the model, as exported",
+}
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
 _LIMITS = (
@@ -68,10 +75,9 @@ def layout(bench: Bench) -> Component:
             html.Div(fields, className="fields wide"),
             html.Div(id=f"{ID}-outputs"),
             html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
-            html.Div([html.Button("Export", id=f"{ID}-start", className="main")], className="row"),
+            parts.start_row(ID, "Export"),
             html.Div(id=f"{ID}-earlier", role="status"),
-            html.Div(id=f"{ID}-answer"),
-            dcc.Store(id=f"{ID}-answered", data=None),
+            *parts.answer_place(ID),
             dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
@@ -83,6 +89,7 @@ def command(bench: Bench) -> tuple[str, ...] | None:
     if asked.model not in _models(bench):
         return None
     asked = asked.of([output["name"] for output in _outputs(bench, asked.model)])
+    asked = replace(asked, replayed=_replayed(bench))
     return export_command(bench.folder, asked, bench.machine, bench.overrides)
 
 
@@ -100,8 +107,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     def _show(_: int, model: str | None) -> tuple[Any, ...]:
         models = _models(bench)
         runs = [{"label": path.name, "value": str(path)} for path in bench.used]
-        replayed = [str(path) for path in bench.export.replayed if path in bench.used]
-        return models, model if model in models else next(iter(models), None), runs, replayed
+        return models, model if model in models else next(iter(models), None), runs, [*map(str, _replayed(bench))]
 
     @app.callback(
         Output(f"{ID}-outputs", "children"),
@@ -151,20 +157,20 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="run a selection first",
     )
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms)
-
-    def answered(stamp: str) -> Component | None:
-        return _files(bench.folder / bench.export.folder, stamp)
-
-    parts.register_answer(app, bench, ID, TITLE, lambda: f"{bench.export.folder}/{SHEET}", answered, is_open=True)
+    task = parts.Task(
+        ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms, SHEET,
+        lambda stamp, said: _files(bench, bench.export.folder, stamp, said), is_asked_as_data=True,
+    )  # fmt: skip
+    parts.register_task(app, bench, task)
 
 
 def _form(bench: Bench) -> parts.Form:
     def take(model: str | None, target: str, replayed: list[str] | None, sign: list[str], tested: str | None) -> None:
+        chosen = tuple(path for path in bench.used if str(path) in (replayed or ()))
         if bench.choose_export(
             model=model or "",
             target=target if target in TARGETS else "c",
-            replayed=tuple(path for path in bench.used if str(path) in (replayed or ())),
+            replayed=None if chosen == bench.used else chosen,
             is_sign_verified=bool(sign),
             tested=(tested or "").strip(),
         ):
@@ -274,27 +280,56 @@ def _limit(text: str | None, where: str, unit: str) -> float | None:
     return typed.number(text, where, _LEAST_LIMIT, _LARGEST_LIMIT, unit) if text else None
 
 
+def _replayed(bench: Bench) -> tuple[Path, ...]:
+    """The recordings that are run through the program, of those that are used."""
+    asked = bench.export.replayed
+    return tuple(path for path in bench.used if asked is None or path in asked)
+
+
 def _models(bench: Bench) -> list[str]:
     places = (f"{SELECTION}/model.json", f"{DIAGNOSIS}/model.json")
     return [place for place in places if (bench.folder / place).is_file()]
 
 
-def _files(folder: Path, stamp: str) -> Component | None:
-    """Every file as text, and the sheet in a frame; None: nothing was exported."""
+def _files(bench: Bench, name: str, stamp: str, said: Mapping[str, Any] | None) -> Component | None:
+    """A table of the files, how the replay went, every program as text, and the sheet; None: nothing was exported."""
+    folder = bench.folder / name
     if not (folder / SHEET).is_file():
         return None
-    texts = [path for path in sorted(folder.iterdir()) if path.is_file() and path.suffix not in (".html", ".json")]
-    links = [
-        parts.download(f"{folder.name}/{path.name}", path.name)
-        for path in sorted(folder.iterdir())
-        if path.is_file() and not path.name.startswith(".")
+    files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+    texts = [path for path in files if path.suffix not in (".html", ".json")]
+    rows = [
+        [
+            parts.download(f"{name}/{path.name}", path.name),
+            _WHAT.get(path.name, "program"),
+            path.stat().st_size,
+        ]
+        for path in files
     ]
+    findings = [] if said is None else [FindingPart.model_validate(one).finding() for one in said["findings"]]
     return parts.section(
-        f"Files in {folder.name}",
-        html.Div([html.Span("Save: "), *links], className="row"),
+        f"Files in {name}",
+        parts.table(["file", "what it is", "bytes"], rows, numeric=["bytes"], name="files"),
+        html.H3("Replay"),
+        html.P(_replay_text(said)),
+        *([html.H3("Before you use it"), parts.remarks(findings)] if findings else []),
         *(_text(path, number) for number, path in enumerate(texts)),
         html.H3("Commissioning sheet"),
-        parts.framed(f"{folder.name}/{SHEET}", "Commissioning sheet", stamp),
+        parts.framed(f"{name}/{SHEET}", "Commissioning sheet", stamp),
+    )
+
+
+def _replay_text(said: Mapping[str, Any] | None) -> str:
+    """How far the program is from the model, in a sentence."""
+    if said is None:
+        return "What the replay said stands in the commissioning sheet below."
+    replay = said["replay"]
+    if replay is None:
+        return "Nothing was replayed: choose recordings above, or see the findings."
+    apart = number_text(replay["max_abs_difference_um"])
+    return (
+        f"The program was run on {replay['rows']} samples by {replay['executed_by']}; it differs from the model by at "
+        f"most {apart} µm."
     )
 
 

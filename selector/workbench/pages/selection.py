@@ -10,6 +10,7 @@ import dash
 from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 
+from selector.number_text import number_text
 from selector.recording import SENSOR_ROLES
 from selector.selection import Options
 from selector.workbench import parts, typed
@@ -17,7 +18,7 @@ from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
 from selector.workbench.pages import wished
 from selector.workbench.saved_study import other_than_asked
-from selector.workbench.typed import FIELDS
+from selector.workbench.typed import FIELDS, in_words_of_fields
 
 ID, TITLE = "selection", "Selection"
 
@@ -29,7 +30,7 @@ _DEFAULT = Options()
 _NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
 _RAISED = f"{ID}-raised"  #: Store: the rounds that several λ ask for, and those that were asked before.
 
-_BOXES = (f"{ID}-level", *(f"{ID}-{name}" for name, _ in _NUMBERS))
+_BOXES = (f"{ID}-level", f"{ID}-target", *(f"{ID}-{name}" for name, _ in _NUMBERS))
 _TICKS = tuple(
     (name, FIELDS[f"--{name.replace('_', '-')}"]) for name in ("interactions", "memory", "ridge", "absolute_similarity")
 )
@@ -55,6 +56,11 @@ def layout(bench: Bench) -> Component:
             parts.typed_text(f"{ID}-level", _level_text(bench)),
             "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
         ),
+        parts.field(
+            FIELDS["--target"],
+            parts.typed_text(f"{ID}-target", _target_text(bench)),
+            "the fewest sensors that reach it on unseen runs; empty: as good as any",
+        ),
         *(parts.field(title, parts.typed_text(f"{ID}-{name}", str(getattr(asked, name)))) for name, title in _NUMBERS),
         parts.field(FIELDS["--degree"], parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
         parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
@@ -68,10 +74,10 @@ def layout(bench: Bench) -> Component:
             html.Div(fields, className="fields"),
             dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
             html.Div(id=f"{ID}-sensors"),
-            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
+            parts.start_row(ID),
             html.Div(id=f"{ID}-earlier", role="status"),
-            html.Div(id=f"{ID}-answer"),
-            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("answered", "shown")),
+            *parts.answer_place(ID),
+            dcc.Store(id=f"{ID}-shown", data=None),
             dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
             dcc.Store(id=_RAISED, data=None),
             wished.followed(ID),
@@ -114,20 +120,23 @@ def register(app: dash.Dash, bench: Bench) -> None:
         """What was chosen since the answer below was made."""
         if bench.result(f"{SELECTION}/selection.json") is None:
             return None
-        others = other_than_asked(bench.folder / SELECTION, bench.options, bench.overrides, bench.used)
+        ways = (bench.options, bench.live.asked(bench.options))
+        found = (other_than_asked(bench.folder / SELECTION, one, bench.overrides, bench.used) for one in ways)
+        others = min(found, key=len)
         return parts.asked_otherwise(others, "answer below was asked", "Start")
 
-    missing = parts.no_recordings(TITLE)
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, missing, forms)
-    parts.register_answer(
-        app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
-    )
+    task = parts.Task(
+        ID, TITLE, lambda: command(bench), lambda: SELECTION, parts.no_recordings(TITLE), forms,
+        answered=lambda stamp, _: _answered(bench, stamp),
+    )  # fmt: skip
+    parts.register_task(app, bench, task)
 
 
 def _form(bench: Bench) -> parts.Form:
     def take(
         responses: list[str] | None,
         level: str | None,
+        target: str | None,
         degree: Literal["1", "2", "3"],
         reference: Literal["rise", "absolute"],
         ticks: list[str],
@@ -137,12 +146,13 @@ def _form(bench: Bench) -> parts.Form:
     ) -> None:
         numbers = (max_sensors, rounds)
         asked = bench.options
-        with parts.typed_over(_BOXES, [level, *numbers], lambda: _texts(bench)) as read:
+        with parts.typed_over(_BOXES, [level, target, *numbers], lambda: _texts(bench)) as read:
             counts = {
                 name: read(partial(typed.whole, text, title), getattr(asked, name)) if text else getattr(_DEFAULT, name)
                 for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
             }
             levels = read(partial(_levels, level), asked.level)
+            target_um = read(lambda: typed.above_zero(target, FIELDS["--target"], "µm"), asked.target)
             # several λ raise the rounds, and give them back when they go
             if raised and raised[0] == counts["rounds"]:
                 counts["rounds"] = raised[-1]
@@ -154,6 +164,7 @@ def _form(bench: Bench) -> parts.Form:
             if bench.choose(
                 responses=tuple(responses or ()),
                 level=levels,
+                target=target_um,
                 degree=int(degree),
                 reference=reference,
                 **counts,
@@ -161,7 +172,7 @@ def _form(bench: Bench) -> parts.Form:
             ):
                 parts.tell(bench)
 
-    names = ("responses", "level", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
+    names = ("responses", "level", "target", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
     return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take, ((_RAISED, "data"),))
 
 
@@ -186,13 +197,18 @@ def _answered(bench: Bench, stamp: str) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
         return None
-    links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
     chosen = result["chosen"]
-    kept = [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])]
+    errors = [f"{name} {number_text(model['heldout_rmse_um'])} µm" for name, model in result["models"].items()]
+    kept = [
+        html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"),
+        html.P(f"Error on runs that the model has not seen, rms: {', '.join(errors)}."),
+        html.P(in_words_of_fields(chosen["because"])),
+        html.P(["Next: ", html.A("the program for your control", href="#export"), "."]),
+    ]
     return parts.section(
         "The answer",
         html.Div(kept, className="advice"),
-        html.Div([html.Span("Save: "), *links], className="row"),
+        parts.saved(bench, SELECTION, _FILES),
         parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
     )
 
@@ -216,7 +232,11 @@ def _sensors(bench: Bench) -> Component:
 
 def _texts(bench: Bench) -> list[str]:
     """What stands in `_BOXES` when they say what counts."""
-    return [_level_text(bench), *(str(getattr(bench.options, name)) for name, _ in _NUMBERS)]
+    return [_level_text(bench), _target_text(bench), *(str(getattr(bench.options, name)) for name, _ in _NUMBERS)]
+
+
+def _target_text(bench: Bench) -> str:
+    return "" if bench.options.target is None else f"{bench.options.target:.12g}"
 
 
 def _level_text(bench: Bench) -> str:
