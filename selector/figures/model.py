@@ -65,23 +65,16 @@ def coefficients_picture(height: int, title: str) -> go.Figure:
     """The frame of the coefficients of a response; `coefficient_changes` fills it."""
     drawn = style.figure(title, height)
     for text, colour in (("coefficient, 95 % interval", style.PREDICTED), ("cannot be told from zero", style.MUTED)):
-        drawn.add_scatter(
-            error_x={"type": "data", "thickness": 2, "width": 5},
-            mode="markers",
-            name=text,
-            marker={"color": colour, "size": 9},
-            hovertemplate="%{x:.4g} ± %{error_x.array:.2g} µm<extra></extra>",
-        )
-    hover = "VIF %{x:.3g}<extra></extra>"
-    drawn.add_bar(orientation="h", xaxis="x2", textposition="auto", hovertemplate=hover, showlegend=False)
+        half = {"error_x": {"type": "data", "thickness": 2, "width": 5}}
+        style.points(drawn, None, None, colour, text, "%{x:.4g} ± %{error_x.array:.2g} µm", **half)
+    style.bars(drawn, None, None, None, None, "VIF %{x:.3g}", xaxis="x2", textposition="auto", showlegend=False)
     drawn.update_layout(
         bargap=0.45,
         xaxis={"domain": [0.0, 0.68], "zeroline": True, "zerolinecolor": style.INK},
         xaxis2={"domain": [0.74, 1.0], "title": {"text": "VIF [–]"}, "type": "log"},
         yaxis={"showgrid": True},
     )
-    ends = {"xref": "x2", "x0": COLLINEAR_VIF, "x1": COLLINEAR_VIF, "yref": "paper", "y0": 0, "y1": 1}
-    drawn.add_shape(type="line", **ends, line={"color": style.RESIDUAL, "width": 1.5, "dash": "dot"})
+    style.rule(drawn, COLLINEAR_VIF, style.RESIDUAL, width=1.5, xref="x2", yref="paper")
     return drawn
 
 

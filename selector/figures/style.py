@@ -107,6 +107,72 @@ def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
     return placed
 
 
+def curve(
+    drawn: go.Figure, x: ArrayLike, y: ArrayLike, colour: str, name: str | None = None, hover: str | None = None, *,
+    width: float = 1.8, dash: str = "solid", **more: Any,
+) -> None:  # fmt: skip
+    """Adds a line, in single precision; without a text for hovering it is not hovered over."""
+    line = {"color": colour, "width": width, "dash": dash, **more.pop("line", {})}
+    single = {"x": np.asarray(x, dtype=np.float32), "y": np.asarray(y, dtype=np.float32)}
+    drawn.add_scatter(**single, mode="lines", name=name, line=line, **_hovered(hover), **more)
+
+
+def points(
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: str | None = None, hover: str | None = None, *,
+    size: Any = 9, **more: Any,
+) -> None:  # fmt: skip
+    """Adds marks; without a text for hovering they are not hovered over."""
+    marker = {"color": colour, "size": size, **more.pop("marker", {})}
+    drawn.add_scatter(x=x, y=y, **{"mode": "markers", **more}, name=name, marker=marker, **_hovered(hover))
+
+
+def bars(
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: str | None = None, hover: str | None = None, **more: Any
+) -> None:
+    """Adds bars that lie."""
+    drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **_hovered(hover), **more)
+
+
+TOLD_BARS: Mapping[str, Any] = {"textposition": "outside", "cliponaxis": False}  #: Bars with a text at their ends.
+
+
+def _hovered(hover: str | None) -> dict[str, str]:
+    if hover is None:
+        return {"hoverinfo": "skip"}
+    return {"hovertemplate": hover if "<extra>" in hover else f"{hover}<extra></extra>"}
+
+
+def rule(
+    drawn: go.Figure, at: float, colour: str = MUTED, *, across: bool = False, panel: str = "", dash: str = "dot",
+    width: float = 1.0, **more: Any,
+) -> None:  # fmt: skip
+    """Adds a straight line through a panel: upright at this x, or `across` it at this y."""
+    along, through = ("y", "x") if across else ("x", "y")
+    place = {f"{along}ref": f"{along}{panel}", f"{along}0": at, f"{along}1": at}
+    whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
+    drawn.add_shape(type="line", **place, **{**whole, **more}, line={"color": colour, "width": width, "dash": dash})
+
+
+def zone(
+    drawn: go.Figure, start: float, stop: float, colour: str, opacity: float, *, across: bool = False, panel: str = ""
+) -> None:
+    """Shades a panel between two x, or `across` it between two y."""
+    along, through = ("y", "x") if across else ("x", "y")
+    place = {f"{along}ref": f"{along}{panel}", f"{along}0": start, f"{along}1": stop}
+    whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
+    look = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
+    drawn.add_shape(type="rect", **place, **whole, **look)
+
+
+def words(drawn: go.Figure, text: str, x: float, y: float, colour: str = INK, size: int = 12, **more: Any) -> None:
+    """Writes into the picture."""
+    drawn.add_annotation(text=text, x=x, y=y, showarrow=False, font={"color": colour, "size": size}, **more)
+
+
+BESIDE: Mapping[str, Any] = {"x": 1.0, "xref": "paper", "xanchor": "left", "xshift": 6, "yanchor": "middle"}
+"""Where what is said of a line stands: to the right of the picture."""
+
+
 def title_text(drawn: go.Figure) -> str:
     """The title of a figure as plain text, for captions."""
     return html.unescape((drawn.layout.title.text or "").replace("<br>", " "))
@@ -199,13 +265,7 @@ def changed(drawn: go.Figure, changes: Changes) -> go.Figure:
 def rows_of(names: Sequence[str]) -> dict[str, Any]:
     """An axis with a row for each of these labels, from top to bottom, without marks of its own."""
     n = len(names)
-    return {
-        "range": [n - 0.5, -0.5],
-        "tickvals": list(range(n)),
-        "ticktext": list(names),
-        "showgrid": False,
-        "ticks": "",
-    }
+    return {"range": [n - 0.5, -0.5], "tickvals": [*range(n)], "ticktext": [*names], "showgrid": False, "ticks": ""}
 
 
 def log_axis(low: float, high: float) -> dict[str, Any]:

@@ -14,8 +14,30 @@ from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import DiagnoseSection
+from selector.workbench.study_folder import CYCLE
 
-SELECTION, DIAGNOSIS = "selection", "diagnosis"  #: Folders of the answers in the study folder.
+SELECTION, DIAGNOSIS, PREDICTION, SIMULATED = "selection", "diagnosis", "prediction", "simulated"
+"""Folders of the answers in the study folder."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is asked of a prediction; its duty cycle is a file of the study folder."""
+
+    tests: tuple[Path, ...] = ()  #: None: all recordings that are used
+    responses: tuple[str, ...] = ()
+    method: str = "modal"
+    operations: str = ""  #: As the options are typed
+    tolerance: str = ""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What is simulated: the kind, a model file, and parameters that are other than it says."""
+
+    kind: str = "thermal"
+    model: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -120,6 +142,19 @@ def export_command(folder: Path, asked: Export, machine: Path | None, overrides:
     if asked.is_sign_verified:
         words += ["--sign-verified", *(["--tested", asked.tested] if asked.tested else [])]
     return tuple(words)
+
+
+def prediction_command(
+    folder: Path, asked: Prediction, used: Sequence[Path], machine: Path | None, overrides: Overrides
+) -> tuple[str, ...]:
+    """`selector predict` for the duty cycle of the study folder."""
+    tests = [path for path in used if path in asked.tests] or used
+    words = ["predict", *source_arguments(folder, tests, machine, overrides), "--cycle", CYCLE]
+    words += [
+        *_each("--response", asked.responses),
+        *_changed(asked, Prediction(), ("method", "operations", "tolerance")),
+    ]
+    return (*words, "--out", PREDICTION)
 
 
 def command_words(command: Sequence[str]) -> list[str]:

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from selector.shipped import shipped
 from selector.workbench.bench import Bench
-from selector.workbench.study_folder import CYCLE, SIMULATION
+from selector.workbench.cycle import cycle_in
+from selector.workbench.study_folder import SIMULATION
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,11 @@ def open_example(bench: Bench, name: str) -> None:
     """Takes the recordings of an example up where they are, and copies what a study folder holds of it."""
     one = next(example for example in EXAMPLES if example.folder == name)
     place = shipped(one.folder)
-    for pattern, folder in ((one.simulated, SIMULATION), (one.cycle, ".")):
-        for path in sorted(place.glob(pattern)) if pattern else ():
-            target = bench.folder / folder / (path.name if folder == SIMULATION else CYCLE)
-            target.parent.mkdir(exist_ok=True)
-            target.write_bytes(path.read_bytes())
+    for path in sorted(place.glob(one.simulated)) if one.simulated else ():
+        target = bench.folder / SIMULATION / path.name
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(path.read_bytes())
+    if one.cycle:
+        cycle = cycle_in(place / one.cycle)
+        bench.choose_cycle(cycle.steps, cycle.hall)
     bench.add(*sorted(place.glob(one.runs)), machine=place / "machine.toml")

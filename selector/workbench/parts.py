@@ -20,6 +20,7 @@ from selector.csv_text import csv_text
 from selector.errors import InputError, OptionError
 from selector.figures import style
 from selector.findings import Finding
+from selector.telling.account import Account, Captioned, Drawing, Listing
 from selector.workbench.access import checked
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
@@ -119,14 +120,32 @@ def table(
     return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
 
 
-def graph(drawn: go.Figure) -> Component:
-    """A figure with its title as a heading, as wide as the page."""
-    title = style.title_text(drawn)
+def graph(drawn: go.Figure, title: str = "", note: str = "") -> Component:
+    """A figure with its title, or another one, as a heading, as wide as the page."""
+    title = title or style.title_text(drawn)
     top = drawn.layout.margin.t or 0
     lifted = max(0, int(top) - style.TITLE_MARGIN)
     drawn.update_layout(title=None, width=None, height=drawn.layout.height - lifted, margin={"t": top - lifted})
     shown = dcc.Graph(figure=drawn, responsive=True, config=GRAPH, style={"height": drawn.layout.height})
-    return html.Figure([html.Figcaption([html.H3(title), html.P("")]), html.Div(shown, className="plot")])
+    return html.Figure([html.Figcaption([html.H3(title), html.P(note)]), html.Div(shown, className="plot")])
+
+
+def told(account: Account, kept: Sequence[str] = ()) -> list[Component]:
+    """Sentences, pictures and tables of an account, of the sections with these ids, if any; the rest is in its page."""
+    look = "advice" if account.verdict == "good" else f"advice {account.verdict}"
+    said = [html.P(text, className="" if k else "first") for k, text in enumerate(account.sentences)]
+    found: list[Component] = [html.Div(said, className=look)] if said else []
+    for one in (block for part in account.sections if not kept or part.id in kept for block in part.blocks):
+        if isinstance(one, Drawing):
+            found.append(graph(one.figure, one.title, one.text))
+        elif isinstance(one, Captioned):
+            columns = [column.name for column in one.table.columns]
+            numeric = [column.name for column in one.table.columns if column.numeric]
+            shown = table(columns, one.table.rows, numeric, name="told")
+            found.append(html.Details([html.Summary(one.caption or "Numbers"), shown]))
+        elif isinstance(one, Listing):
+            found.append(html.Pre(one.text, tabIndex=0))
+    return found
 
 
 def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) -> Component:

@@ -115,10 +115,9 @@ def _export_of(said: ExportSection | None, folder: Path) -> Export:
 
 
 def _export_section(asked: Export, folder: Path) -> ExportSection:
+    replayed = asked.replayed or ()
     said = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
-    return export_section(
-        folder, model=folder / asked.model, replay=asked.replayed or (), **said, invert=asked.inverted
-    )
+    return export_section(folder, model=folder / asked.model, replay=replayed, **said, invert=asked.inverted)
 
 
 def other_than_asked(answer: Path, options: Options, overrides: Overrides, runs: tuple[Path, ...]) -> tuple[str, ...]:

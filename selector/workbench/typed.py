@@ -19,6 +19,7 @@ FIELDS = {
     "--ridge": "Shrink coefficients as far as unseen runs profit",
     "--absolute-similarity": "Group a sensor with its mirror image",
     "--must": "must be kept", "--never": "never", "--cost": "cost",
+    "--method": "Method", "--operations": "Operations", "--tolerance": "Allowed drift",
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
     "--sign-verified": "The sign test was passed", "--tested": "Equations SHA-256 of the tested program",

@@ -97,26 +97,14 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
     rows += [(name, -j, _OUT) for name, j in _largest(films, "surface")]
     rows.append(("stayed in the machine" if kept >= 0 else "given off by the machine itself", -kept, _KEPT))
     drawn = style.figure(title, 130 + 24 * len(rows))
-    drawn.add_bar(
-        x=[j / joules for _, j, _ in rows],
-        y=list(range(len(rows))),
-        orientation="h",
-        marker={"color": [colour for _, _, colour in rows]},
-        text=[number_text(j / joules) for _, j, _ in rows],
-        textposition="outside",
-        cliponaxis=False,
-        hovertemplate=f"%{{x:.4g}} {unit}<extra></extra>",
-        showlegend=False,
+    told = {"text": [number_text(j / joules) for _, j, _ in rows], "showlegend": False, **style.TOLD_BARS}
+    colours = [colour for _, _, colour in rows]
+    style.bars(
+        drawn, [j / joules for _, j, _ in rows], [*range(len(rows))], colours, None, f"%{{x:.4g}} {unit}", **told
     )
     drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
     drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
-    drawn.update_yaxes(
-        range=[len(rows) - 0.5, -0.5],
-        tickvals=list(range(len(rows))),
-        ticktext=[style.label(name, 40) for name, _, _ in rows],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(name, 40) for name, _, _ in rows]))
     return drawn
 
 

@@ -11,12 +11,10 @@ from dash import Input, Output, State, dcc, html, set_props
 from dash.development.base_component import Component
 
 from selector.number_text import number_text
-from selector.recording import SENSOR_ROLES
 from selector.selection import Options
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import SELECTION, option_arguments
-from selector.workbench.pages import wished
 from selector.workbench.saved_study import other_than_asked
 from selector.workbench.typed import FIELDS, in_words_of_fields
 
@@ -73,14 +71,14 @@ def layout(bench: Bench) -> Component:
             html.P(_ABOUT, className="about"),
             html.Div(fields, className="fields"),
             dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
-            html.Div(id=f"{ID}-sensors"),
+            html.P(
+                ["Sensors that must or must not be used: ", html.A("Sensors", href="#sensors"), "."], className="about"
+            ),
             parts.start_row(ID),
             html.Div(id=f"{ID}-earlier", role="status"),
             *parts.answer_place(ID),
-            dcc.Store(id=f"{ID}-shown", data=None),
             dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
             dcc.Store(id=_RAISED, data=None),
-            wished.followed(ID),
         ]
     )
 
@@ -94,26 +92,23 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
-    forms = (_form(bench), wished.form(bench, ID))
-    for form in forms:
-        form.register(app)
-    _register_following(app, bench)
+    form = _form(bench)
+    form.register(app)
+    boxes = [f"{ID}-responses", *_BOXES]
 
     @app.callback(
-        Output(f"{ID}-sensors", "children"),
-        Output(f"{ID}-shown", "data"),
+        Output(f"{ID}-followed", "data"),
         Output(f"{ID}-responses", "options"),
         Input(parts.REVISION, "data"),
-        State(f"{ID}-shown", "data"),
+        State(f"{ID}-followed", "data"),
+        *(State(box, "value") for box in boxes),
     )
-    def _show(_: int, shown: Any) -> tuple[Any, Any, list[str]]:
+    def _show(_: int, before: list[Any], *shown: Any) -> tuple[list[Any], list[str]]:
+        """Other pages choose options, too."""
         reading = bench.material.reading
-        now = bench.material.number
-        if now == shown:
-            raise dash.exceptions.PreventUpdate
-        if reading is None:
-            return None, now, []
-        return _sensors(bench), now, list(reading.recording.with_role("displacement"))
+        now = [list(bench.options.responses), *_texts(bench)]
+        parts.follow(boxes, shown, before, now)
+        return now, [] if reading is None else list(reading.recording.with_role("displacement"))
 
     @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
     def _earlier(_: int) -> Component | None:
@@ -126,7 +121,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         return parts.asked_otherwise(others, "answer below was asked", "Start")
 
     task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: SELECTION, parts.no_recordings(TITLE), forms,
+        ID, TITLE, lambda: command(bench), lambda: SELECTION, parts.no_recordings(TITLE), [form],
         answered=lambda stamp, _: _answered(bench, stamp),
     )  # fmt: skip
     parts.register_task(app, bench, task)
@@ -176,23 +171,6 @@ def _form(bench: Bench) -> parts.Form:
     return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take, ((_RAISED, "data"),))
 
 
-def _register_following(app: dash.Dash, bench: Bench) -> None:
-    """Other pages choose options, too."""
-    boxes = [f"{ID}-responses", *_BOXES]
-    wished.register_following(app, ID, lambda: wished.said_of(bench))
-
-    @app.callback(
-        Output(f"{ID}-followed", "data"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-followed", "data"),
-        *(State(box, "value") for box in boxes),
-    )
-    def _follow(_: int, before: list[Any], *shown: Any) -> list[Any]:
-        now = [list(bench.options.responses), *_texts(bench)]
-        parts.follow(boxes, shown, before, now)
-        return now
-
-
 def _answered(bench: Bench, stamp: str) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
@@ -211,23 +189,6 @@ def _answered(bench: Bench, stamp: str) -> Component | None:
         parts.saved(bench, SELECTION, _FILES),
         parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
     )
-
-
-def _sensors(bench: Bench) -> Component:
-    reading = bench.material.reading
-    if reading is None:
-        return html.Div()
-    asked = bench.options
-    rows = []
-    for channel in reading.recording.channels:
-        if channel.role not in SENSOR_ROLES:
-            continue
-        name = html.Span(channel.name, className="name")
-        rows.append([name, channel.place or "", *wished.controls(bench.options, ID, channel.name)])
-    summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
-    restricted = bool(asked.must or asked.never or asked.cost)
-    table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
-    return html.Details([html.Summary(summary), table, parts.table_download("sensors")], open=restricted)
 
 
 def _texts(bench: Bench) -> list[str]:

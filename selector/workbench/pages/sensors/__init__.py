@@ -94,7 +94,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if text is not None and _view(bench) is not None:
             _moved(bench, {"level": text})
 
-    forms = (*wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
+    forms = (wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
     parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(

@@ -1,0 +1,160 @@
+"""Predict: a duty cycle that is drawn, heating tests, and what comes out: the course and the correction program."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import dash
+from dash import Input, Output, State, dcc, html
+from dash.development.base_component import Component
+
+from selector.errors import OptionError
+from selector.figures.duty_cycle import drawn_cycle
+from selector.telling.predicted.account import prediction_account
+from selector.telling.predicted.document import prediction_of
+from selector.workbench import parts
+from selector.workbench.bench import Bench
+from selector.workbench.commands import PREDICTION, prediction_command
+from selector.workbench.cycle import Step, steps_text, typed_steps
+from selector.workbench.typed import FIELDS
+
+ID, TITLE = "prediction", "Predict"
+
+_FILES = (
+    ("report.html", "Report"),
+    ("program.csv", "Program (CSV)"),
+    ("program.txt", "Program as blocks"),
+    ("prediction.json", "All results (JSON)"),
+)
+_TEXTS = ("operations", "tolerance")
+_BOXES = (f"{ID}-steps", *(f"{ID}-{name}" for name in _TEXTS))
+_NOTES = ("minutes, e.g. 60,60,45; empty: no program", "µm, e.g. 10; one an operation: 10,5,10; empty: no program")
+
+
+def layout(bench: Bench) -> Component:
+    """The cycle as a picture and as text, what is asked, Start, and the answer."""
+    asked = bench.prediction
+    choices = (("tests", "Heating and cooling tests"), ("responses", FIELDS["--response"]))
+    notes = ("Recordings with a spindle speed. None: all that are used.", "None: all that are there.")
+    fields = [
+        *(
+            parts.field(
+                title, dcc.Dropdown(id=f"{ID}-{name}", options=[], value=[*getattr(asked, name)], multi=True), of
+            )
+            for (name, title), of in zip(choices, notes, strict=True)
+        ),
+        parts.field(FIELDS["--method"], parts.choice(f"{ID}-method", ["modal", "piecewise"], asked.method)),
+        *(
+            parts.field(FIELDS[f"--{name}"], parts.typed_text(f"{ID}-{name}", getattr(asked, name)), note)
+            for name, note in zip(_TEXTS, _NOTES, strict=True)
+        ),
+    ]
+    graph = dcc.Graph(id=f"{ID}-cycle", responsive=True, config={"displayModeBar": False}, style={"height": 300})
+    about = "Drag a handle up and down for the speed, its end to the sides for the time; or type the steps below."
+    typed_steps_field = parts.field(
+        "Steps", parts.typed_text(f"{ID}-steps", steps_text(bench.cycle.steps)), "minutes at r/min, apart by semicolons"
+    )
+    return html.Div(
+        [
+            html.H1("A duty cycle: how far it drifts, and when to correct"),
+            html.Figure(
+                [html.Figcaption([html.H3("The duty cycle"), html.P(about)]), html.Div(graph, className="plot")]
+            ),
+            typed_steps_field,
+            html.Div(fields, className="fields wide"),
+            parts.start_row(ID),
+            *parts.answer_place(ID),
+            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("dragged", "drawn")),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector predict` with what is asked."""
+    reading = bench.material.reading
+    if reading is None or not bench.cycle.steps or not reading.recording.with_role("spindle_speed"):
+        return None
+    return prediction_command(bench.folder, bench.prediction, bench.used, bench.machine, bench.overrides)
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """What is typed, chosen or dragged goes to the bench at once."""
+
+    @app.callback(Output(f"{ID}-tests", "options"), Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> tuple[Any, list[str]]:
+        reading = bench.material.reading
+        runs = [{"label": path.name, "value": str(path)} for path in bench.used]
+        return runs, [] if reading is None else list(reading.recording.with_role("displacement", "temperature"))
+
+    @app.callback(
+        Output(f"{ID}-cycle", "figure"),
+        Output(f"{ID}-drawn", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-drawn", "data"),
+        State(f"{ID}-steps", "value"),
+    )
+    def _draw(_: int, drawn: Any, shown: str | None) -> tuple[Any, Any]:
+        text = steps_text(bench.cycle.steps)
+        if text == drawn:
+            raise dash.exceptions.PreventUpdate
+        parts.follow([f"{ID}-steps"], [shown], [drawn], [text])
+        picture = drawn_cycle(bench.cycle.steps)
+        return picture.update_layout(title=None, width=None, autosize=True), text
+
+    @app.callback(Input(f"{ID}-dragged", "data"), prevent_initial_call=True)
+    def _dragged(steps: list[list[float]] | None) -> None:
+        found = [Step(*one) for one in steps or () if len(one) == 2 and 0 < one[0] < 1e6 and 0 <= one[1] < 1e6]
+        if found:
+            bench.choose_cycle(found)
+            parts.tell(bench)
+
+    def take(
+        text: str | None,
+        operations: str | None,
+        tolerance: str | None,
+        tests: list[str] | None,
+        responses: list[str] | None,
+        method: Literal["modal", "piecewise"],
+    ) -> None:
+        with parts.typed_over(_BOXES, [text, operations, tolerance], lambda: _texts(bench)) as read:
+            bench.choose_cycle(read(lambda: typed_steps(text), bench.cycle.steps))
+            bench.choose_prediction(
+                tests=tuple(path for path in bench.used if str(path) in (tests or ())),
+                responses=tuple(responses or ()),
+                method=method,
+                operations=(operations or "").strip(),
+                tolerance=(tolerance or "").strip(),
+            )
+            parts.tell(bench)
+
+    names = ("steps", *_TEXTS, "tests", "responses", "method")
+    form = parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
+    form.register(app)
+    missing = OptionError(
+        "nothing to predict from",
+        expected="recordings of heating and cooling tests with a spindle speed, and a duty cycle",
+        where=TITLE,
+        advice="load tests on the first page, and draw the cycle here",
+    )
+    task = parts.Task(
+        ID, TITLE, lambda: command(bench), lambda: PREDICTION, missing, [form],
+        answered=lambda stamp, _: _answered(bench, stamp),
+    )  # fmt: skip
+    parts.register_task(app, bench, task)
+
+
+def _texts(bench: Bench) -> list[str]:
+    """What stands in `_BOXES` when they say what counts."""
+    return [steps_text(bench.cycle.steps), bench.prediction.operations, bench.prediction.tolerance]
+
+
+def _answered(bench: Bench, stamp: str) -> Component | None:
+    result = bench.result(f"{PREDICTION}/prediction.json")
+    if result is None:
+        return None
+    return parts.section(
+        "The answer",
+        *parts.told(prediction_account(prediction_of(result), drawn=True), ("cycle", "program")),
+        parts.saved(bench, PREDICTION, _FILES),
+        parts.framed(f"{PREDICTION}/report.html", "Report of the prediction", stamp),
+    )
