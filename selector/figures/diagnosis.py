@@ -168,10 +168,10 @@ def evidence(found: Diagnosis) -> go.Figure:
         part = [one for one in shown if one.named == is_named]
         if part:
             hover = "%{y} in %{customdata[0]}: gain %{x:.3g}<br>%{customdata[1]}"
-            gains, rows = [max(one.gain, 0.0) for one in part], [style.label(one.id, _LONGEST_ID) for one in part]
+            shares, rows = [max(one.gain, 0.0) for one in part], [style.label(one.id, _LONGEST_ID) for one in part]
             told = [[style.label(one.channel), style.label(one.note, 60)] for one in part]
             sure = [p_words(one.p_value, " p = ").replace("<", "&lt;") for one in part]
-            style.bars(drawn, gains, rows, colour, text, hover, customdata=told, text=sure, **style.TOLD_BARS)
+            style.bars(drawn, shares, rows, colour, text, hover, customdata=told, text=sure, **style.TOLD_BARS)
     order = [style.label(one.id, _LONGEST_ID) for one in reversed(shown)]
     drawn.update_yaxes(categoryorder="array", categoryarray=order, showgrid=False)
     drawn.update_xaxes(title_text="gain on rows not fitted to [variances of the noise]", rangemode="tozero")
@@ -237,7 +237,7 @@ def detectability(found: Diagnosis) -> go.Figure | None:
     )
     drawn = style.figure(title, 110 + 21 * len(rows))
     names = [style.label(f"{one.id} in {one.channel}", 44) for one, _ in rows]
-    told = [_size(row) for row in rows]
+    told = [_size(one) for one, _ in rows]
     style.points(drawn, sizes, names, style.PREDICTED, None, "%{y}: %{customdata}", customdata=told)
     style.rule(drawn, 1.0)
     low, high = float(np.log10(sizes.min() / 1.5)), float(np.log10(max(sizes.max(), 1.0) * 1.5))

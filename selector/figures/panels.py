@@ -105,8 +105,8 @@ def stacked(
             opacity = _SPAN_OPACITY if stop - start > _NARROW * end_s else _NARROW_OPACITY
             style.zone(drawn, start / seconds, stop / seconds, style.RESIDUAL, opacity, panel=key)
             if text:
-                at = {"xref": f"x{key}", "xanchor": "left", "yref": f"y{key} domain", "yanchor": "top"}
-                style.words(drawn, style.label(text), start / seconds, 1.0, style.RESIDUAL, 11, **at)
+                place = {"xref": f"x{key}", "xanchor": "left", "yref": f"y{key} domain", "yanchor": "top"}
+                style.words(drawn, style.label(text), start / seconds, 1.0, style.RESIDUAL, 11, **place)
         for mark in marks_s:
             style.rule(drawn, mark / seconds, panel=key, layer="below")
         for line in panel.lines:

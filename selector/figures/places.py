@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -82,14 +83,14 @@ def machine_picture(
     for axis, view, _, across in VIEWS:
         body = lines[:0] if view in photos else lines
         style.curve(drawn, body[:, across], body[:, 2], style.BEFORE, width=1, xaxis=axis, showlegend=False)
-        at = points_m[:, across], points_m[:, 2]
-        common = {"xaxis": axis, "showlegend": axis == "x"}
-        style.points(drawn, *at, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
+        x, z = points_m[:, across], points_m[:, 2]
+        common: dict[str, Any] = {"xaxis": axis, "showlegend": axis == "x"}
+        style.points(drawn, x, z, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
         look = {"symbol": "circle-open", "line": {"width": 2.5}}
         sides = _label_sides(points_m[:, [across, 2]], float((high - low).max()))
         named = [f"<b>{style.label(name, longest)}</b>" for name in names]
-        beside = {"mode": "markers+text", "text": named, "textposition": sides}
-        style.points(drawn, *at, style.INK, "kept", size=17, marker=look, **beside, **common)
+        beside: dict[str, Any] = {"mode": "markers+text", "text": named, "textposition": sides}
+        style.points(drawn, x, z, style.INK, "kept", size=17, marker=look, **beside, **common)
         if view in photos:
             drawn.add_layout_image(
                 source=photos[view], xref=axis, yref="y", x=float(low[across]), y=float(high[2]),

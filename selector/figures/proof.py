@@ -205,22 +205,22 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     dashes = _DASHES | {way: _OTHER_DASHES[i % len(_OTHER_DASHES)] for i, way in enumerate(others)}
     for way, value in ways.items():
         text = _WAYS.get(way) or f"the same procedure, {way.removeprefix('chosen, ')}"
-        colour, name = style.BASELINES.get(way, style.OTHER_BASELINE), f"{text}: {number_text(value)} µm"
-        style.curve(drawn, [0.5, last], [value, value], colour, name, "%{fullData.name}", width=2, dash=dashes[way])
+        colour, named = style.BASELINES.get(way, style.OTHER_BASELINE), f"{text}: {number_text(value)} µm"
+        style.curve(drawn, [0.5, last], [value, value], colour, named, "%{fullData.name}", width=2, dash=dashes[way])
     x, y, names = zip(*single, strict=True) if single else ((), (), ())
-    part = f"single {_UNSEEN[proof.left_out].split()[1]}"
-    told = {"text": [*map(style.label, names)], "marker": {"opacity": 0.6}}
-    style.points(drawn, x, y, style.MUTED, part, "%{text}: %{y:.3g} µm", size=5, **told)
+    apart = f"single {_UNSEEN[proof.left_out].split()[1]}"
+    told = {"text": [style.label(one) for one in names], "marker": {"opacity": 0.6}}
+    style.points(drawn, x, y, style.MUTED, apart, "%{text}: %{y:.3g} µm", size=5, **told)
     best = f"{BEST_OF_SIZE}, ± standard error"
     bars = {"mode": "lines+markers", "error_y": {"type": "data", "array": spread, "thickness": 1.5, "width": 5}}
     style.points(drawn, sizes, error, style.PREDICTED, best, "%{x} sensors: %{y:.3g} µm", size=8, **bars)
     fixed = selection.fixed_set_errors_um(response)
     look = {"symbol": "line-ew-open", "line": {"width": 2.5}}
     hover = "%{x} sensors, " + FIXED_SET + ": %{y:.3g} µm"
-    of_size = f"{FIXED_SET}, best of that size"
-    style.points(drawn, [*fixed], [*fixed.values()], style.CHOSEN, of_size, hover, size=11, marker=look)
-    ring, name = _ring(style.CHOSEN), f"{PROCEDURE}: {number_text(achieved)} µm"
-    style.points(drawn, [size], [achieved], _UNSEEN_INSIDE, name, f"{PROCEDURE}: %{{y:.3g}} µm", size=20, marker=ring)
+    fixed_best = f"{FIXED_SET}, best of that size"
+    style.points(drawn, [*fixed], [*fixed.values()], style.CHOSEN, fixed_best, hover, size=11, marker=look)
+    ring, named = _ring(style.CHOSEN), f"{PROCEDURE}: {number_text(achieved)} µm"
+    style.points(drawn, [size], [achieved], _UNSEEN_INSIDE, named, f"{PROCEDURE}: %{{y:.3g}} µm", size=20, marker=ring)
     values = [
         value for value in (*error, achieved, *ways.values(), *fixed.values(), *(y for _, y, _ in single)) if value > 0
     ]

@@ -108,17 +108,20 @@ def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
 
 
 def curve(
-    drawn: go.Figure, x: ArrayLike, y: ArrayLike, colour: str, name: str | None = None, hover: str | None = None, *,
-    width: float = 1.8, dash: str = "solid", **more: Any,
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, *,
+    width: Any = 1.8, dash: Any = "solid", **more: Any,
 ) -> None:  # fmt: skip
-    """Adds a line, in single precision; without a text for hovering it is not hovered over."""
+    """Adds a line, arrays in single precision; without a text for hovering it is not hovered over."""
     line = {"color": colour, "width": width, "dash": dash, **more.pop("line", {})}
-    single = {"x": np.asarray(x, dtype=np.float32), "y": np.asarray(y, dtype=np.float32)}
-    drawn.add_scatter(**single, mode="lines", name=name, line=line, **_hovered(hover), **more)
+    drawn.add_scatter(x=_single(x), y=_single(y), mode="lines", name=name, line=line, **_hovered(hover), **more)
+
+
+def _single(values: Any) -> Any:
+    return values.astype(np.float32) if isinstance(values, np.ndarray) else values
 
 
 def points(
-    drawn: go.Figure, x: Any, y: Any, colour: Any, name: str | None = None, hover: str | None = None, *,
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, *,
     size: Any = 9, **more: Any,
 ) -> None:  # fmt: skip
     """Adds marks; without a text for hovering they are not hovered over."""
@@ -126,9 +129,7 @@ def points(
     drawn.add_scatter(x=x, y=y, **{"mode": "markers", **more}, name=name, marker=marker, **_hovered(hover))
 
 
-def bars(
-    drawn: go.Figure, x: Any, y: Any, colour: Any, name: str | None = None, hover: str | None = None, **more: Any
-) -> None:
+def bars(drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, **more: Any) -> None:
     """Adds bars that lie."""
     drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **_hovered(hover), **more)
 
@@ -143,14 +144,15 @@ def _hovered(hover: str | None) -> dict[str, str]:
 
 
 def rule(
-    drawn: go.Figure, at: float, colour: str = MUTED, *, across: bool = False, panel: str = "", dash: str = "dot",
-    width: float = 1.0, **more: Any,
+    drawn: go.Figure, at: float, colour: Any = MUTED, *, across: Any = False, panel: Any = "", dash: Any = "dot",
+    width: Any = 1.0, **more: Any,
 ) -> None:  # fmt: skip
     """Adds a straight line through a panel: upright at this x, or `across` it at this y."""
     along, through = ("y", "x") if across else ("x", "y")
     place = {f"{along}ref": f"{along}{panel}", f"{along}0": at, f"{along}1": at}
     whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
-    drawn.add_shape(type="line", **place, **{**whole, **more}, line={"color": colour, "width": width, "dash": dash})
+    look = {"color": colour, "width": width, "dash": dash}
+    drawn.add_shape(type="line", **{**place, **whole, **more}, line=look)
 
 
 def zone(
@@ -164,7 +166,7 @@ def zone(
     drawn.add_shape(type="rect", **place, **whole, **look)
 
 
-def words(drawn: go.Figure, text: str, x: float, y: float, colour: str = INK, size: int = 12, **more: Any) -> None:
+def words(drawn: go.Figure, text: str, x: Any, y: Any, colour: Any = INK, size: Any = 12, **more: Any) -> None:
     """Writes into the picture."""
     drawn.add_annotation(text=text, x=x, y=y, showarrow=False, font={"color": colour, "size": size}, **more)
 

@@ -237,6 +237,12 @@ def _line(text: str, status: int) -> Response:
     return Response(text + "\n", status=status, mimetype="text/plain")
 
 
+def not_sent(value: object, expected: str, where: str) -> OptionError:
+    """That a value came from the browser that no page sends."""
+    found = f"{repr(value)[:80]} came from the browser"
+    return OptionError(found, expected=expected, where=where, advice="load the page again; nothing was changed")
+
+
 class CheckedDash(dash.Dash):
     """Dash whose callbacks are called only with arguments of the kinds that their annotations name."""
 
@@ -256,11 +262,7 @@ def checked(function: Callable[..., Any]) -> Callable[..., Any]:
             return judged(*sent)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            raise OptionError(
-                f"{repr(first['input'])[:80]} came from the browser",
-                expected=first["msg"].removeprefix("Input should be "),
-                where=function.__name__.strip("_"),
-                advice="load the page again; nothing was changed",
-            ) from None
+            expected = first["msg"].removeprefix("Input should be ")
+            raise not_sent(first["input"], expected, function.__name__.strip("_")) from None
 
     return called

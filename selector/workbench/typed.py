@@ -21,6 +21,7 @@ FIELDS = {
     "--must": "must be kept", "--never": "never", "--cost": "cost",
     "--method": "Method", "--operations": "Operations", "--tolerance": "Allowed drift",
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
+    "--replay": "the recordings to run through the program",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
     "--sign-verified": "The sign test was passed", "--tested": "Equations SHA-256 of the tested program",
 }  # fmt: skip

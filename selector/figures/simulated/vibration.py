@@ -349,11 +349,12 @@ def _add_errors(
         by_source.setdefault(one.sources[0] if len(one.sources) == 1 else _SEVERAL, []).append(one)
     for source, mine in by_source.items():
         colour, name = colours.get(source, style.MUTED), style.label(source, 16)
-        between: list[list[float | None]] = [[], []]
+        x: list[float | None] = []
+        y: list[float | None] = []
         for one in mine:
-            between[0] += [one.wavelength_mm, one.wavelength_mm, None]
-            between[1] += [one.published_um or None, one.kinematic_um or None, None]
-        style.curve(drawn, *between, colour, width=1, showlegend=False, legendgroup=name, **axes)
+            x += [one.wavelength_mm, one.wavelength_mm, None]
+            y += [one.published_um or None, one.kinematic_um or None, None]
+        style.curve(drawn, x, y, colour, width=1, showlegend=False, legendgroup=name, **axes)
         for heights, fill, told in (
             ([one.kinematic_um or None for one in mine], colour, "copied motion"),
             ([one.published_um or None for one in mine], "#ffffff", "W by the force"),

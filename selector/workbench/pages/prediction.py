@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import dataclasses
+from pathlib import Path
+from typing import Any
 
 import dash
 from dash import Input, Output, State, dcc, html
@@ -14,6 +16,7 @@ from selector.telling.predicted.account import prediction_account
 from selector.telling.predicted.document import prediction_of
 from selector.workbench import parts
 from selector.workbench.bench import Bench
+from selector.workbench.boxes import Box, Boxes, one_of, several
 from selector.workbench.commands import PREDICTION, prediction_command
 from selector.workbench.cycle import Step, steps_text, typed_steps
 from selector.workbench.typed import FIELDS
@@ -26,29 +29,26 @@ _FILES = (
     ("program.txt", "Program as blocks"),
     ("prediction.json", "All results (JSON)"),
 )
-_TEXTS = ("operations", "tolerance")
-_BOXES = (f"{ID}-steps", *(f"{ID}-{name}" for name in _TEXTS))
-_NOTES = ("minutes, e.g. 60,60,45; empty: no program", "µm, e.g. 10; one an operation: 10,5,10; empty: no program")
+
+
+def _boxes(bench: Bench) -> Boxes:
+    def tests(paths: list[str] | None) -> tuple[Path, ...]:
+        return tuple(path for path in bench.used if str(path) in (paths or ()))
+
+    chosen = several("tests", "Heating and cooling tests", "Recordings with a spindle speed. None: all that are used.")
+    boxes = (
+        dataclasses.replace(chosen, read=tests, shown=lambda paths: [str(path) for path in paths]),
+        several("responses", FIELDS["--response"], "None: all that are there."),
+        one_of("method", FIELDS["--method"], ["modal", "piecewise"]),
+        Box("operations", FIELDS["--operations"], "minutes, e.g. 60,60,45; empty: no program"),
+        Box("tolerance", FIELDS["--tolerance"], "µm, e.g. 10; one an operation: 10,5,10; empty: no program"),
+    )
+    return Boxes(ID, boxes, lambda: bench.prediction, bench.choose_prediction)
 
 
 def layout(bench: Bench) -> Component:
     """The cycle as a picture and as text, what is asked, Start, and the answer."""
-    asked = bench.prediction
-    choices = (("tests", "Heating and cooling tests"), ("responses", FIELDS["--response"]))
-    notes = ("Recordings with a spindle speed. None: all that are used.", "None: all that are there.")
-    fields = [
-        *(
-            parts.field(
-                title, dcc.Dropdown(id=f"{ID}-{name}", options=[], value=[*getattr(asked, name)], multi=True), of
-            )
-            for (name, title), of in zip(choices, notes, strict=True)
-        ),
-        parts.field(FIELDS["--method"], parts.choice(f"{ID}-method", ["modal", "piecewise"], asked.method)),
-        *(
-            parts.field(FIELDS[f"--{name}"], parts.typed_text(f"{ID}-{name}", getattr(asked, name)), note)
-            for name, note in zip(_TEXTS, _NOTES, strict=True)
-        ),
-    ]
+    boxes = _boxes(bench)
     graph = dcc.Graph(id=f"{ID}-cycle", responsive=True, config={"displayModeBar": False}, style={"height": 300})
     about = "Drag a handle up and down for the speed, its end to the sides for the time; or type the steps below."
     typed_steps_field = parts.field(
@@ -61,9 +61,10 @@ def layout(bench: Bench) -> Component:
                 [html.Figcaption([html.H3("The duty cycle"), html.P(about)]), html.Div(graph, className="plot")]
             ),
             typed_steps_field,
-            html.Div(fields, className="fields wide"),
+            html.Div(boxes.fields(), className="fields wide"),
             parts.start_row(ID),
             *parts.answer_place(ID),
+            boxes.followed(),
             *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("dragged", "drawn")),
         ]
     )
@@ -108,28 +109,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
             bench.choose_cycle(found)
             parts.tell(bench)
 
-    def take(
-        text: str | None,
-        operations: str | None,
-        tolerance: str | None,
-        tests: list[str] | None,
-        responses: list[str] | None,
-        method: Literal["modal", "piecewise"],
-    ) -> None:
-        with parts.typed_over(_BOXES, [text, operations, tolerance], lambda: _texts(bench)) as read:
-            bench.choose_cycle(read(lambda: typed_steps(text), bench.cycle.steps))
-            bench.choose_prediction(
-                tests=tuple(path for path in bench.used if str(path) in (tests or ())),
-                responses=tuple(responses or ()),
-                method=method,
-                operations=(operations or "").strip(),
-                tolerance=(tolerance or "").strip(),
-            )
-            parts.tell(bench)
+    def take(text: str | None) -> None:
+        with parts.typed_over([f"{ID}-steps"], [text], lambda: [steps_text(bench.cycle.steps)]) as read:
+            if bench.choose_cycle(read(lambda: typed_steps(text), bench.cycle.steps)):
+                parts.tell(bench)
 
-    names = ("steps", *_TEXTS, "tests", "responses", "method")
-    form = parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
-    form.register(app)
+    steps = parts.Form(((f"{ID}-steps", "value"),), take)
+    steps.register(app)
+    form = _boxes(bench).register(app, bench)
     missing = OptionError(
         "nothing to predict from",
         expected="recordings of heating and cooling tests with a spindle speed, and a duty cycle",
@@ -137,15 +124,10 @@ def register(app: dash.Dash, bench: Bench) -> None:
         advice="load tests on the first page, and draw the cycle here",
     )
     task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: PREDICTION, missing, [form],
+        ID, TITLE, lambda: command(bench), lambda: PREDICTION, missing, [steps, form],
         answered=lambda stamp, _: _answered(bench, stamp),
     )  # fmt: skip
     parts.register_task(app, bench, task)
-
-
-def _texts(bench: Bench) -> list[str]:
-    """What stands in `_BOXES` when they say what counts."""
-    return [steps_text(bench.cycle.steps), bench.prediction.operations, bench.prediction.tolerance]
 
 
 def _answered(bench: Bench, stamp: str) -> Component | None:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import dash
-from dash import Input, Output, State, dcc, html, set_props
+from dash import Input, Output, html
 from dash.development.base_component import Component
 
 from selector.number_text import number_text
 from selector.selection import Options
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
-from selector.workbench.commands import SELECTION, option_arguments
+from selector.workbench.boxes import Box, Boxes, one_of, several, tick
+from selector.workbench.commands import SELECTION, option_arguments, option_of
 from selector.workbench.saved_study import other_than_asked
 from selector.workbench.typed import FIELDS, in_words_of_fields
 
@@ -24,14 +24,7 @@ _ABOUT = (
     "Sensors are grouped, one stands for each group, and sets of them are compared; the error that is reported is that "
     "of runs the model has not seen."
 )
-_DEFAULT = Options()
-_NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
-_RAISED = f"{ID}-raised"  #: Store: the rounds that several λ ask for, and those that were asked before.
-
-_BOXES = (f"{ID}-level", f"{ID}-target", *(f"{ID}-{name}" for name, _ in _NUMBERS))
-_TICKS = tuple(
-    (name, FIELDS[f"--{name.replace('_', '-')}"]) for name in ("interactions", "memory", "ridge", "absolute_similarity")
-)
+_TICKS = ("interactions", "memory", "ridge", "absolute_similarity")
 _FILES = (
     ("report.html", "Report"),
     ("model.json", "Model"),
@@ -40,45 +33,58 @@ _FILES = (
 )
 
 
+def _boxes(bench: Bench) -> Boxes:
+    default = Options()
+
+    def whole(name: str, option: str) -> Box:
+        title = FIELDS[option]
+        return Box(name, title, read=lambda text: typed.whole(text, title) if text else getattr(default, name))
+
+    def choose(**changes: Any) -> bool:
+        """Several λ raise the rounds, and give them back when they go."""
+        before, levels = bench.options, changes["level"]
+        if isinstance(before.level, tuple) and changes["rounds"] == before.rounds == len(before.level):
+            changes["rounds"] = 1
+        if isinstance(levels, tuple):
+            changes["rounds"] = max(changes["rounds"], len(levels))
+        return bench.choose(**changes)
+
+    boxes = (
+        several("responses", FIELDS["--response"], "None: all that are there."),
+        Box(
+            "target", FIELDS["--target"], "the fewest sensors that reach it on unseen runs; empty: as good as any",
+            lambda text: typed.above_zero(text, FIELDS["--target"], "µm"),
+            lambda target: "" if target is None else f"{target:.12g}",
+        ),
+        Box(
+            "level", FIELDS["--lambda"], "auto, a number from 0 to 1, or one for each round: 0.99, 0.95", _levels,
+            _level_text,
+        ),
+        whole("max_sensors", "--max-sensors"),
+        whole("rounds", "--rounds"),
+        one_of("degree", FIELDS["--degree"], ["1", "2", "3"], int),
+        one_of("reference", FIELDS["--reference"], ["rise", "absolute"]),
+        *(tick(name, FIELDS[option_of(name)]) for name in _TICKS),
+    )  # fmt: skip
+    return Boxes(ID, boxes, lambda: bench.options, choose)
+
+
 def layout(bench: Bench) -> Component:
-    """Options, sensors, Start, and the answer."""
-    asked = bench.options
-    fields = [
-        parts.field(
-            FIELDS["--response"],
-            dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
-            "None: all that are there.",
-        ),
-        parts.field(
-            FIELDS["--lambda"],
-            parts.typed_text(f"{ID}-level", _level_text(bench)),
-            "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
-        ),
-        parts.field(
-            FIELDS["--target"],
-            parts.typed_text(f"{ID}-target", _target_text(bench)),
-            "the fewest sensors that reach it on unseen runs; empty: as good as any",
-        ),
-        *(parts.field(title, parts.typed_text(f"{ID}-{name}", str(getattr(asked, name)))) for name, title in _NUMBERS),
-        parts.field(FIELDS["--degree"], parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
-        parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
-    ]
-    ticks = [{"label": title, "value": name} for name, title in _TICKS]
-    ticked = [name for name, _ in _TICKS if getattr(asked, name)]
+    """Options, Start, and the answer."""
+    boxes = _boxes(bench)
+    typed_ones = [box.name for box in boxes.boxes if box.name not in _TICKS]
+    sensors: list[Any] = ["Sensors that must or must not be used: ", html.A("Sensors", href="#sensors"), "."]
     return html.Div(
         [
             html.H1("Selection of sensors, and the model"),
             html.P(_ABOUT, className="about"),
-            html.Div(fields, className="fields"),
-            dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
-            html.P(
-                ["Sensors that must or must not be used: ", html.A("Sensors", href="#sensors"), "."], className="about"
-            ),
+            html.Div(boxes.fields(typed_ones), className="fields"),
+            html.Div(boxes.fields(_TICKS), className="ticks"),
+            html.P(sensors, className="about"),
             parts.start_row(ID),
             html.Div(id=f"{ID}-earlier", role="status"),
             *parts.answer_place(ID),
-            dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
-            dcc.Store(id=_RAISED, data=None),
+            boxes.followed(),
         ]
     )
 
@@ -92,23 +98,12 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
-    form = _form(bench)
-    form.register(app)
-    boxes = [f"{ID}-responses", *_BOXES]
+    form = _boxes(bench).register(app, bench)
 
-    @app.callback(
-        Output(f"{ID}-followed", "data"),
-        Output(f"{ID}-responses", "options"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-followed", "data"),
-        *(State(box, "value") for box in boxes),
-    )
-    def _show(_: int, before: list[Any], *shown: Any) -> tuple[list[Any], list[str]]:
-        """Other pages choose options, too."""
+    @app.callback(Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> list[str]:
         reading = bench.material.reading
-        now = [list(bench.options.responses), *_texts(bench)]
-        parts.follow(boxes, shown, before, now)
-        return now, [] if reading is None else list(reading.recording.with_role("displacement"))
+        return [] if reading is None else list(reading.recording.with_role("displacement"))
 
     @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
     def _earlier(_: int) -> Component | None:
@@ -125,50 +120,6 @@ def register(app: dash.Dash, bench: Bench) -> None:
         answered=lambda stamp, _: _answered(bench, stamp),
     )  # fmt: skip
     parts.register_task(app, bench, task)
-
-
-def _form(bench: Bench) -> parts.Form:
-    def take(
-        responses: list[str] | None,
-        level: str | None,
-        target: str | None,
-        degree: Literal["1", "2", "3"],
-        reference: Literal["rise", "absolute"],
-        ticks: list[str],
-        max_sensors: str | None,
-        rounds: str | None,
-        raised: list[int] | None,
-    ) -> None:
-        numbers = (max_sensors, rounds)
-        asked = bench.options
-        with parts.typed_over(_BOXES, [level, target, *numbers], lambda: _texts(bench)) as read:
-            counts = {
-                name: read(partial(typed.whole, text, title), getattr(asked, name)) if text else getattr(_DEFAULT, name)
-                for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
-            }
-            levels = read(partial(_levels, level), asked.level)
-            target_um = read(lambda: typed.above_zero(target, FIELDS["--target"], "µm"), asked.target)
-            # several λ raise the rounds, and give them back when they go
-            if raised and raised[0] == counts["rounds"]:
-                counts["rounds"] = raised[-1]
-            own = counts["rounds"]
-            if isinstance(levels, tuple) and len(levels) > own:
-                counts["rounds"] = len(levels)
-            set_props(_RAISED, {"data": [counts["rounds"], own] if counts["rounds"] > own else None})
-            flags = {name: name in ticks for name, _ in _TICKS}
-            if bench.choose(
-                responses=tuple(responses or ()),
-                level=levels,
-                target=target_um,
-                degree=int(degree),
-                reference=reference,
-                **counts,
-                **flags,
-            ):
-                parts.tell(bench)
-
-    names = ("responses", "level", "target", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
-    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take, ((_RAISED, "data"),))
 
 
 def _answered(bench: Bench, stamp: str) -> Component | None:
@@ -191,17 +142,7 @@ def _answered(bench: Bench, stamp: str) -> Component | None:
     )
 
 
-def _texts(bench: Bench) -> list[str]:
-    """What stands in `_BOXES` when they say what counts."""
-    return [_level_text(bench), _target_text(bench), *(str(getattr(bench.options, name)) for name, _ in _NUMBERS)]
-
-
-def _target_text(bench: Bench) -> str:
-    return "" if bench.options.target is None else f"{bench.options.target:.12g}"
-
-
-def _level_text(bench: Bench) -> str:
-    level = bench.options.level
+def _level_text(level: float | tuple[float, ...] | None) -> str:
     levels: Sequence[float] = () if level is None else level if isinstance(level, tuple) else (level,)
     return ", ".join(f"{one:.12g}" for one in levels) or "auto"
 

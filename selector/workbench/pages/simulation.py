@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html
+from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import InputError, OptionError
@@ -21,6 +21,7 @@ from selector.telling.simulated import account_of
 from selector.telling.simulated.result import SimulationResult
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
+from selector.workbench.boxes import Column, Rows
 from selector.workbench.commands import SIMULATED, Simulation, told_path
 from selector.workbench.study_folder import MODELS, files_in
 
@@ -49,6 +50,7 @@ def layout(bench: Bench) -> Component:
             *parts.answer_place(ID),
             html.Div("Choose a machine.", id=f"{ID}-pictures", role="status"),
             *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "drawn")),
+            _rows(bench).followed(),
         ]
     )
 
@@ -111,30 +113,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
     choices = parts.Form(((f"{ID}-kind", "value"), (f"{ID}-model", "value")), choose)
 
-    def take(texts: list[str | None], ids: list[dict[str, str]]) -> None:
-        asked = bench.simulation
-        known = _parameters(asked) if ids else {}
-        boxes = [one for one in ids if one["name"] in known]
-        sent = [text for one, text in zip(ids, texts, strict=True) if one["name"] in known]
-
-        def counting() -> list[str]:
-            return [f"{bench.simulation.values.get(one['name'], known[one['name']].value):.9g}" for one in boxes]
-
-        with parts.typed_over(boxes, sent, counting) as read:
-            values = {
-                one["name"]: read(partial(typed.number, text, one["name"], unit=known[one["name"]].unit), now)
-                for one, text in zip(boxes, sent, strict=True)
-                for now in [asked.values.get(one["name"], known[one["name"]].value)]
-            }
-            changed = {name: value for name, value in values.items() if f"{value:.9g}" != f"{known[name].value:.9g}"}
-            _changed_model(asked, changed)
-            if bench.choose_simulation(values=changed):
-                parts.tell(bench)
-
-    value = {"type": f"{ID}-value", "name": ALL}
-    values = parts.Form(((value, "value"),), take, ((value, "id"),))
-    for form in (choices, values):
-        form.register(app)
+    values = _rows(bench).register(app, bench)
+    choices.register(app)
 
     def started() -> tuple[str, ...] | None:
         asked = command(bench)
@@ -154,6 +134,26 @@ def register(app: dash.Dash, bench: Bench) -> None:
     parts.register_task(app, bench, task)
 
 
+def _rows(bench: Bench) -> Rows:
+    def parameters() -> Mapping[str, Parameter]:
+        asked = bench.simulation
+        return _parameters(asked) if asked.model in _models(bench, asked.kind) else {}
+
+    def read(text: str | None, name: str) -> float:
+        return typed.number(text, name, unit=parameters()[name].unit)
+
+    def choose(columns: dict[str, dict[str, Any]]) -> bool:
+        own = {name: one.value for name, one in parameters().items()}
+        changed = {name: value for name, value in columns["value"].items() if f"{value:.9g}" != f"{own[name]:.9g}"}
+        _changed_model(bench.simulation, changed)
+        return bench.choose_simulation(values=changed)
+
+    def now(name: str) -> float:
+        return bench.simulation.values.get(name, parameters()[name].value)
+
+    return Rows(ID, (Column("value", read, now, lambda value: f"{value:.9g}"),), lambda: [*parameters()], choose)
+
+
 def _models(bench: Bench, kind: str) -> dict[str, str]:
     """Path → name of every model file of this kind: shipped ones, and those of the study folder."""
     own = [path for path in files_in(bench.folder / MODELS) if path.suffix == ".toml"]
@@ -162,8 +162,13 @@ def _models(bench: Bench, kind: str) -> dict[str, str]:
 
 def _parameters(asked: Simulation) -> Mapping[str, Parameter]:
     """The numbers of the model file as it is."""
-    kind = simulation_kinds()[asked.kind]
-    found: Mapping[str, Parameter] = kind.model(kind.read(Path(asked.model)), {}).parameters
+    return _parameters_of(asked.kind, Path(asked.model), Path(asked.model).stat().st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=4)
+def _parameters_of(name: str, path: Path, _: int) -> Mapping[str, Parameter]:
+    kind = simulation_kinds()[name]
+    found: Mapping[str, Parameter] = kind.model(kind.read(path), {}).parameters
     return found
 
 

@@ -60,7 +60,7 @@ def layout(bench: Bench) -> Component:
                     parts.section(
                         "Groups", html.Div(id=f"{ID}-groups", className="scroll"), parts.table_download("groups")
                     ),
-                    wishes.table(),
+                    wishes.table(bench),
                     machine.controls(),
                     parts.start_row(ID, "Run this selection"),
                 ],
