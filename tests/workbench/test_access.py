@@ -268,7 +268,8 @@ def test_an_unknown_folder_receives_nothing(client, study):
 ENVELOPES = [
     b"", b"{", b"null", b"[]", b"7", b'"x"', b"{}", b'{"output": 7}', b'{"output": "notice.children"}',
     b'{"output": "saved.children", "inputs": []}', b'{"output": "saved.children", "inputs": {"id": "save"}}',
-    b'{"output": "saved.children", "inputs": [[]]}', b'{"output": "saved.children", "inputs": [7], "changedPropIds": []}',
+    b'{"output": "saved.children", "inputs": [[]]}',
+    b'{"output": "saved.children", "inputs": [7], "changedPropIds": []}',
     b'{"output": "saved.children", "inputs": [{"id": "save", "property": "x"}]}',
     b'{"output": "saved.children", "inputs": [{"id": "save", "property": "n_clicks"}], "changedPropIds": {}}',
     b'{"output": "saved.children", "inputs": [{"id": "save", "property": "n_clicks"}], "state": 7}',
