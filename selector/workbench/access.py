@@ -217,8 +217,13 @@ def answer_refusals(server: Flask, app: dash.Dash) -> None:
             return _line("A request of unknown length. Send its length.", 411)
         if (request.content_length or 0) > MOST_REQUEST_BYTES:
             return _line(f"A request of more than {MOST_REQUEST_BYTES // 1_000_000} MB. The page sends less.", 413)
-        if request.path == _CALLBACKS and request.method == "POST" and not _is_of(app, request.get_json(silent=True)):
-            return _line("This is not what a page of the workbench sends. Load the page again.", 400)
+        if request.method == "POST":
+            try:
+                said = request.get_json(silent=True)
+            except RecursionError:
+                said = None
+            if said is None or (request.path == _CALLBACKS and not _is_of(app, said)):
+                return _line("This is not what a page of the workbench sends. Load the page again.", 400)
         return None
 
     @server.errorhandler(Exception)

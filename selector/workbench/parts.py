@@ -259,13 +259,13 @@ class Task:
 
     page: str  #: Ids: button ``{page}-start``, place ``{page}-answer``, store ``{page}-answered``
     title: str
-    command: Callable[[], Sequence[str] | None]
-    folder: Callable[[], str]  #: In the study folder
+    command: Callable[[Bench], Sequence[str] | None]
+    folder: Callable[[Bench], str]  #: In the study folder
     missing: InputError  #: What is missing where there is no command
     forms: Sequence[Form] = ()
     sheet: str = "report.html"  #: The file in the folder that tells one answer from another
     #: The results, from a stamp that tells this sheet from another one and what the command said to programs
-    answered: Callable[[str, dict[str, Any] | None], Any] = lambda stamp, said: None
+    answered: Callable[[Bench, str, dict[str, Any] | None], Any] = lambda bench, stamp, said: None
     is_asked_as_data: bool = False  #: Whether the command is asked what it says to programs
 
 
@@ -282,11 +282,11 @@ def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
         stands = iter(shown)
         for form in task.forms:
             checked(form.take)(*islice(stands, len(form.fields) + len(form.beside)))
-        asked = task.command()
+        asked = task.command(bench)
         if asked is None:
             raise task.missing.with_traceback(None)
         data = ["--json"] if task.is_asked_as_data else []
-        job = bench.start(task.title, [*asked, *data], bench.folder / task.folder())
+        job = bench.start(task.title, [*asked, *data], bench.folder / task.folder(bench))
         set_props(AWAITED, {"data": [task.page, job.number]})
         tell(bench)
 
@@ -306,13 +306,13 @@ def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
     )
     def _answer(_: int, shown: Any) -> tuple[Any, Any]:
         job = next((job for job in reversed(bench.jobs.all) if job.title == task.title), None)
-        path = bench.folder / task.folder() / task.sheet
+        path = bench.folder / task.folder(bench) / task.sheet
         stamp = str(path.stat().st_mtime_ns if path.is_file() else 0)
         now = [None if job is None else [job.number, job.state], stamp]
         if now == shown:
             raise PreventUpdate
         said = None if job is None or job.out != path.parent else job.data
-        return [None if job is None else job_answer(job), task.answered(stamp, said)], now
+        return [None if job is None else job_answer(job), task.answered(bench, stamp, said)], now
 
 
 def answer_place(page: str) -> list[Component]:

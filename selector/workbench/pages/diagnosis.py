@@ -104,11 +104,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="load recordings on the first page, and simulated runs here",
     )
-    task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, missing, [form],
-        answered=lambda stamp, _: _answered(bench, stamp),
-    )  # fmt: skip
-    parts.register_task(app, bench, task)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, command, lambda _: DIAGNOSIS, missing, [form], answered=_answered)
+    )
 
 
 def _files(bench: Bench) -> Component:
@@ -127,7 +125,7 @@ def _files(bench: Bench) -> Component:
     return parts.table(["simulated", "recorded run", ""], rows, name="files")
 
 
-def _answered(bench: Bench, stamp: str) -> Component | None:
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
     if result is None:
         return None

@@ -151,11 +151,11 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="run a selection first",
     )
-    task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms, SHEET,
-        lambda stamp, said: _files(bench, bench.export.folder, stamp, said), is_asked_as_data=True,
-    )  # fmt: skip
-    parts.register_task(app, bench, task)
+    parts.register_task(
+        app,
+        bench,
+        parts.Task(ID, TITLE, command, lambda _: bench.export.folder, missing, forms, SHEET, _answered, True),
+    )
 
 
 def _options(command: Sequence[str]) -> set[tuple[str, str]]:
@@ -247,8 +247,9 @@ def _models(bench: Bench) -> list[str]:
     return [place for place in places if (bench.folder / place).is_file()]
 
 
-def _files(bench: Bench, name: str, stamp: str, said: Mapping[str, Any] | None) -> Component | None:
+def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Component | None:
     """A table of the files, how the replay went, every program as text, and the sheet; None: nothing was exported."""
+    name = bench.export.folder
     folder = bench.folder / name
     if not (folder / SHEET).is_file():
         return None

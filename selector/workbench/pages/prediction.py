@@ -123,14 +123,12 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="load tests on the first page, and draw the cycle here",
     )
-    task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: PREDICTION, missing, [steps, form],
-        answered=lambda stamp, _: _answered(bench, stamp),
-    )  # fmt: skip
-    parts.register_task(app, bench, task)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, command, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
+    )
 
 
-def _answered(bench: Bench, stamp: str) -> Component | None:
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{PREDICTION}/prediction.json")
     if result is None:
         return None

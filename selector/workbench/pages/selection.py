@@ -115,14 +115,13 @@ def register(app: dash.Dash, bench: Bench) -> None:
         others = min(found, key=len)
         return parts.asked_otherwise(others, "answer below was asked", "Start")
 
-    task = parts.Task(
-        ID, TITLE, lambda: command(bench), lambda: SELECTION, parts.no_recordings(TITLE), [form],
-        answered=lambda stamp, _: _answered(bench, stamp),
-    )  # fmt: skip
-    parts.register_task(app, bench, task)
+    missing = parts.no_recordings(TITLE)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
+    )
 
 
-def _answered(bench: Bench, stamp: str) -> Component | None:
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
         return None

@@ -116,22 +116,24 @@ def register(app: dash.Dash, bench: Bench) -> None:
     values = _rows(bench).register(app, bench)
     choices.register(app)
 
-    def started() -> tuple[str, ...] | None:
-        asked = command(bench)
-        if asked is not None:
-            (bench.folder / SIMULATED).mkdir(exist_ok=True)
-            if bench.simulation.values:
-                bench.write_model(asked[2], _changed_model(bench.simulation, bench.simulation.values))
-        return asked
-
     missing = OptionError("no machine", expected="a model file", where=TITLE, advice="choose one")
-    task = parts.Task(
-        ID, TITLE, started, lambda: SIMULATED, missing, [choices, values],
-        answered=lambda stamp, _: (
-            None if stamp == "0" else parts.section("Written", parts.saved(bench, SIMULATED, _FILES))
-        ),
-    )  # fmt: skip
-    parts.register_task(app, bench, task)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, _started, lambda _: SIMULATED, missing, [choices, values], answered=_answered)
+    )
+
+
+def _started(bench: Bench) -> tuple[str, ...] | None:
+    """The command, after the changed machine and the folder that it needs have been written."""
+    asked = command(bench)
+    if asked is not None:
+        (bench.folder / SIMULATED).mkdir(exist_ok=True)
+        if bench.simulation.values:
+            bench.write_model(asked[2], _changed_model(bench.simulation, bench.simulation.values))
+    return asked
+
+
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
+    return None if stamp == "0" else parts.section("Written", parts.saved(bench, SIMULATED, _FILES))
 
 
 def _rows(bench: Bench) -> Rows:

@@ -143,8 +143,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
     missing = parts.no_recordings(TITLE)
-    task = parts.Task("selection", "Selection", lambda: command(bench), lambda: SELECTION, missing, forms)
-    parts.register_start(app, bench, ID, task)
+    parts.register_start(
+        app, bench, ID, parts.Task("selection", "Selection", command, lambda _: SELECTION, missing, forms)
+    )
 
 
 def _group_rows(bench: Bench) -> list[list[object]]:
