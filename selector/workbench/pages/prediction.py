@@ -109,12 +109,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
             bench.choose_cycle(found)
             parts.tell(bench)
 
-    def take(text: str | None) -> None:
+    def take(text: str | None, drawn: str | None) -> None:
+        if text == drawn:
+            # a cycle that was dragged meanwhile is newer than what the page itself wrote there
+            return
         with parts.typed_over([f"{ID}-steps"], [text], lambda: [steps_text(bench.cycle.steps)]) as read:
             if bench.choose_cycle(read(lambda: typed_steps(text), bench.cycle.steps)):
                 parts.tell(bench)
 
-    steps = parts.Form(((f"{ID}-steps", "value"),), take)
+    steps = parts.Form(((f"{ID}-steps", "value"),), take, ((f"{ID}-drawn", "data"),))
     steps.register(app)
     form = _boxes(bench).register(app, bench)
     missing = OptionError(
