@@ -48,6 +48,7 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         suppress_callback_exceptions=True,
         enable_mcp=False,
     )
+    app.index_string = app.index_string.replace("<html>", '<html lang="en">')
     app.layout = lambda: _frame(bench)
     _register(app, bench)
     for one in PAGES:

@@ -127,8 +127,14 @@ def register(app: dash.Dash, bench: Bench) -> None:
         advice="load tests on the first page, and draw the cycle here",
     )
     parts.register_task(
-        app, bench, parts.Task(ID, TITLE, command, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
+        app, bench, parts.Task(ID, TITLE, _started, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
     )
+
+
+def _started(bench: Bench) -> tuple[str, ...] | None:
+    """The command, after the file of the duty cycle has been written."""
+    bench.choose_cycle(bench.cycle.steps)
+    return command(bench)
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
