@@ -135,14 +135,15 @@ def told(account: Account, kept: Sequence[str] = ()) -> list[Component]:
     look = "advice" if account.verdict == "good" else f"advice {account.verdict}"
     said = [html.P(text, className="" if k else "first") for k, text in enumerate(account.sentences)]
     found: list[Component] = [html.Div(said, className=look)] if said else []
-    for one in (block for part in account.sections if not kept or part.id in kept for block in part.blocks):
+    parts = (part for part in account.sections if not kept or part.id in kept)
+    for one, title in ((block, part.title) for part in parts for block in part.blocks):
         if isinstance(one, Drawing):
             found.append(graph(one.figure, one.title, one.text))
         elif isinstance(one, Captioned):
             columns = [column.name for column in one.table.columns]
             numeric = [column.name for column in one.table.columns if column.numeric]
             shown = table(columns, one.table.rows, numeric, name="told")
-            found.append(html.Details([html.Summary(one.caption or "Numbers"), shown]))
+            found.append(html.Details([html.Summary(one.caption or title), shown]))
         elif isinstance(one, Listing):
             found.append(html.Pre(one.text, tabIndex=0))
     return found
