@@ -62,11 +62,11 @@ def gauge_characteristic(
         (allowance_um, error_um, "2", LINE, "solid", "error of the line"),
     ):
         unit = "µm" if axis else "V"
-        drawn.add_scatter(
-            x=x.astype(np.float32), y=y.astype(np.float32), xaxis=f"x{axis}", yaxis=f"y{axis}", mode="lines", name=name,
-            line={"color": colour, "width": 2.0, "dash": dash},
-            hovertemplate=f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
-        )  # fmt: skip
+        hover, place = (
+            f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
+            {"xaxis": f"x{axis}", "yaxis": f"y{axis}"},
+        )
+        style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, **place)
     _band(drawn, line_um, allowance_um)
     _thresholds(drawn, allowance_um, voltage_v, thresholds, (low, high), split * inside + _GAP_PX / 2, inside)
     across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
@@ -197,10 +197,7 @@ def _band(drawn: go.Figure, line_um: tuple[float, float], allowance_um: Vector) 
     """Shade where the line holds, as far as it is drawn."""
     first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
     for axis in ("", "2"):
-        drawn.add_shape(
-            type="rect", xref=f"x{axis}", x0=first, x1=last, yref=f"y{axis} domain", y0=0, y1=1,
-            fillcolor=CURVE, opacity=0.08, line={"width": 0}, layer="below",
-        )  # fmt: skip
+        style.zone(drawn, first, last, CURVE, 0.08, panel=axis)
 
 
 def _thresholds(
@@ -222,20 +219,12 @@ def _thresholds(
     for k, place in zip(order, placed, strict=True):
         until, volts = thresholds[k]
         reads = float(np.interp(volts, rising_v, at_um))
-        drawn.add_shape(
-            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=volts, y1=volts,
-            line={"color": THRESHOLD, "width": 1.4, "dash": "dot"}, layer="below",
-        )  # fmt: skip
-        drawn.add_scatter(
-            x=[reads], y=[volts], mode="markers", showlegend=False, name=f"stage {k + 1}",
-            marker={"color": THRESHOLD, "size": 9, "line": {"color": "#ffffff", "width": 1.4}},
-            hovertemplate=f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}<extra></extra>",
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=f"{number_text(volts, 4)} V, end of stage {k + 1}", font={"color": THRESHOLD, "size": 12},
-            x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + place) / inside_px, yref="paper",
-            yanchor="middle", showarrow=False,
-        )  # fmt: skip
+        style.rule(drawn, volts, THRESHOLD, across=True, width=1.4, layer="below")
+        hover = f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}"
+        look = {"marker": {"line": {"color": "#ffffff", "width": 1.4}}, "showlegend": False}
+        style.points(drawn, [reads], [volts], THRESHOLD, f"stage {k + 1}", hover, **look)
+        text, y = f"{number_text(volts, 4)} V, end of stage {k + 1}", (floor_px + place) / inside_px
+        style.words(drawn, text, y=y, colour=THRESHOLD, **style.BESIDE, yref="paper")
 
 
 DRAWN, LIMIT, WANTED = style.BEFORE, style.RESIDUAL, style.MUTED
@@ -274,22 +263,14 @@ def size_histogram(
         hovertemplate="%{x:.4g} µm: %{y:.3g} % per µm<extra>Monte Carlo</extra>",
     )  # fmt: skip
     for k, (name, (at_um, per_um)) in enumerate(curves.items()):
-        drawn.add_scatter(
-            x=at_um.astype(np.float32), y=(100.0 * per_um).astype(np.float32), mode="lines", name=style.label(name, 60),
-            line={"color": CURVES[k % len(CURVES)], "width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]},
-            hovertemplate=f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>",
-        )  # fmt: skip
+        hover = f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>"
+        look = {"width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]}
+        style.curve(drawn, at_um, 100.0 * per_um, CURVES[k % len(CURVES)], style.label(name, 60), hover, **look)
     ends = [float(edges[0]), float(edges[-1]), wanted_um, *(tolerance_um or ())]
     room = 0.06 * (max(ends) - min(ends))
     for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower", "upper"):
-        drawn.add_shape(
-            type="line", xref="x", x0=value, x1=value, yref="y domain", y0=0, y1=0.93,
-            line={"color": colour, "width": 1.8, "dash": dash},
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=name, font={"color": colour, "size": 12}, x=value, xref="x", y=0.93, yref="y domain",
-            yanchor="bottom", showarrow=False,
-        )  # fmt: skip
+        style.rule(drawn, value, colour, dash=dash, width=1.8, y1=0.93)
+        style.words(drawn, name, value, 0.93, colour, yref="y domain", yanchor="bottom")
     top = max(float(density.max()), *(float(per_um.max()) for _, per_um in curves.values()), 1e-12)
     drawn.update_layout(
         bargap=0,
@@ -328,20 +309,11 @@ def sizes_over_parts(
     ends = [float(size_um.min()), float(size_um.max()), wanted_um, *(tolerance_um or ())]
     room = 0.08 * max(max(ends) - min(ends), 1e-6)
     for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower limit", "upper limit"):
-        drawn.add_shape(
-            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=value, y1=value,
-            line={"color": colour, "width": 1.4, "dash": dash},
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=name, font={"color": colour, "size": 12}, x=1.0, xref="paper", xanchor="left", xshift=6, y=value,
-            yref="y", yanchor="middle", showarrow=False,
-        )  # fmt: skip
+        style.rule(drawn, value, colour, across=True, dash=dash, width=1.4)
+        style.words(drawn, name, y=value, colour=colour, **style.BESIDE, yref="y")
     shown = list(dressed)[:MOST_DRESSINGS] if len(dressed) <= MOST_DRESSINGS else []
     for part in shown:
-        drawn.add_shape(
-            type="line", xref="x", x0=part - 0.5, x1=part - 0.5, yref="y domain", y0=0, y1=1,
-            line={"color": style.CHOSEN, "width": 1.4, "dash": "dot"},
-        )  # fmt: skip
+        style.rule(drawn, part - 0.5, style.CHOSEN, width=1.4)
     drawn.update_layout(
         margin={"r": 100},
         xaxis={"title": {"text": "part [number]"}, "range": [0.5 - 0.01 * len(size_um), 0.5 + 1.01 * len(size_um)]},
@@ -367,21 +339,16 @@ def filter_trade_off(one: TradeOff, title: str) -> go.Figure:
         seen = values > 0
         if not seen.any():
             continue
-        drawn.add_scatter(
-            x=(1e3 * time_constant_s[seen]).astype(np.float32), y=values[seen].astype(np.float32), mode="lines",
-            name=name, line={"color": colour, "width": width, "dash": dash},
-            hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>",
-        )  # fmt: skip
+        hover = f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>"
+        style.curve(drawn, 1e3 * time_constant_s[seen], values[seen], colour, name, hover, width=width, dash=dash)
     for (at_s, value), name, colour, symbol in (
         (best, "best", style.CHOSEN, "star"),
         (present, "present", style.BASELINES["all sensors"], "diamond"),
     ):
-        drawn.add_scatter(
-            x=[_rounded(1e3 * at_s)], y=[_rounded(value)], mode="markers",
-            name=f"{name}: {number_text(1e3 * at_s)} ms",
-            marker={"color": colour, "size": 13, "symbol": symbol, "line": {"color": "#ffffff", "width": 1}},
-            hovertemplate=f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²<extra></extra>",
-        )  # fmt: skip
+        text, hover = f"{name}: {number_text(1e3 * at_s)} ms", f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²"
+        look = {"symbol": symbol, "line": {"color": "#ffffff", "width": 1}}
+        place = [_rounded(1e3 * at_s)], [_rounded(value)]
+        style.points(drawn, *place, colour, text, hover, size=13, marker=look)
     positive = np.concatenate([row[row > 0] for row in (bias2, variance, total, np.array([best[1], present[1]]))])
     high = math.log10(float(positive.max()))
     low = max(math.log10(float(positive.min())), high - _DECADES)
