@@ -43,7 +43,7 @@ def demo(
     selections, descriptions = [], []
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
-            with progress_bar() as progress:
+            with progress_bar(spoken=True) as progress:
                 selection, material = study(Source(runs=[shipped(name)]), options, progress)
             console.rule(headings[name])
             account = selection_account(selection, material.description)

@@ -119,12 +119,12 @@ def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Pa
 
 def study(source: Source, options: Options, progress: Progress) -> tuple[Selection, Material]:
     """Read, inspect and select; the result, and what it was made from."""
-    from selector.models.best_subsets.subsets import is_compiled
+    from selector.models.best_subsets.subsets import compile_search
     from selector.selection import select as selected
     from selector.study.material import material_of
 
-    if not is_compiled():
-        typer.echo("the first study compiles the search, which takes about half a minute, once", err=True)
+    progress("compiling the search, which takes a while only once", None)
+    compile_search()
     progress("reading", 0.0)
     material = material_of(source.runs, source.machine, source.overrides())
     selection = selected(
