@@ -12,7 +12,7 @@ from selector.atomic_file import folder_written_whole
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
 from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source
 
 
@@ -20,6 +20,7 @@ def demo(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Where to write; the report is DIR/report.html.")
     ] = Path("selector-demo"),
+    everything: Everything = False,
 ) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.
 
@@ -47,7 +48,7 @@ def demo(
                 selection, material = study(Source(runs=[shipped(name)]), options, progress)
             console.rule(headings[name])
             account = selection_account(selection, material.description)
-            showing.show_answer(console, account, selection.findings)
+            showing.show_answer(console, account, selection.findings, everything=everything)
             (folder / name).mkdir()
             write_results(selection, account, material, folder / name)
             selections.append(selection)

@@ -15,7 +15,7 @@ from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.asked.selection import Asked, Date, date_of
 from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import (
     AcceptChanges,
@@ -53,6 +53,7 @@ def select(
     asked: Asked,
     out: Out = None,
     date: Date = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Chooses the sensors to keep, fits one model per displacement and proves it on runs that it has not seen.
@@ -95,9 +96,10 @@ def select(
                     written += write_study_beside(folder, out, source, files, opened=opened, select=options, date=date)
     if as_json:
         showing.print_json(selection.as_dict())
+        showing.show_findings(console, material.beside)
     else:
-        showing.show_answer(console, account or tell(), selection.findings)
-    showing.show_findings(console, material.beside)
+        findings = (*selection.findings, *material.beside)
+        showing.show_answer(console, account or tell(), findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
     if opened is not None and opened.study.results:

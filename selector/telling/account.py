@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from selector.findings import Finding
+from selector.findings import Finding, Kind, known_kinds
 from selector.number_text import number_text
-from selector.telling.numbers import place_text
+from selector.telling.numbers import listed, place_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -48,9 +48,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Remark:
-    """A finding, ready to be read."""
+    """A finding, or several of a kind, ready to be read."""
 
-    id: str
+    title: str  #: What its kind means
     level: str
     statement: str
     place: str
@@ -167,6 +167,8 @@ class Account:
     label: str = ""  #: What has to be said before anything else: made-up data, a turned sign
     verdict: Verdict = "good"  #: How the answer is to be taken
     data: Mapping[str, Any] = field(default_factory=dict)  #: What the JSON says of it
+    #: Sections that the screen shows where not everything is asked for; default: all
+    brief: tuple[str, ...] | None = None
     footer: str = ""
 
 
@@ -183,11 +185,53 @@ def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
     """Findings of these levels (all when none is given), the worst first."""
     wanted = levels or _LEVELS
     ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
+    return tuple(_remark(one) for one in ordered if one.level in wanted)
+
+
+def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
+    """As `remarks_of`, findings of one kind as one, and the same fault of a channel once."""
+    findings = tuple(findings)
+    left_out = {one.where.channel: one.id for one in findings if one.action == "leave-out-channel"}
+    groups: dict[str, list[Finding]] = {}
+    for one in sorted(findings, key=lambda finding: _LEVELS.index(finding.level)):
+        # that a channel is left out says all
+        if one.action != "none" or one.where.run or left_out.get(one.where.channel, one.id) == one.id:
+            groups.setdefault(one.id, []).append(one)
     return tuple(
-        Remark(one.id, one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
-        for one in ordered
-        if one.level in wanted
+        _remark(of[0]) if len(of) == 1 else _of_several(of)
+        for of in groups.values()
+        if of[0].level in (levels or _LEVELS)
     )
+
+
+def _remark(one: Finding) -> Remark:
+    title = known_kinds.get(one.id, Kind(one.level, one.id.replace("-", " "))).title
+    return Remark(title, one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
+
+
+MOST_NAMED = 6
+
+
+def _of_several(findings: Sequence[Finding]) -> Remark:
+    """Findings of one kind: in what, where, how often; what is done and advised is that of the worst."""
+    first = _remark(findings[0])
+    names, runs = (
+        list(dict.fromkeys(str(name) for name in found if name))
+        for found in ([one.where.channel for one in findings], [one.where.run for one in findings])
+    )
+    where = [f"in {named(names)}"] if names else []
+    where += [f"in run{'s' * (len(runs) > 1)} {named(runs)}"] if runs else []
+    several = f"{first.title[:1].upper()}{first.title[1:]}: {len(findings)} times, {', '.join(where)}."
+    known = known_kinds.get(findings[0].id)
+    is_one = len({one.suggestion for one in findings}) == 1
+    suggestion = first.suggestion if is_one else known.advice if known else ""
+    return Remark(first.title, first.level, several.replace(", .", "."), "", first.action, suggestion)
+
+
+def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
+    """Names in a sentence, of many the first ones and how many more."""
+    left = len(names) - most
+    return listed([*names[:most], f"{left} more"] if left > 0 else list(names))
 
 
 def section(id_: str, title: str, *blocks: Block | None, link: str = "") -> Section | None:

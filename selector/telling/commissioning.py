@@ -72,6 +72,7 @@ def commissioning_account(
         about=model.name,
         label=label if turned else "",
         verdict="good" if is_sign_verified else "bad",
+        brief=("replay",),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 from selector.findings import Where
 from selector.number_text import SUPERSCRIPTS, number_text
@@ -94,6 +95,12 @@ def span_text(seconds: float | None) -> str:
     if minutes < 60:
         return f"{seconds / 60:.3g} min"
     return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
+
+
+def span_range(seconds: Iterable[float]) -> str:
+    """The shortest and the longest of some time spans, or the one that all of them are."""
+    told = list(dict.fromkeys(span_text(one) for one in sorted(seconds)))
+    return NONE if not told else told[0] if len(told) == 1 else f"{told[0]} to {told[-1]}"
 
 
 def ms_text(seconds: float) -> str:

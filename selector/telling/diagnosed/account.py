@@ -121,6 +121,7 @@ def diagnosis_account(
         label=label_text("the recordings", title or "", told, described),
         verdict="good" if found.verdict == "nothing-missing" else "bad",
         data=found.as_dict(),
+        brief=("effects", "better"),
         footer=f"The same {'result gives' if is_alone else 'files and options give'} the same bytes.",
         about="made from the result alone" if is_alone else f"verdict: {found.verdict}",
     )

@@ -122,6 +122,7 @@ def selection_account(
             ),
         ),
         data=selection.as_dict(),
+        brief=(),
         footer="The same recordings and options give the same bytes.",
     )
 
