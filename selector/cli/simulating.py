@@ -55,7 +55,12 @@ def simulate_command(kind: SimulationKind) -> Callable[..., None]:
         "as_json": AsJson,
     }
     # None where nothing is said of these
-    defaults: dict[str, Any] = {"model": inspect.Parameter.empty, "out": inspect.Parameter.empty, "as_json": False, "everything": False}
+    defaults: dict[str, Any] = {
+        "model": inspect.Parameter.empty,
+        "out": inspect.Parameter.empty,
+        "as_json": False,
+        "everything": False,
+    }
     defaults |= {option.name: False for option in kind.options if option.kind is bool}
 
     def command(**given: Any) -> None:

@@ -50,7 +50,6 @@ class Table:
 class Remark:
     """A finding, or several of a kind, ready to be read."""
 
-    title: str  #: What its kind means
     level: str
     statement: str
     place: str
@@ -153,6 +152,7 @@ class Section:
     title: str  #: Its heading; empty if its blocks have headings of their own
     blocks: tuple[Block, ...]
     link: str = ""  #: What the contents call it; default: the title
+    on_paper: bool = True
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,7 @@ class Account:
     sentences: tuple[str, ...]  #: The answer; what matters most comes first; none where there is only a description
     sections: tuple[Section, ...]
     answer: Table | None = None  #: Numbers that belong to the sentences
+    front: tuple[Block, ...] = ()  #: What else stands on the first page: how sure it is, what to do next, one picture
     about: str = ""  #: Stands under the title
     label: str = ""  #: What has to be said before anything else: made-up data, a turned sign
     verdict: Verdict = "good"  #: How the answer is to be taken
@@ -204,9 +205,18 @@ def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, 
     )
 
 
+def next_steps(findings: Iterable[Finding], *then: str, most: int = 3) -> Items:
+    """What the worst findings advise, and what comes then."""
+    advised = [remark.suggestion for remark in grouped_remarks(findings, "error", "warning") if remark.suggestion]
+    return Items((*(_sentence(text) for text in advised[:most]), *then), are_steps=True)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
+
+
 def _remark(one: Finding) -> Remark:
-    title = known_kinds.get(one.id, Kind(one.level, one.id.replace("-", " "))).title
-    return Remark(title, one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
+    return Remark(one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
 
 
 MOST_NAMED = 6
@@ -214,18 +224,15 @@ MOST_NAMED = 6
 
 def _of_several(findings: Sequence[Finding]) -> Remark:
     """Findings of one kind: in what, where, how often; what is done and advised is that of the worst."""
-    first = _remark(findings[0])
-    names, runs = (
-        list(dict.fromkeys(str(name) for name in found if name))
-        for found in ([one.where.channel for one in findings], [one.where.run for one in findings])
-    )
-    where = [f"in {named(names)}"] if names else []
-    where += [f"in run{'s' * (len(runs) > 1)} {named(runs)}"] if runs else []
-    several = f"{first.title[:1].upper()}{first.title[1:]}: {len(findings)} times, {', '.join(where)}."
-    known = known_kinds.get(findings[0].id)
+    first = findings[0]
+    kind = known_kinds.get(first.id, Kind(first.level, first.id.replace("-", " ")))
+    where = []
+    for word, found in (("in", [of.where.channel for of in findings]), ("in run", [of.where.run for of in findings])):
+        names = list(dict.fromkeys(name for name in found if name))
+        where += [f"{word}{'s' * (word == 'in run' and len(names) > 1)} {named(names)}"] if names else []
+    told = _sentence(f"{kind.title}: {', '.join([f'{len(findings)} times', *where])}")
     is_one = len({one.suggestion for one in findings}) == 1
-    suggestion = first.suggestion if is_one else known.advice if known else ""
-    return Remark(first.title, first.level, several.replace(", .", "."), "", first.action, suggestion)
+    return Remark(first.level, told, "", ACTIONS[first.action], first.suggestion if is_one else kind.advice)
 
 
 def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
@@ -234,10 +241,10 @@ def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
     return listed([*names[:most], f"{left} more"] if left > 0 else list(names))
 
 
-def section(id_: str, title: str, *blocks: Block | None, link: str = "") -> Section | None:
+def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_paper: bool = True) -> Section | None:
     """A section of the blocks that there are; None if there are none."""
     kept = tuple(block for block in blocks if block is not None)
-    return Section(id_, title, kept, link) if kept else None
+    return Section(id_, title, kept, link, on_paper) if kept else None
 
 
 def sections(*several: Section | None) -> tuple[Section, ...]:

@@ -191,7 +191,7 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("", parts_table(replay)),
+        Captioned("Each file", parts_table(replay)),
         *_courses(model, replay),
     )
 

@@ -114,7 +114,7 @@ def place_text(where: Where, *, whole_path: bool = False) -> str:
     parts = [part for part in (file, where.run, where.channel) if part]
     if where.from_s is not None or where.to_s is not None:
         start, end = ("" if t is None else span_text(t) for t in (where.from_s, where.to_s))
-        parts.append(f"{start} to {end}" if end else f"from {start}")
+        parts.append(f"at {start}" if start == end else f"{start} to {end}" if end else f"from {start}")
     return ", ".join(parts)
 
 

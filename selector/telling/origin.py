@@ -69,7 +69,10 @@ def description_account(description: Mapping[str, Any]) -> Account:
     sentences = [
         f"{what}: {named([str(run['run']) for run in runs])}.",
         *(f"{len(names)} × {role}: {named(names)}." for role, names in roles.items()),
-        *(f"Guessed was the {_words(what)} of {named(names)}: correct it in a machine file." for what, names in guessed.items()),
+        *(
+            f"Guessed was the {_words(what)} of {named(names)}: correct it in a machine file."
+            for what, names in guessed.items()
+        ),
     ]
     tables = [Captioned(caption, one) for caption, one in reading_tables(description, places=False)]
     drift = drift_table(description)

@@ -105,7 +105,7 @@ def _harmless(text: str) -> str:
     return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
 
 
-MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS = 20, 6, 5
+MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS, MOST_INFO = 20, 6, 5, 2
 """Rows of a table, and findings, that are shown; a page and the JSON have all."""
 
 Everything = Annotated[
@@ -152,9 +152,7 @@ def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -
     console.print(f"wrote {place}: {', '.join(names)}" if names else f"wrote {place}", markup=False)
 
 
-def show_captioned(
-    console: Console, told: Captioned, otherwise: str, *, most: int, noted: set[str] | None
-) -> None:
+def show_captioned(console: Console, told: Captioned, otherwise: str, *, most: int, noted: set[str] | None) -> None:
     """A table under its caption, or `otherwise`, with at most so many rows; and its note, unless that was `noted`."""
     columns, rows = told.table.columns, told.table.rows
     names = [column.name for column in columns]
@@ -179,7 +177,9 @@ def show_findings(
 
     findings = tuple(findings)
     remarks = remarks_of(findings) if everything else grouped_remarks(findings)
-    shown = remarks if everything else remarks[:MOST_FINDINGS]
+    # what is only good to know fills up what little there is
+    urgent = sum(remark.level != "info" for remark in remarks)
+    shown = remarks if everything else remarks[: min(max(urgent, MOST_INFO), MOST_FINDINGS)]
     for remark in shown:
         line = Text()
         line.append(f"{remark.level}", style=_STYLES[remark.level])
