@@ -170,7 +170,12 @@ def show_captioned(console: Console, told: Captioned, otherwise: str, *, most: i
 
 
 def show_findings(
-    console: Console, findings: Iterable[Finding], *, everything: bool = False, more: bool = False
+    console: Console,
+    findings: Iterable[Finding],
+    *,
+    everything: bool = False,
+    more: bool = False,
+    most: int = MOST_FINDINGS,
 ) -> None:
     """The worst findings, those of one kind as one, or everything; last where the rest is, if there is `more`."""
     from rich.text import Text
@@ -179,7 +184,7 @@ def show_findings(
     remarks = remarks_of(findings) if everything else grouped_remarks(findings)
     # what is only good to know fills up what little there is
     urgent = sum(remark.level != "info" for remark in remarks)
-    shown = remarks if everything else remarks[: min(max(urgent, MOST_INFO), MOST_FINDINGS)]
+    shown = remarks if everything else remarks[: min(max(urgent, MOST_INFO), most)]
     for remark in shown:
         line = Text()
         line.append(f"{remark.level}", style=_STYLES[remark.level])

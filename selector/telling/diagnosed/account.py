@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
@@ -44,6 +45,7 @@ from selector.telling.wording import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"
+_STATE_WITHOUT_UNIT = re.compile(r"(?<=\d) 1$")
 _LEFT_OUT = (
     "The map of the mismatch, recorded and simulated courses, the evidence of every effect that was tested and what "
     "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
@@ -187,7 +189,8 @@ def _places(found: Diagnosis) -> Table | None:
     rows = []
     for place in places[:MOST_PLACES]:
         times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
-        cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
+        state = _STATE_WITHOUT_UNIT.sub("", unit_words(place.regime or NONE))
+        cells = [place.channel, place.place or NONE, place.run or "all", *times, state]
         rows.append([*cells, share_text(place.share)])
     return table(["channel", "place", "run", ">from", ">to", "state of the machine", ">share"], rows, note)
 
