@@ -124,7 +124,7 @@ def _as_input_error(error: Exception) -> InputError | None:
         return _file_error(error)
     if isinstance(error, ModuleNotFoundError):
         name = (error.name or "").partition(".")[0]
-        extra = next((extra for extra, modules in _EXTRAS.items() if name in modules.split()), None)
+        extra = next((extra for extra, modules in EXTRAS.items() if name in modules.split()), None)
         if extra is not None:
             return OptionError(
                 f"this needs the package {name}, which is not installed",
@@ -135,7 +135,7 @@ def _as_input_error(error: Exception) -> InputError | None:
     return None
 
 
-_EXTRAS = {
+EXTRAS = {
     "workbench": "dash flask werkzeug",
     "formats": "nptdms asammdf h5py",
     "field": "skfem pyamg meshio",
