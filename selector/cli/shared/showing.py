@@ -113,14 +113,17 @@ Everything = Annotated[
 ]
 
 
-def show_account(console: Console, account: Account, *, everything: bool = True) -> None:
+def show_account(console: Console, account: Account, *, everything: bool = False) -> None:
     """What an account says, in sentences and in the tables that answer the question; what several note is said once."""
     console.print(_harmless(account.title), style="bold", markup=False, soft_wrap=True)
     for sentence in account.sentences:
         console.print(_harmless(sentence), markup=False)
     console.print()
     is_brief = not everything and account.brief is not None
-    most, noted = (MOST_ROWS_IN_BRIEF if is_brief else MOST_ROWS), (None if is_brief else set[str]())
+    most = None if everything else MOST_ROWS_IN_BRIEF if is_brief else MOST_ROWS
+    # what notes explain is looked up
+    known = [block.table for section in account.sections for block in section.blocks if isinstance(block, Captioned)]
+    noted = {one.note for one in (account.answer, *known) if one is not None and is_brief}
     if account.answer is not None:
         show_captioned(console, Captioned("In numbers", account.answer), "", most=most, noted=noted)
     for section in account.sections:
@@ -152,21 +155,20 @@ def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -
     console.print(f"wrote {place}: {', '.join(names)}" if names else f"wrote {place}", markup=False)
 
 
-def show_captioned(console: Console, told: Captioned, otherwise: str, *, most: int, noted: set[str] | None) -> None:
+def show_captioned(
+    console: Console, told: Captioned, otherwise: str, *, most: int | None = None, noted: set[str] | None = None
+) -> None:
     """A table under its caption, or `otherwise`, with at most so many rows; and its note, unless that was `noted`."""
-    columns, rows = told.table.columns, told.table.rows
+    columns, rows, said = told.table.columns, told.table.rows, set() if noted is None else noted
     names = [column.name for column in columns]
     numeric = [column.name for column in columns if column.numeric]
     console.print(table(told.caption or otherwise, names, rows[:most], numeric=numeric))
-    left = len(rows) - most
-    more = f"{left} more rows are in the page and in the JSON. " if left > 0 else ""
-    if noted is None:
-        more, note = more and f"{left} more rows: --all. ", ""
-    else:
-        note = "" if told.table.note in noted else told.table.note
-        noted.add(told.table.note)
-    if more + note:
-        console.print(_harmless(more + note), "", sep="\n", style="dim", markup=False)
+    left = 0 if most is None else max(0, len(rows) - most)
+    more = f"{left} more rows are in the page and in the JSON. " if left else ""
+    note = more + ("" if told.table.note in said else told.table.note)
+    if note:
+        console.print(_harmless(note), "", sep="\n", style="dim", markup=False)
+    said.add(told.table.note)
 
 
 def show_findings(
