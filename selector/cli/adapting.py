@@ -46,9 +46,9 @@ def adapt(
     others taught. Errors are counted at all samples, each with what was known before it.
     """
     from selector.adaptation import adaptation
-    from selector.cli.shared.applied import applied
     from selector.controllers.from_adaptation import adaptation_courses, adapted_model, clamp_findings
     from selector.controllers.model_file import read_model
+    from selector.study.applied import applied
     from selector.study.material import provenance_of
     from selector.telling.adapted import adaptation_account
 

@@ -39,9 +39,9 @@ def apply(
     mended: what is shown is what a control with this model would have done. Faults of the recorded displacement itself
     are left out of the comparison.
     """
-    from selector.cli.shared.applied import applied
     from selector.controllers.application import write_predictions
     from selector.controllers.model_file import read_model
+    from selector.study.applied import applied
 
     read = read_model(model)
     reading = source.reading()

@@ -346,6 +346,7 @@ class Accuracy:
     max_um: float | None
     before_rmse_um: float | None
     before_max_um: float | None
+    mean_um: float | None  #: Recorded minus predicted
     n_samples: int
 
     @classmethod
@@ -353,9 +354,9 @@ class Accuracy:
         """The accuracy of predictions, over the samples where both are known."""
         both = np.isfinite(predicted_um) & np.isfinite(recorded_um)
         if not both.any():
-            return cls(None, None, None, None, 0)
+            return cls(None, None, None, None, None, 0)
         left, before = recorded_um[both] - predicted_um[both], recorded_um[both]
-        return cls(_rms(left), _largest(left), _rms(before), _largest(before), int(both.sum()))
+        return cls(_rms(left), _largest(left), _rms(before), _largest(before), float(np.mean(left)), int(both.sum()))
 
     @property
     def is_worse(self) -> bool:
@@ -364,7 +365,7 @@ class Accuracy:
 
     def as_dict(self) -> dict[str, float | None]:
         """The four figures of the contract."""
-        return {key: value for key, value in vars(self).items() if key != "n_samples"}
+        return {key: value for key, value in vars(self).items() if key not in ("mean_um", "n_samples")}
 
 
 @dataclass(frozen=True, eq=False)

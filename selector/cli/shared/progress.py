@@ -110,8 +110,7 @@ def fleet_progress() -> Iterator[Callable[[str, Any, int, int], None]]:
         if say is not None:
             say(f"{machine} {answer.status}", ended / total)
             return
-        told = answer.error or f"{', '.join(answer.sensors)}, {answer.seconds:.1f} s"
-        line = f"[{ended}/{total}] {machine} {answer.status}: {told}"
+        line = f"[{ended}/{total}] {machine} {answer.in_short}"
         sys.stderr.write("".join(sign if sign.isprintable() else "?" for sign in line) + "\n")
         sys.stderr.flush()
 

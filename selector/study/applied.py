@@ -1,4 +1,4 @@
-"""A model applied to the recordings of a command: what is compared, and what is told of it."""
+"""A model applied to recordings as they were read: what is compared, and what is told of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 
-from selector.cli.shared.finding_table import FINDINGS
 from selector.controllers.application import (
     Application,
     apply_model,
@@ -19,6 +18,7 @@ from selector.findings import Finding, Where
 from selector.models.design import datum_of
 from selector.readers import Reading
 from selector.recording import Recording
+from selector.study.finding_table import FINDINGS
 
 
 def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]:
