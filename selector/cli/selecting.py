@@ -59,8 +59,7 @@ def select(
     """Chooses the sensors to keep, fits one model per displacement and proves it on runs that it has not seen.
 
     Sensors are grouped by the correlation of their readings, one stands for each group, and sets of them are compared.
-    Everything is chosen anew inside every fold, so that the error which is reported is that of a day the model does
-    not know.
+    Everything is chosen anew inside every fold, so that the error shown is that of a day the model does not know.
     """
     from selector.telling.selected.account import selection_account
 

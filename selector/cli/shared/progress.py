@@ -42,8 +42,8 @@ def progress_bar(*, spoken: bool = False) -> Iterator[Progress]:
 
             yield say
     elif spoken:
-        with _spoken() as say:
-            yield say
+        with _spoken() as speak:
+            yield speak
     else:
         yield lambda _doing, _share: None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import io
-import math
 import os
 import sys
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ import typer
 
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
+from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Heading, Note, Paragraph, grouped_remarks, remarks_of
 
 if TYPE_CHECKING:
@@ -90,14 +90,8 @@ def table(
 
 
 def cell_text(value: object) -> str:
-    """A value as a person reads it in a table: four significant digits, a dash for "none"."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return "–"
-        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-    return _harmless(str(value))
+    """A value as a person reads it in a table: numbers as everywhere, a dash for "none"."""
+    return number_text(value) if value is None or isinstance(value, float) else _harmless(str(value))
 
 
 def _harmless(text: str) -> str:

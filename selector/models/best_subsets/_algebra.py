@@ -35,7 +35,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 def kernel(function: F) -> F:
     """Compile at the first call, and keep the machine code on disk.
 
-    A count that is handed on begins as ``np.int64(0)``: for a plain 0 what it is handed to would be compiled once more.
     Fused multiply-add, but no reassociation: no result depends on the vector width.
     """
     options: dict[str, Any] = {"cache": True, "nogil": True, "fastmath": {"contract", "nsz"}, "error_model": "numpy"}
@@ -44,6 +43,9 @@ def kernel(function: F) -> F:
 
 
 _U = np.uint64
+
+COUNT: Any = np.int64
+"""Where a count that is handed on begins: for a plain 0 what it is handed to would be compiled once more."""
 
 
 @kernel
@@ -129,7 +131,7 @@ def gather(gram: Any, cross: Any, order: Any, n: int, a: Any, stride: int) -> No
 @kernel
 def set_rss(gram: Any, cross: Any, state: Any, a: Any, order: Any) -> float:
     """Residual sum of squares, total scaled to 1, of the columns with ``state == KEPT``, from scratch."""
-    n = np.int64(0)
+    n = COUNT(0)
     for j in range(state.size):
         if state[j] == KEPT:
             order[n] = j
