@@ -14,7 +14,7 @@ import typer
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.asked.selection import Asked, Date, date_of
-from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import (
@@ -31,7 +31,7 @@ from selector.cli.shared.studying import (
 
 if TYPE_CHECKING:
     from selector.selection import Selection
-    from selector.selection.options import Options, Progress
+    from selector.selection.options import Options
     from selector.study.material import Material
     from selector.telling.account import Account
 
