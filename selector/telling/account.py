@@ -81,7 +81,6 @@ class Heading:
 
     text: str
     level: int = 2
-    code: str = ""  #: The id of what it heads, which makes it one of the parts of its section
     on_screen: bool = False
 
 

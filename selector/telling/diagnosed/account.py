@@ -203,7 +203,7 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
     if effect.suspected:
         told.append(f"suspected: {suspicion_words(found, effect)}")
     seen = listed(list(effect.channels or (effect.channel,))) + (f", at {effect.place}" if effect.place else "")
-    yield Heading(f"{name[:1].upper()}{name[1:]}", code=effect.id, on_screen=True)
+    yield Heading(f"{name[:1].upper()}{name[1:]}", 3, on_screen=True)
     yield Paragraph(effect.statement, on_screen=True)
     yield Note(f"{'; '.join(told)}. Seen in {seen}.", on_screen=True)
     if effect.parameters:
