@@ -218,7 +218,7 @@ def _remark(one: Finding) -> Remark:
     return Remark(one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
 
 
-MOST_NAMED = 6
+MOST_NAMED, LONGEST = 6, 32
 
 
 def _of_several(findings: Sequence[Finding]) -> Remark:
@@ -235,9 +235,12 @@ def _of_several(findings: Sequence[Finding]) -> Remark:
 
 
 def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
-    """Names in a sentence, of many the first ones and how many more."""
+    """Names in a sentence, of many the first ones and how many more; long ones without their middle."""
     left = len(names) - most
-    return listed([*names[:most], f"{left} more"] if left > 0 else list(names))
+    shown = [
+        one if len(one) <= LONGEST else f"{one[: LONGEST // 2]}…{one[-LONGEST // 2 + 1 :]}" for one in names[:most]
+    ]
+    return listed([*shown, f"{left} more"] if left > 0 else shown)
 
 
 def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_paper: bool = True) -> Section | None:
