@@ -72,6 +72,7 @@ def commissioning_account(
         about=model.name,
         label=label if turned else "",
         verdict="good" if is_sign_verified else "bad",
+        brief=("replay",),
     )
 
 
@@ -190,7 +191,7 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("", parts_table(replay)),
+        Captioned("Each file", parts_table(replay)),
         *_courses(model, replay),
     )
 

@@ -14,8 +14,8 @@ for (const holder of document.querySelectorAll(".plot")) {
   Plotly.newPlot(holder, drawn.data, drawn.layout, CONFIG);
   plots.push(holder);
 }
-// on paper two pictures of the usual height stand on a page
-const onPaper = (height) => (height <= HIGHEST_SHRUNK_PX ? Math.max(Math.min(height, 300), 0.8 * height) : height);
+// on paper three pictures of the usual height stand on a page
+const onPaper = (height) => (height <= HIGHEST_SHRUNK_PX ? Math.max(Math.min(height, 240), (height > 400 ? 0.72 : 0.6) * height) : 0.8 * height);
 const heights = plots.map((plot) => plot.layout.height);
 window.addEventListener("beforeprint", () => {
   plots.forEach((plot, k) => {
