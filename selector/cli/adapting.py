@@ -47,7 +47,7 @@ def adapt(
     """
     from selector.adaptation import adaptation
     from selector.controllers.from_adaptation import adaptation_courses, adapted_model, clamp_findings
-    from selector.controllers.model_file import read_model
+    from selector.controllers.self_check import usable_model
     from selector.study.applied import applied
     from selector.study.material import provenance_of
     from selector.telling.adapted import adaptation_account
@@ -57,7 +57,7 @@ def adapt(
     if out is not None:
         require_writable_folder(out, "--out")
         refuse_folder_of_inputs(out, [*inputs, *source.runs])
-    read = read_model(model)
+    read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [run.file for run in reading.runs])

@@ -40,10 +40,10 @@ def apply(
     are left out of the comparison.
     """
     from selector.controllers.application import write_predictions
-    from selector.controllers.model_file import read_model
+    from selector.controllers.self_check import usable_model
     from selector.study.applied import applied
 
-    read = read_model(model)
+    read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
         refuse_to_replace_input(out, [model, *source.machine_files, *(run.file for run in reading.runs)], "--out")

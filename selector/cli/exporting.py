@@ -38,9 +38,9 @@ Tested = Annotated[
     str | None,
     typer.Option(
         "--tested",
-        metavar="SHA-256",
-        help="With --sign-verified: equations SHA-256 of the program that passed the test (its head has it); another "
-        "program is refused.",
+        metavar="TARGET:SHA-256",
+        help="With --sign-verified: target and equations SHA-256 of the program that passed (its head has it), "
+        "e.g. st:1a2b3c4d; another program is refused.",
     ),
 ]
 Clamps = Annotated[
@@ -48,6 +48,10 @@ Clamps = Annotated[
 ]
 Slews = Annotated[
     list[str] | None, typer.Option("--slew", metavar="OUTPUT=µm/s", help="Largest change of a correction; repeat.")
+]
+Margin = Annotated[
+    float,
+    typer.Option("--margin", metavar="%", help="Follow sensors so far beyond their recorded range, in % of its width."),
 ]
 
 
@@ -59,6 +63,7 @@ def export(
     out: Out,
     clamp: Clamps = None,
     slew: Slews = None,
+    margin: Margin = 0.0,
     invert: Inverts = None,
     sign_verified: SignVerified = False,
     tested: Tested = None,
@@ -76,6 +81,7 @@ def export(
     options = ExportOptions(
         clamp_um=pairs(clamp, "--clamp"),
         slew_um_per_s=pairs(slew, "--slew"),
+        margin_percent=margin,
         invert=invert or (),
         is_sign_verified=sign_verified,
         tested=tested,

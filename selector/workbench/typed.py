@@ -23,7 +23,7 @@ FIELDS = {
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
     "--replay": "the recordings to run through the program",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
-    "--sign-verified": "The sign test was passed", "--tested": "Equations SHA-256 of the tested program",
+    "--sign-verified": "The sign test was passed", "--tested": "Target and SHA-256 of the tested program",
 }  # fmt: skip
 """Option of the command line → title of the field that does the same."""
 

@@ -74,7 +74,7 @@ def test_the_first_minutes_without_a_correction_are_told(tmp_path, capsys):
     assert "No correction in the first 360 s of a run: readings have to be good" in said
     assert "Without correction: displacement as recorded, from its start." in said
     # samples, difference, rms without correction, rms with it, the largest with it, share
-    assert re.search(r"r Z \d+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ %", said)
+    assert re.search(r"r Z \d+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ %", said)
     page = (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
     assert "No correction in the first 360 s" in page
     headings = ["samples", "program − reference", "without correction: rms", "with correction: rms",

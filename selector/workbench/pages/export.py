@@ -60,7 +60,9 @@ def _boxes(bench: Bench) -> Boxes:
     note = "The program is executed on them and compared with the model, sample by sample."
     targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
     target = one_of("target", "Control", list(TARGETS))
-    tested = "8 digits or more, from its head; another program, or the other sign, is then not called verified."
+    tested = (
+        "As st:1a2b3c4d, 8 digits or more from its head; no other program, control or sign is then called verified."
+    )
     boxes = (
         models,
         replace(target, control=partial(_menu, targets)),
