@@ -68,6 +68,9 @@ class Choice:
 Offer = Literal["linear", "polynomial", "memory"]
 """How rich a model may be; each offer holds all that come before it."""
 
+Plan = tuple[Offer, int]
+"""An offer, and the most sensors that a set may have."""
+
 
 @dataclass(frozen=True)
 class Tested:
@@ -81,10 +84,18 @@ class Tested:
         """The same with another target."""
         return replace(self, question=replace(self.question, options=replace(self.question.options, target=target_um)))
 
-    def choice(self, offer: Offer) -> Choice:
-        """The cheapest of the good trials that an offer allows."""
-        allowed = tuple(trial for trial in self.trials if _allows(offer, trial.shape))
+    def choice(self, plan: Plan) -> Choice:
+        """The cheapest of the good trials that a plan allows."""
+        allowed = self._allowed(plan)
         return Choice(_best(self.question, allowed, self.bench), best_by_size(allowed), allowed)
+
+    def has(self, plan: Plan) -> bool:
+        """Whether there is a trial that a plan allows."""
+        return bool(self._allowed(plan))
+
+    def _allowed(self, plan: Plan) -> tuple[Trial, ...]:
+        offer, most = plan
+        return tuple(one for one in self.trials if len(one.set.sensors) <= most and _allows(offer, one.shape))
 
 
 def offers(question: Question) -> tuple[Offer, ...]:
@@ -98,6 +109,14 @@ def offers(question: Question) -> tuple[Offer, ...]:
     if options.memory:
         found.append("memory")
     return tuple(found)
+
+
+def plans(question: Question) -> tuple[Plan, ...]:
+    """The offers with every largest number of sensors; where another rule bounds it, with what the options allow."""
+    options = question.options
+    bounded = options.tolerance is not None or options.target is not None or options.formula is not None
+    sizes = [max(options.max_sensors, len(question.needed))] if bounded else range(1, options.max_sensors + 1)
+    return tuple((offer, most) for offer in offers(question) for most in sizes)
 
 
 def _allows(offer: Offer, shape: Shape) -> bool:

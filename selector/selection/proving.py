@@ -18,7 +18,6 @@ from selector.models.moments import (
     error_curve_point,
     grouping_by_condition,
     grouping_by_run,
-    response_power,
 )
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates
@@ -165,12 +164,6 @@ def procedure_rmse_um(library: Library, outer: Grouping, choices: Sequence[Choic
     """Held-out root mean square error of the whole procedure, shape (n_responses,)."""
     loo = LeaveOneOut.of(library.moments, outer)
     return np.asarray(_held_out(library, loo, [choice.trial for choice in choices]).rmse_um)
-
-
-def relative_error(library: Library, outer: Grouping, choices: Sequence[Choice]) -> float:
-    """The same relative to the spread of the displacements, over all responses."""
-    error = procedure_rmse_um(library, outer, choices)
-    return float(np.sqrt((error**2 / response_power(library.moments)).mean()))
 
 
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:

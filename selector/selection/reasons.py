@@ -40,8 +40,12 @@ def because_of(
     proof: Proof,
     models: Mapping[str, FittedModel],
     combinations: Sequence[Combination],
+    of_larger_sets: Mapping[int, float],
 ) -> str:
-    """A few sentences: why these sensors, and the errors that were compared for it."""
+    """A few sentences: why these sensors, and the errors that were compared for it.
+
+    `of_larger_sets`: what the error of the whole procedure is, relative to its own, if sets may be larger.
+    """
     trial = choice.trial
     options = question.options
     sensors, compared = _listed(trial.set.sensors), ""
@@ -83,9 +87,11 @@ def because_of(
         "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
         "formula": "named in --formula",
     }[trial.set.origin]
+    larger = ", ".join(f"with up to {most} {share:.2f} times" for most, share in of_larger_sets.items())
+    larger = larger and f"More sensors are no better for the {PROCEDURE} on unseen data: {larger} its error. "
     unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
     return (
-        f"{sensors} ({source}; {shape}) is {rule}. {compared}"
+        f"{sensors} ({source}; {shape}) is {rule}. {compared}{larger}"
         f"On {unit} that the model has not seen, the root mean square error of the {PROCEDURE} goes: {errors}."
     )
 
