@@ -51,6 +51,7 @@ class Choice:
     trial: Trial
     by_size: dict[int, Trial]
     trials: tuple[Trial, ...]
+    eligible: tuple[Trial, ...]  #: Of these, what the plan allows
 
     @property
     def alike(self) -> tuple[Trial, ...]:
@@ -86,8 +87,8 @@ class Tested:
 
     def choice(self, plan: Plan) -> Choice:
         """The cheapest of the good trials that a plan allows."""
-        allowed = self._allowed(plan)
-        return Choice(_best(self.question, allowed, self.bench), best_by_size(allowed), allowed)
+        allowed, eligible = self._allowed((plan[0], self.question.options.max_sensors)), self._allowed(plan)
+        return Choice(_best(self.question, eligible, self.bench), best_by_size(allowed), allowed, eligible)
 
     def has(self, plan: Plan) -> bool:
         """Whether there is a trial that a plan allows."""
@@ -112,9 +113,10 @@ def offers(question: Question) -> tuple[Offer, ...]:
 
 
 def plans(question: Question) -> tuple[Plan, ...]:
-    """The offers with every largest number of sensors; where another rule bounds it, with what the options allow."""
+    """The offers with every largest number of sensors; where another rule is asked for, with all that are allowed."""
     options = question.options
-    bounded = options.tolerance is not None or options.target is not None or options.formula is not None
+    rules = (options.level, options.tolerance, options.within, options.target, options.formula)
+    bounded = any(rule is not None for rule in rules)
     sizes = [max(options.max_sensors, len(question.needed))] if bounded else range(1, options.max_sensors + 1)
     return tuple((offer, most) for offer in offers(question) for most in sizes)
 
@@ -252,12 +254,17 @@ def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.fl
     if options.within is not None:
         return [trial for trial in trials if (trial.rmse_um - best.rmse_um <= options.within).all()]
     as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
-    noise, most = np.array(question.noise_um), best.error * (1.0 + MOST_ABOVE_BEST)
+    most = best.error * (1.0 + MOST_ABOVE_BEST)
     return [
         trial
         for trial, is_good in zip(trials, as_good, strict=True)
-        if is_good or (trial.error <= most and (trial.rmse_um - best.rmse_um <= noise).all())
+        if is_good or (trial.error <= most and is_within_noise(question, trial, best))
     ]
+
+
+def is_within_noise(question: Question, trial: Trial, best: Trial) -> bool:
+    """Whether a set errs more than the best by less than the noise of the gauge adds, for every response."""
+    return bool((trial.rmse_um**2 - best.rmse_um**2 <= np.square(question.noise_um)).all())
 
 
 def _trials(

@@ -247,7 +247,15 @@ class Folds:
         """Cross-products of every term that these candidates may need."""
         if list(static) == [LINEAR] and not lagged:
             return self.linear
-        full = self._library(library_requests(self.question, found, static, lagged))
+        return self._compared(library_requests(self.question, found, static, lagged))
+
+    def of_all_sensors(self, shape: Shape) -> Library:
+        """Cross-products of the terms that all sensors bring in a shape."""
+        return self.linear if shape == LINEAR else self._compared([(self.question.sensors, shape)])
+
+    def _compared(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
+        """A library on the folds in which all sensors are compared."""
+        full = self._library(requests)
         # fewer sensors leave more complete samples, and perhaps a fold that the comparison of all sensors had lost
         at = {fold: i for i, fold in enumerate(full.moments.folds)}
         kept = full.moments.only([at[fold] for fold in self.linear.moments.folds])

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding
-from selector.models.design import Rows, datum_of, rows_of
+from selector.models.design import Form, Rows, datum_of, rows_of, runs_before
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import response_power
 from selector.quality.finding_table import CONSTANT_CHANNEL
@@ -18,6 +18,7 @@ from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
 from selector.selection.doubts import doubts
+from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, kept_readings, refined, ridge_penalty
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
@@ -67,6 +68,8 @@ def select(
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
     surveyed = survey(source, asked, datum, findings)
     question = surveyed.question
+    if question.options.memory:
+        datum = replace(datum, follows=runs_before(source, surveyed.runs))
     runs = RunsOf(source, surveyed.runs)
     n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
     folds = Folds(question, runs, datum, n_blocks)
@@ -138,6 +141,10 @@ def select(
     hull = validity_hull(rows.variables)
     stability = stability_of(question, library, found_all.grouping, choice)
     combinations = combinations_of(question, Bench.of(library, folds.all), choice)
+    equal = None
+    if isinstance(choice.trial.shape.form, Form) and not choice.trial.shape.form.interactions:
+        every = Bench.of(folds.of_all_sensors(choice.trial.shape), folds.all)
+        equal = equal_sets(question, every, choice.trial.set.sensors, choice.trial.shape)
     selection = Selection(
         options=question.options,
         sensors=question.sensors,
@@ -164,6 +171,7 @@ def select(
         findings=(),
         provenance=dict(provenance or {}),
         fallbacks=fallbacks,
+        equal=equal,
         readings=kept_readings(rows, parts),
     )
     say("looking for doubts", 0.95)
