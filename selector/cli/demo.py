@@ -23,8 +23,8 @@ def demo(
 ) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.
 
-    First the eight-sensor example of patent CN1868666, on a reconstruction of its recording; then a placement study on
-    37 sensors of a simulated machining centre. Nothing here was measured on a real machine.
+    First a real spindle, recorded for 40 hours with 16 thermometers and five probes; then the eight-sensor example of
+    patent CN1868666, on a reconstruction of its recording, which was not measured.
     """
     from selector.audit import audit_patent
     from selector.selection import Options
@@ -33,18 +33,23 @@ def demo(
 
     console = showing.screen()
     studies = {
+        "spindle46": Options(responses=("X1", "Y1", "Z")),
         "patent8": Options(responses=("Z", "Y"), level=0.995, must=("T1", "T3"), tolerance=0.001),
-        "vmc37": Options(responses=("Z", "Y"), memory=True),
+    }
+    measured = shipped("spindle46")
+    sources = {
+        "spindle46": Source(runs=[measured / "tests.parquet"], machine=measured / "machine.toml"),
+        "patent8": Source(runs=[shipped("patent8")]),
     }
     headings = {
+        "spindle46": "Sixteen thermometers of a real spindle (MEASURED for 40 h)",
         "patent8": "Eight sensors of patent CN1868666 (RECONSTRUCTED recording), with the patent's own T1 and T3",
-        "vmc37": "Placement study on 37 sensors of a machining centre (SIMULATED recording)",
     }
     selections, descriptions = [], []
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
             with progress_bar() as progress:
-                selection, material = study(Source(runs=[shipped(name)]), options, progress)
+                selection, material = study(sources[name], options, progress)
             console.rule(headings[name])
             account = selection_account(selection, material.description)
             showing.show_answer(console, account, selection.findings)

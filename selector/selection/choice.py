@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.design import Form, time_constant_grid
-from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, within_one_standard_error
+from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, HeldOut, within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms, sparse_forms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
@@ -171,8 +171,8 @@ def tested(
         if search and _searchable(found) and (shape.form.interactions or shape.form.degree > 1 or shape.has_memory):
             for sensors in sets_with_terms(question, bench, pool, shape):
                 origin.setdefault(sensors, SensorSet(sensors, "representatives"))
-        new = [(sensors, shape) for sensors in (among or origin) if (sensors, shape) not in trials]
-        for trial in _trials(question, bench, new, origin):
+        new = [sensors for sensors in among or origin if (sensors, shape) not in trials]
+        for trial in _trials(question, bench, shape, new, origin):
             trials[(trial.set.sensors, trial.shape)] = trial
 
     for shape in static:
@@ -270,28 +270,31 @@ def is_within_noise(question: Question, trial: Trial, best: Trial) -> bool:
 def _trials(
     question: Question,
     bench: Bench,
-    tests: Sequence[tuple[tuple[str, ...], Shape]],
+    shape: Shape,
+    sets: Sequence[tuple[str, ...]],
     origin: dict[tuple[str, ...], SensorSet],
-) -> list[Trial]:
+) -> Iterator[Trial]:
     share = bench.samples / bench.samples.sum()
-    trials = []
-    for sensors, shape in tests:
-        if shape.has_memory and bench.largest_vif(sensors, shape) > MAX_VIF:
-            continue
-        held_out = bench.held_out(sensors, shape)
-        errors = bench.relative(held_out)
-        trials.append(
-            Trial(
+    by_size: dict[int, list[tuple[tuple[str, ...], list[int]]]] = {}
+    for sensors in sets:
+        columns = bench.library.columns(sensors, shape)
+        by_size.setdefault(len(columns), []).append((sensors, columns))
+    for n_terms, alike in by_size.items():
+        at = np.array([columns for _, columns in alike], dtype=np.int64)
+        kept = bench.largest_vifs(at) <= MAX_VIF if shape.has_memory else np.ones(len(at), dtype=np.bool_)
+        sse = bench.leave_one_out.errors_of(at[kept], len(question.responses))
+        for i, k in enumerate(np.flatnonzero(kept)):
+            sensors, held_out = alike[k][0], HeldOut(sse[:, i], bench.samples)
+            errors = bench.relative(held_out)
+            yield Trial(
                 origin[sensors],
                 shape,
-                len(bench.library.columns(sensors, shape)),
+                n_terms,
                 errors,
                 float(np.sqrt(errors @ share)),
                 held_out.rmse_um,
                 float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
             )
-        )
-    return trials
 
 
 def _searchable(found: Candidates) -> bool:

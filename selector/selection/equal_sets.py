@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.models.moments import WORTH_OF_A_SENSOR, coefficients, squared_error
+from selector.models.moments import WORTH_OF_A_SENSOR, LeaveOneOut
 from selector.selection.library import Bench, Shape
 from selector.selection.options import Question
 
@@ -67,9 +67,9 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     shared = set(bench.library.columns((), shape))
     own = np.array([[column for column in columns if column not in shared] for columns in brought])
     always = np.array(sorted(shared), dtype=np.int64)
-    responses = np.arange(len(question.responses)) + 1 + bench.library.moments.n_columns
-    folds = bench.leave_one_out
-    whole, n = folds.left_out.sum(axis=0), folds.left_out[:, 0, 0].sum()
+    folds, n_responses = bench.leave_one_out, len(question.responses)
+    whole, n = folds.left_out.sum(axis=0, keepdims=True), folds.left_out[:, 0, 0].sum()
+    in_sample = LeaveOneOut(whole, whole, folds.n_columns)
     power, margin = bench.power, question.options.within
 
     def limit(best: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -82,12 +82,12 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     near: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
     for chosen in _chunks(sensors, must, others, size):
         at = np.concatenate([own[chosen].reshape(len(chosen), -1), np.tile(always, (len(chosen), 1))], axis=1)
-        seen = _errors(whole[None], whole[None], at, responses)[0] / n * (1.0 - ROUNDING)
+        seen = in_sample.errors_of(at, n_responses)[0] / n * (1.0 - ROUNDING)
         promising = _within(seen, limit(best), power, margin)
         at, chosen = at[promising], chosen[promising]
         if not len(chosen):
             continue
-        unseen = _errors(folds.training, folds.left_out, at, responses).sum(axis=0) / n
+        unseen = folds.errors_of(at, n_responses).sum(axis=0) / n
         total = (unseen / power).mean(axis=1)
         if total.min() <= least:
             least, best = float(total.min()), unseen[int(total.argmin())]
@@ -122,19 +122,3 @@ def _chunks(
     sets = itertools.combinations([position[name] for name in others], size - len(must))
     while some := list(itertools.islice(sets, CHUNK)):
         yield np.array([[*fixed, *one] for one in some], dtype=np.int64)
-
-
-def _errors(
-    training: NDArray[np.float64], unseen: NDArray[np.float64], at: NDArray[np.int64], responses: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Σ (y − ŷ)² of every set on every group, shape (n_groups, n_sets, n_responses)."""
-    index = np.concatenate([np.zeros((len(at), 1), dtype=np.int64), 1 + at], axis=1)
-    columns = np.arange(1, index.shape[1])
-    targets = np.arange(index.shape[1], index.shape[1] + len(responses))
-    index = np.concatenate([index, np.tile(responses, (len(at), 1))], axis=1)
-    rows, places = index[:, :, None], index[:, None, :]
-    found = []
-    for learnt, left_out in zip(training, unseen, strict=True):
-        beta = coefficients(learnt[rows, places], columns, targets)
-        found.append(squared_error(left_out[rows, places], columns, targets, beta))
-    return np.array(found)
