@@ -33,7 +33,7 @@ def demo(
 
     console = showing.screen()
     studies = {
-        "spindle46": Options(responses=("X1", "Y1", "Z")),
+        "spindle46": Options(responses=("X1", "Y1", "Z"), memory=True),
         "patent8": Options(responses=("Z", "Y"), level=0.995, must=("T1", "T3"), tolerance=0.001),
     }
     measured = shipped("spindle46")
