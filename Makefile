@@ -1,6 +1,6 @@
 # The two doors of the project. Each sets up what it needs, and says so; nothing has to be done before.
 #
-#   make demo    the patent's example and a placement study on a shipped recording; ends with the path of a report
+#   make demo    a study on a real spindle, and the patent's example; ends with the path of a report
 #   make test    every check there is; ends with one line that says that all of them passed
 #
 # Another interpreter:  make test PYTHON=python3.13

@@ -34,6 +34,7 @@ from selector.telling.selected.tables import (
     coefficients_table,
     combinations_table,
     curve_table,
+    equal_table,
     faults_table,
     gain_table,
     groups_table,
@@ -229,7 +230,9 @@ def _sets(selection: Selection) -> list[Block]:
         "which chooses the sensors anew, is the error to expect."
     )
     compared = (Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models)
-    return [Paragraph(text), *compared]
+    every = equal_table(selection)
+    equal = [] if every is None else [Captioned("Sets to take instead", every)]
+    return [*equal, Paragraph(text), *compared]
 
 
 def _model(selection: Selection) -> list[Block]:
