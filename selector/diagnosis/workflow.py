@@ -15,6 +15,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity, Variant
 from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
+from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
@@ -194,6 +195,7 @@ def _tested(state: _State) -> _State:
         benches[name], untested[name] = bench_of(comparison, name, asked.effects, asked.through_model.get(name))
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
+    found = beside_discrepancy(comparison, found)
     found = not_ruinous(comparison, _worth_naming(comparison, found))
     found, also = of_practical_size(comparison, found)
     return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
@@ -320,7 +322,7 @@ def _recalibration_holds(bench: Bench) -> bool:
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
-    found = _only(state.search, {effect.id for effect in effects})
+    found = state.search.only({effect.id for effect in effects})
     gains = any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items())
     return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
 
@@ -397,9 +399,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return _only(
-        found, {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes}
-    )
+    return found.only({id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes})
 
 
 def _part(found: Search, effect: NamedEffect) -> float:
@@ -411,10 +411,6 @@ def _part(found: Search, effect: NamedEffect) -> float:
         parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
     return max(parts)
 
-
-def _only(found: Search, ids: set[str]) -> Search:
-    """The search with only some of the effects named."""
-    return replace(found, named={id_: of for id_, of in found.named.items() if id_ in ids})
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:

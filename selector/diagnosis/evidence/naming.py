@@ -123,7 +123,8 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
     if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
         large = share >= _MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
-        confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
+        confidence = min(confidence, share if large else _HALF)
+    confidence = min(confidence, found.ahead.get(id_, 1.0))
     gap = found.closed.get(id_)
     if gap is not None and gap.high is not None:
         # no surer than the names are shown to carry on unseen rows

@@ -134,7 +134,11 @@ class Bench:
     @cached_property
     def white_nuisance(self) -> Matrix:
         """Columns of the recalibration behind the noise filter, fitted rows only."""
-        return self._single(whitened(self.noise, self.nuisance, self.parts)[self.rows])
+        return self.behind_filter(self.nuisance)
+
+    def behind_filter(self, columns: Matrix) -> Matrix:
+        """Courses (n_rows, p) behind the noise filter, fitted rows only."""
+        return self._single(whitened(self.noise, columns, self.parts)[self.rows])
 
     @cached_property
     def white_target(self) -> Vector:
@@ -142,7 +146,7 @@ class Bench:
         if self.pseudo_target is not None:
             return self.pseudo_target
         whole = filled_rows(self.target, self.parts)[:, None]
-        return self._single(whitened(self.noise, whole, self.parts)[self.rows])[:, 0]
+        return self.behind_filter(whole)[:, 0]
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:

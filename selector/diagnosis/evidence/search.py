@@ -214,11 +214,16 @@ class Search:
     weights: Mapping[str, Mapping[str, float]]
     #: Response → times that the noise of `benches` is larger than that of the fit: what is left is no noise only
     misfit: Mapping[str, float] = field(default_factory=dict)
-    #: Named effect → part of its fall of the unseen error that no effect outside of its set makes, where misfit is
+    #: Named effect → how sure it is at most: where misfit is, the part of its fall of the unseen error that no effect
+    #: outside of its set makes; beside a misfit that is nobody's
     ahead: Mapping[str, float] = field(default_factory=dict)
     #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
     closed: Mapping[str, Quantity] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
+
+    def only(self, ids: set[str]) -> Search:
+        """The search with only some of the effects named."""
+        return replace(self, named={id_: of for id_, of in self.named.items() if id_ in ids})
 
 
 def numbers(named: Named, response: str) -> list[int]:
