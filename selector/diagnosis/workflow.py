@@ -21,6 +21,7 @@ from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
     input_fault_effect,
     is_far_above_noise,
+    is_recalibrated,
     is_small,
     named_effect,
     of_practical_size,
@@ -30,7 +31,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import Search, numbers, search, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
@@ -51,7 +52,7 @@ _SUSPECTED = 0.5
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 """Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 missing if structure is left beside them."""
-_LEAST_SURE, _QUARTER = 0.05, 0.25
+_LEAST_SURE, _QUARTER = 0.1, 0.25
 """Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it."""
 _MANY = 3
 """Names from which on any smooth misfit may have been put together from them."""
@@ -238,7 +239,7 @@ def _looked_at_what_is_left(state: _State) -> _State:
     structures = [
         one
         for one in unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-        if not is_small(comparison, found, one.channel)
+        if not is_small(comparison, found, one.channel, one.size)
     ]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures)
 
@@ -285,7 +286,7 @@ def _named_clearly(state: _State) -> _State:
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
     gap = found.closed.get(effect.id)
-    if gap is None or gap.high is None or effect.id == "data.stuck":
+    if gap is None or gap.high is None or effect.share >= MOST_OF_IT or effect.id == "data.stuck":
         return False
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
@@ -323,7 +324,10 @@ def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
     found = state.search.only({effect.id for effect in effects})
-    gains = any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items())
+    gains = any(
+        (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
+        for name, one in state.again.items()
+    )
     return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
 
 
@@ -399,7 +403,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return found.only({id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes})
+    return found.only({id_ for id_ in worth if sizes[id_] >= _LEAST or not _refuted(comparison, found, id_)})
 
 
 def _part(found: Search, effect: NamedEffect) -> float:
@@ -410,7 +414,6 @@ def _part(found: Search, effect: NamedEffect) -> float:
         alone = bench.mean_square([])
         parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
     return max(parts)
-
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
@@ -436,7 +439,8 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
     """
     if effect.share >= _MOST:
         return True
-    if found.misfit.get(effect.channel, 1.0) > 1.0 and not effect.suspected:
+    gap = found.closed.get(effect.id)
+    if found.misfit.get(effect.channel, 1.0) > 1.0 and (not effect.suspected or (gap and gap.value >= _QUARTER)):
         # structure is expected to be left there; the name has borne the marks of its size
         return True
     if effect.suspected or found.weights.get(effect.id, {effect.id: 1.0})[effect.id] < _DOUBTFUL:
@@ -451,7 +455,11 @@ def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """
     effect = named_effect(comparison, found, id_)
     is_lost = effect.share < _LEAST and _is_lost(effect, found)
-    return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
+    return _doubted(effect) if is_lost or _refuted(comparison, found, id_) else effect
+
+
+def _refuted(comparison: Comparison, found: Search, id_: str) -> bool:
+    return confirmation(comparison, found, id_).refutes
 
 
 def _is_lost(effect: NamedEffect, found: Search) -> bool:

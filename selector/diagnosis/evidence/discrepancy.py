@@ -3,8 +3,8 @@
 A simulation that is a little wrong in a way that no effect describes is off by a function of its own state: of where a
 response is, and of how it got there. Where such a misfit has the size of the noise it leaves nothing that would show by
 itself, and the nearest shape of the catalogue passes for an effect. So that function is a rival of every name: a random
-one with a Gaussian prior (M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, JRSS B 63, 2001), a sum of
-waves over the simulated response and two of its memories (A. Rahimi, B. Recht, NIPS 20, 2007), of unknown size.
+one with a Gaussian prior (M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, JRSS B 63, 2001), made of
+waves over the simulated response and its memories (A. Rahimi, B. Recht, NIPS 20, 2007), of unknown size.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search, numbers, without
+from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, numbers, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import by_run, filled, lagged
+from selector.diagnosis.shapes.signals import filled, lagged
 from selector.types import Matrix, Vector
 
 _WAVES = 96
@@ -30,12 +31,10 @@ _LENGTHS = 0.7
 """Half the logarithm by which the lengths of the waves differ, in standard deviations of the state."""
 _SIZES = np.geomspace(1e-3, 2.0, 14)
 """Root mean square of the misfit in parts of that of the mismatch; as likely as not there is none."""
-_KEPT = 0.5
+_KEPT = 0.4
 """Of its evidence: a name that keeps less says little more than that something is wrong."""
 _LEFT = 0.1
-"""Size of the likeliest misfit beside a name, in parts of the mismatch, from which the simulation is wrong elsewhere, too."""
-_DOUBTED = 0.5
-"""Confidence, at most, of a name that keeps little, or beside which the simulation is wrong elsewhere."""
+"""Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too."""
 
 
 def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
@@ -50,8 +49,7 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
         least = min(alone, key=lambda id_: kept[id_][0], default=None)
         if least is None or kept[least][0] >= _KEPT:
             doubted = {id_ for id_, (share, size) in kept.items() if share < _KEPT or size >= _LEFT}
-            ahead = {id_: min(found.ahead.get(id_, 1.0), _DOUBTED) for id_ in doubted}
-            return replace(found, ahead={**found.ahead, **ahead})
+            return replace(found, doubted=frozenset(doubted))
         found = found.only(set(found.named) - {least})
 
 
@@ -76,8 +74,13 @@ def _states(comparison: Comparison, response: str) -> Iterator[Vector]:
 
 
 def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, float]:
-    """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest."""
+    """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest.
+
+    What explains most of a mismatch is no guess among shapes of the noise's size: it keeps all.
+    """
     others = without(found.named, id_)
+    if any(_share(found, others, id_, name) >= MOST_OF_IT for name in found.named[id_]):
+        return 1.0, 0.0
     told = np.array(
         [
             _evidence(bench, numbers(others, name), members_of(bench)[id_], waves[name])
@@ -89,7 +92,14 @@ def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, flo
     return float(beside / alone) if alone > 0.0 else 1.0, float(told[:, 2].min())
 
 
-def _evidence(bench: Bench, others: Sequence[int], own: Sequence[int], waves: Matrix) -> tuple[float, float, float]:
+def _share(found: Search, others: Named, id_: str, response: str) -> float:
+    """Share of what recalibration leaves of a response that a name explains beside the others."""
+    bench, of = found.benches[response], numbers(others, response)
+    fall = bench.mean_square(of) - bench.mean_square([*of, found.named[id_][response]])
+    return fall / bench.mean_square([])
+
+
+def _evidence(bench: Bench, others: Sequence[int], own: NDArray[np.intp], waves: Matrix) -> tuple[float, float, float]:
     """Logarithm of how much more likely a name makes the record, without a misfit and with one beside it.
 
     The last is the likeliest size of the misfit beside the name, in parts of the mismatch.

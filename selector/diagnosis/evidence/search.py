@@ -103,7 +103,7 @@ def tempered(bench: Bench, times: float) -> Bench:
     if times == 1.0:
         return bench
     size = float(np.sqrt(times))
-    calm = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
+    calm = replace(bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size)), is_misfit=True)
     return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)
 
 
@@ -148,11 +148,15 @@ _MOST = 5
 _FINEST = 0.02
 """Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
+_THE_SAME = 0.9
+"""Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong."""
 _RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
 _TRIFLE = 0.1
 """What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
 _TENTH = 0.1
+MOST_OF_IT = 0.75
+"""Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows."""
 _AS_GOOD = 0.6
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
 _CLEARLY_BETTER = 1.1
@@ -214,12 +218,12 @@ class Search:
     weights: Mapping[str, Mapping[str, float]]
     #: Response → times that the noise of `benches` is larger than that of the fit: what is left is no noise only
     misfit: Mapping[str, float] = field(default_factory=dict)
-    #: Named effect → how sure it is at most: where misfit is, the part of its fall of the unseen error that no effect
-    #: outside of its set makes; beside a misfit that is nobody's
+    #: Named effect → part of its fall of the unseen error that no effect outside of its set makes, where misfit is
     ahead: Mapping[str, float] = field(default_factory=dict)
     #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
     closed: Mapping[str, Quantity] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
+    doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside
 
     def only(self, ids: set[str]) -> Search:
         """The search with only some of the effects named."""
@@ -435,15 +439,20 @@ def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
     """
     named: Named = {}
     refused: Named = {}
-    while len(named) < _MOST and len(refused) < _MOST_REFUSED:
+    tried = 0
+    while len(named) < _MOST and tried + len(refused) < _MOST_REFUSED:
         standing = given.standings(benches, named)
         supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
         main, chosen = best.main, best.chosen
-        is_added = given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main])
-        (named if is_added else refused)[best.id] = chosen
+        if given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
+            # beside it what was refused may add enough
+            tried = tried + len(refused)
+            named, refused = {**named, best.id: chosen}, {}
+        else:
+            refused[best.id] = chosen
     return named, refused
 
 
@@ -458,10 +467,15 @@ def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[
 
 
 def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
-    """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better."""
+    """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better.
+
+    Physics that explains three quarters of it may be of another size there.
+    """
     without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * bench.mean_square([]):
-        return False
+    fall = np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2)
+    share = float(fall) / bench.mean_square([])
+    if share < _TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
+        return share >= _TENTH
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
@@ -512,13 +526,16 @@ def _by_transfer(
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
         if given.times[main] == 1.0:
             continue
-        falls = {}
+        falls, the_same = {}, set()
         for other, one in beside.items():
             is_rival = other != id_ and main in one.responses and one.p_value <= given.level
             if is_rival and adds(benches[main], numbers(others, main), one.tested[main].best):
                 rival = {name: one.tested[name].best for name in of if name in one.tested}
                 falls[other] = _unseen_share(benches, others, of, rival)
-        good = [other for other in sorted(falls, key=lambda one: -falls[one]) if falls[other] >= _AS_GOOD]
+                if _alike(benches, beside, named, id_, other, _THE_SAME):
+                    the_same.add(other)
+        ranked = sorted(falls, key=lambda one: -falls[one])
+        good = [other for other in ranked if falls[other] >= _AS_GOOD or other in the_same]
         best = good[0] if good else id_
         if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
             chosen = beside[best].chosen
@@ -580,7 +597,14 @@ def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # no
     return {name: value / sum(raw.values()) for name, value in raw.items()}
 
 
-def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
+def _alike(
+    benches: Benches,
+    beside: Mapping[str, Standing],
+    named: Named,
+    id: str,  # noqa: A002 - the word of the contract
+    other: str,
+    at_least: float = _NEARLY,
+) -> bool:
     """Whether two effects make nearly the same course in the response that shows the first one most."""
     first, second = beside[id], beside[other]
     response = first.main
@@ -592,4 +616,4 @@ def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: s
     for one in (first, second):
         columns = bench.white_columns[:, bench.candidates[one.tested[response].best].columns]
         spaces.append(np.linalg.qr(columns - base @ (base.T @ columns))[0])
-    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > _NEARLY
+    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > at_least
