@@ -31,7 +31,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, is_slow_in_one_run, numbers, search, unseen_rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
@@ -285,8 +285,14 @@ def _named_clearly(state: _State) -> _State:
 
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
+    """Whether a name carries next to nothing to unseen rows, or is a slow fault in a record of one run."""
+    if effect.id == "data.stuck":
+        return False
+    of = found.named.get(effect.id, {})
+    if any(is_slow_in_one_run(found.benches[name], v) for name, v in of.items()):
+        return True
     gap = found.closed.get(effect.id)
-    if gap is None or gap.high is None or effect.share >= MOST_OF_IT or effect.id == "data.stuck":
+    if gap is None or gap.high is None or effect.share >= MOST_OF_IT:
         return False
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 

@@ -127,7 +127,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if id_ in found.doubted and share < MOST_OF_IT:
         confidence = min(confidence, _HALF)
     gap = found.closed.get(id_)
-    if gap is not None and gap.high is not None and share < MOST_OF_IT:
+    if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
     # with nothing meant to be kept nothing is lacking

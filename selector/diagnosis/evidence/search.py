@@ -13,6 +13,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
@@ -148,6 +149,8 @@ _MOST = 5
 _FINEST = 0.02
 """Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
+_LEAP = 0.5
+"""Of a fault's size: a reading that changes by as much from one sample to the next is not slow."""
 _THE_SAME = 0.9
 """Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong."""
 _RIVAL = 0.2
@@ -161,7 +164,6 @@ _AS_GOOD = 0.6
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
 _CLEARLY_BETTER = 1.1
 _MOST_ALIKE = 3
-_MOST_REFUSED = 8
 _MOST_LIBERAL = 8
 _SLOW = 0.3
 """Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
@@ -432,28 +434,29 @@ def _selected(benches: Benches, given: _Given) -> Named:
 
 
 def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
-    """The same where more is left than noise: what adds a part that matters, and what is refused.
+    """The same where more is left than noise: what adds a part that matters, and what is supported without.
 
-    Shapes that are nearly alike share a mismatch among them until none has a part of its own. So one is taken after the
-    other, and only if it adds a tenth of the mismatch and makes unseen rows better.
+    Everything is significant there, so that what carries most to unseen rows is taken first, not what is likeliest by
+    the fitted ones. Shapes that are nearly alike would share a mismatch among them until none has a part of its own: so
+    one is taken after the other, and only if it adds a tenth of the mismatch.
     """
     named: Named = {}
-    refused: Named = {}
-    tried = 0
-    while len(named) < _MOST and tried + len(refused) < _MOST_REFUSED:
-        standing = given.standings(benches, named)
-        supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
-        if not supported:
-            break
-        best = max(supported, key=lambda one: one.score)
-        main, chosen = best.main, best.chosen
-        if given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
-            # beside it what was refused may add enough
-            tried = tried + len(refused)
-            named, refused = {**named, best.id: chosen}, {}
-        else:
-            refused[best.id] = chosen
-    return named, refused
+    while True:
+        supported = [one for one in given.standings(benches, named).values() if given.supports(one)]
+        falls = {
+            one.id: _carried(benches[one.main], numbers(named, one.main), one.chosen[one.main])
+            for one in supported
+            if given.times[one.main] == 1.0 or adds(benches[one.main], numbers(named, one.main), one.chosen[one.main])
+        }
+        if not falls or len(named) == _MOST:
+            return named, {one.id: one.chosen for one in supported}
+        best = max(supported, key=lambda one: falls.get(one.id, -np.inf))
+        named = {**named, best.id: best.chosen}
+
+
+def _carried(bench: Bench, named: Sequence[int], v: int) -> float:
+    """Share of the unseen mean square beside the `named` that a candidate takes away."""
+    return 1.0 - (unseen_rms(bench, [*named, v]) / max(unseen_rms(bench, named), 1e-300)) ** 2
 
 
 def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[str, float]) -> tuple[Named, Named]:
@@ -536,8 +539,13 @@ def _by_transfer(
                     the_same.add(other)
         ranked = sorted(falls, key=lambda one: -falls[one])
         good = [other for other in ranked if falls[other] >= _AS_GOOD or other in the_same]
+        is_slow = is_slow_in_one_run(benches[main], of[main])
+        if is_slow:
+            # a machine does so as well
+            good = [other for other in good if not other.startswith("data.")]
         best = good[0] if good else id_
-        if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
+        is_better = best != id_ and (is_slow or falls[best] > _CLEARLY_BETTER)
+        if is_better and beside[best].is_the_same_in_all_runs:
             chosen = beside[best].chosen
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             good = [id_, *(other for other in good if other != best)]
@@ -547,6 +555,20 @@ def _by_transfer(
         rest = [fall for other, fall in falls.items() if other not in (best, *alike[best])]
         ahead[best] = 1.0 - float(np.clip(max(rest, default=0.0), 0.0, 1.0))
     return named, alike, ahead
+
+
+_LIKE_ANYTHING_SLOW = ("data.drift", "data.step")
+
+
+def is_slow_in_one_run(bench: Bench, v: int) -> bool:
+    """Whether a candidate is a slow fault of a channel in the only run: what the machine itself does looks like it.
+
+    A reading that leaps from one sample to the next is not slow.
+    """
+    if bench.candidates[v].effect.id not in _LIKE_ANYTHING_SLOW or len(np.unique(bench.runs[bench.fitted])) > 1:
+        return False
+    course = bench.raw(v) @ bench.coefficients([v])[0][-bench.counts[v] :]
+    return float(np.nanmax(np.abs(np.diff(bench.target[bench.fitted])))) < _LEAP * rms(course[bench.fitted])
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
