@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, numbers, without
+from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, adds, numbers, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import filled, lagged
@@ -40,17 +40,29 @@ _LEFT = 0.1
 def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     """The search without names that a misfit of nobody's makes as likely; the least clear first, others in doubt.
 
-    Where more is left than noise that is known already: there names have to bear other marks, and are doubted only.
+    Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
+    the responses of a name that is gone the others have to bear them as well.
     """
     waves = {name: waves_of(comparison, name) for name in found.benches}
+    wrong: set[str] = set()
     while True:
         kept = {id_: _kept(found, id_, waves) for id_ in found.named if id_ != "data.stuck"}
         alone = [id_ for id_ in kept if all(found.misfit[name] == 1.0 for name in found.named[id_])]
-        least = min(alone, key=lambda id_: kept[id_][0], default=None)
-        if least is None or kept[least][0] >= _KEPT:
+        small = [id_ for id_ in alone if kept[id_][0] < _KEPT or not _bears_size(found, id_, wrong)]
+        if not small:
             doubted = {id_ for id_, (share, size) in kept.items() if share < _KEPT or size >= _LEFT}
             return replace(found, doubted=frozenset(doubted))
+        least = min(small, key=lambda id_: kept[id_][0])
+        wrong |= set(found.named[least])
         found = found.only(set(found.named) - {least})
+
+
+def _bears_size(found: Search, id_: str, wrong: set[str]) -> bool:
+    """Whether a name adds a part that matters in the responses whose simulation is known to be wrong otherwise."""
+    others = without(found.named, id_)
+    return all(
+        adds(found.benches[name], numbers(others, name), v) for name, v in found.named[id_].items() if name in wrong
+    )
 
 
 def waves_of(comparison: Comparison, response: str) -> Matrix:

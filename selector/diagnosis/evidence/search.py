@@ -42,6 +42,7 @@ _AS_GOOD = 0.6
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
 _CLEARLY_BETTER = 1.1
 _MOST_ALIKE = 3
+_MOST_REFUSED = 8
 _MOST_LIBERAL = 8
 _SLOW = 0.3
 """Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
@@ -312,29 +313,28 @@ def _selected(benches: Benches, given: _Given) -> Named:
 
 
 def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
-    """The same where more is left than noise: what adds a part that matters, and what is supported without.
+    """The same where more is left than noise: what adds a part that matters, and what is refused.
 
-    Everything is significant there, so that what carries most to unseen rows is taken first, not what is likeliest by
-    the fitted ones. Shapes that are nearly alike would share a mismatch among them until none has a part of its own: so
-    one is taken after the other, and only if it adds a tenth of the mismatch.
+    Shapes that are nearly alike share a mismatch among them until none has a part of its own. So one is taken after the
+    other, and only if it adds a tenth of the mismatch and makes unseen rows better.
     """
     named: Named = {}
-    while True:
-        supported = [one for one in given.standings(benches, named).values() if given.supports(one)]
-        falls = {
-            one.id: _carried(benches[one.main], numbers(named, one.main), one.chosen[one.main])
-            for one in supported
-            if given.times[one.main] == 1.0 or adds(benches[one.main], numbers(named, one.main), one.chosen[one.main])
-        }
-        if not falls or len(named) == _MOST:
-            return named, {one.id: one.chosen for one in supported}
-        best = max(supported, key=lambda one: falls.get(one.id, -np.inf))
-        named = {**named, best.id: best.chosen}
-
-
-def _carried(bench: Bench, named: Sequence[int], v: int) -> float:
-    """Share of the unseen mean square beside the `named` that a candidate takes away."""
-    return 1.0 - (unseen_rms(bench, [*named, v]) / max(unseen_rms(bench, named), 1e-300)) ** 2
+    refused: Named = {}
+    tried = 0
+    while len(named) < _MOST and tried < _MOST_REFUSED:
+        standing = given.standings(benches, named)
+        supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
+        if not supported:
+            break
+        best = max(supported, key=lambda one: one.score)
+        main, chosen = best.main, best.chosen
+        if given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
+            # beside it what was refused may add enough
+            named, refused = {**named, best.id: chosen}, {}
+        else:
+            refused[best.id] = chosen
+            tried += 1
+    return named, refused
 
 
 def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[str, float]) -> tuple[Named, Named]:
