@@ -312,7 +312,8 @@ def _named_by_whole_record(state: _State) -> _State:
     if state.effects or state.structures:
         return state
     comparison, benches = state.comparison, dict(state.search.benches)
-    again = {name: one for name, one in state.again.items() if _recalibration_holds(benches[name])}
+    right = [name for name in state.again if _recalibration_holds(benches[name]) and name not in state.search.wrong]
+    again = {name: state.again[name] for name in right}
     whole = whole_record_names(comparison, again)
     effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
     effects += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, adds, numbers, without
+from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, numbers, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import filled, lagged
@@ -33,6 +33,8 @@ _SIZES = np.geomspace(1e-3, 2.0, 14)
 """Root mean square of the misfit in parts of that of the mismatch; as likely as not there is none."""
 _KEPT = 0.4
 """Of its evidence: a name that keeps less says little more than that something is wrong."""
+_KEPT_BESIDE = 0.8
+"""The same where another name was no more than that."""
 _LEFT = 0.1
 """Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too."""
 
@@ -41,28 +43,22 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     """The search without names that a misfit of nobody's makes as likely; the least clear first, others in doubt.
 
     Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
-    the responses of a name that is gone the others have to bear them as well.
+    the responses of a name that is gone something is wrong that is no effect: there the others have to keep more.
     """
     waves = {name: waves_of(comparison, name) for name in found.benches}
-    wrong: set[str] = set()
     while True:
         kept = {id_: _kept(found, id_, waves) for id_ in found.named if id_ != "data.stuck"}
-        alone = [id_ for id_ in kept if all(found.misfit[name] == 1.0 for name in found.named[id_])]
-        small = [id_ for id_ in alone if kept[id_][0] < _KEPT or not _bears_size(found, id_, wrong)]
-        if not small:
+        short = {
+            id_: share - (_KEPT_BESIDE if found.wrong & set(found.named[id_]) else _KEPT)
+            for id_, (share, _) in kept.items()
+            if all(found.misfit[name] == 1.0 for name in found.named[id_])
+        }
+        if min(short.values(), default=0.0) >= 0.0:
             doubted = {id_ for id_, (share, size) in kept.items() if share < _KEPT or size >= _LEFT}
             return replace(found, doubted=frozenset(doubted))
-        least = min(small, key=lambda id_: kept[id_][0])
-        wrong |= set(found.named[least])
-        found = found.only(set(found.named) - {least})
-
-
-def _bears_size(found: Search, id_: str, wrong: set[str]) -> bool:
-    """Whether a name adds a part that matters in the responses whose simulation is known to be wrong otherwise."""
-    others = without(found.named, id_)
-    return all(
-        adds(found.benches[name], numbers(others, name), v) for name, v in found.named[id_].items() if name in wrong
-    )
+        least = min(short, key=lambda id_: short[id_])
+        wrong = found.wrong | set(found.named[least])
+        found = replace(found.only(set(found.named) - {least}), wrong=wrong)
 
 
 def waves_of(comparison: Comparison, response: str) -> Matrix:

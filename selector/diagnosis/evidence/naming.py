@@ -101,10 +101,9 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 _UNCHECKED = 0.9
 """What is left of a confidence that nothing held out could bear out."""
 _HALF = 0.5
-"""How sure a name is at most where structure is left; one that explains `MOST_OF_IT` is as sure as it is large."""
+"""How sure a name is at most that carries nothing to unseen rows, where structure is left, or that is doubted; it is
+the surer, the more it surely carries."""
 _FAR_ABOVE = 4.0
-_LIKE_ANYTHING_SLOW = ("data.drift", "data.step", "data.zero")
-"""Faults of one channel that only a second channel tells from what the machine itself does slowly."""
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -121,12 +120,12 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
-    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
-        large = share >= MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
-        confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
-    if id_ in found.doubted and share < MOST_OF_IT:
-        confidence = min(confidence, _HALF)
     gap = found.closed.get(id_)
+    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
+        carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
+        confidence = min(confidence, _HALF + (1.0 - _HALF) * carried, found.ahead.get(id_, 1.0))
+    if id_ in found.doubted:
+        confidence = min(confidence, _HALF)
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)

@@ -104,6 +104,7 @@ class Search:
     #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
     closed: Mapping[str, Quantity] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
+    wrong: frozenset[str] = frozenset()  #: Responses whose simulation is off as no effect is
     doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside
 
     def only(self, ids: set[str]) -> Search:
@@ -423,7 +424,11 @@ def _by_transfer(
             good = [other for other in good if not other.startswith("data.")]
         best = good[0] if good else id_
         is_better = best != id_ and (is_slow or falls[best] > _CLEARLY_BETTER)
-        if is_better and beside[best].is_the_same_in_all_runs:
+        if (
+            is_better
+            and beside[best].is_the_same_in_all_runs
+            and _explains_as_much(benches[main], others, beside, id_, best)
+        ):
             chosen = beside[best].chosen
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             good = [id_, *(other for other in good if other != best)]
@@ -433,6 +438,14 @@ def _by_transfer(
         rest = [fall for other, fall in falls.items() if other not in (best, *alike[best])]
         ahead[best] = 1.0 - float(np.clip(max(rest, default=0.0), 0.0, 1.0))
     return named, alike, ahead
+
+
+def _explains_as_much(bench: Bench, others: Named, beside: Mapping[str, Standing], own: str, other: str) -> bool:
+    """Whether another effect explains about as much of the fitted rows: a part that carries is not the whole."""
+    base, name = numbers(others, bench.response), bench.response
+    before = bench.mean_square(base)
+    falls = [before - bench.mean_square([*base, beside[id_].tested[name].best]) for id_ in (own, other)]
+    return falls[1] >= _AS_GOOD * falls[0]
 
 
 _LIKE_ANYTHING_SLOW = ("data.drift", "data.step")
