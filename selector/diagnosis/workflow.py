@@ -131,6 +131,7 @@ class _State:
     residuals: Mapping[str, Vector] = field(default_factory=dict)  #: Response → what is left [unit], (n_rows,)
     white: Mapping[str, Vector] = field(default_factory=dict)  #: The same behind the noise filter
     structures: Sequence[Structure] = ()  #: What nothing explains
+    small: frozenset[str] = frozenset()  #: Responses in which that is too little to matter
     effects: tuple[NamedEffect, ...] = ()
     also: tuple[NamedEffect, ...] = ()  #: Too small, or not borne out, beside structure that is nobody's
     verdict: Verdict = "nothing-missing"
@@ -236,12 +237,10 @@ def _looked_at_what_is_left(state: _State) -> _State:
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
-    structures = [
-        one
-        for one in unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-        if not is_small(comparison, found, one.channel, one.size)
-    ]
-    return replace(state, late=late, residuals=residuals, white=white, structures=structures)
+    seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
+    structures = [one for one in seen if not is_small(comparison, found, one.channel, one.size)]
+    small = {one.channel for one in seen} - {one.channel for one in structures}
+    return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
 
 
 def _named(state: _State) -> _State:
@@ -381,7 +380,7 @@ def _answered(state: _State) -> Diagnosis:
             *comparison.findings,
             *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
             *told_of_wandering(comparison, state.residuals, state.structures),
-            *(() if effects else told_of_small(comparison, found)),
+            *(() if effects else told_of_small(comparison, found, state.small)),
         ),
         seed=state.asked.seed,
     )

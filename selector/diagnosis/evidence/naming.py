@@ -361,18 +361,19 @@ def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
     return not is_commanded and _of_movement(comparison, found, response) < least
 
 
-def told_of_small(comparison: Comparison, found: Search) -> tuple[Finding, ...]:
-    """A finding for every response in which more is left than noise, but too little to matter."""
+def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
+    """A finding for every response in which more is left than noise, but too little to matter, as it is in the `small`."""
     return tuple(
         FINDINGS.finding(
             "small-misfit",
-            f"What the simulation leaves of {name} is no noise, but only {share:.2g} of its movement (rms), or no more "
-            "than repeats of a programme differ by: too little to be called missing physics.",
+            f"What recalibration leaves of {name} is no noise, but only {share:.2g} of its movement (rms), no more "
+            "than repeats of a programme differ by, or little beside what recalibration puts right: too little to be "
+            "called missing physics.",
             Where(channel=name),
             {"share_of_movement": share, "times_noise": found.misfit[name]},
         )
         for name in found.benches
-        if is_small(comparison, found, name)
+        if name in small or is_small(comparison, found, name)
         for share in [_of_movement(comparison, found, name)]
     )
 
