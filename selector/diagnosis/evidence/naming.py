@@ -362,7 +362,7 @@ def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
 
 
 def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
-    """A finding for every response in which more is left than noise, but too little to matter, as it is in the `small`."""
+    """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
     return tuple(
         FINDINGS.finding(
             "small-misfit",
