@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +18,12 @@ from selector.types import Mask, Matrix, Vector
 
 LEAST = 0.1
 """Of the mismatch that recalibration leaves: what explains less, or carries less to unseen rows, is no name."""
-_CLEAR = 6.0
-"""Gain by which a name has to lead its rivals: odds of 20."""
-_AS_WELL = 1.1
+_CLEAR, _NEARLY = 6.0, 0.7
+"""Gain by which, and share of its gain within which, a rival may lag behind the best and fits nearly as well."""
+_AS_WELL = 1.25
 """Times the unseen mean square of the best that a rival may have and is not told from it."""
-_NEARLY = 0.8
-"""Of the gain of the best: a rival with less is none, however it does on unseen rows."""
+_FAR_BEHIND = 0.2
+"""Of the gain of the best: what has less is not tried in its place."""
 _WEIGHED, _AGAIN = 12, 2
 """How many of the best are weighed by what they leave, and how often."""
 _IDLE = 0.3
@@ -42,15 +42,10 @@ class Candidate:
     gain: float  #: Twice the logarithm of the likelihood gained on fitted rows
     p_value: float  #: Of that gain in noise, for all ways together
     main: str  #: The response that gains most
-    share: float  #: Of the mean square of that response on fitted rows that goes with it
+    share: float  #: Of the mean square of a response on fitted rows that goes with it, where that is most
     carried: float  #: Of the unseen mean squares of all responses, each in parts of what is left of it, that goes
     unseen: float  #: What is left of them
     is_idle: bool  #: Whether it hardly acts on unseen rows
-
-    @property
-    def is_borne_out(self) -> bool:
-        """Whether it is large enough, and unseen rows that it acts in gain by it."""
-        return self.share >= LEAST and (self.is_idle or self.carried >= LEAST)
 
 
 def candidates(fitted: Refitted, through: ThroughModel) -> list[Candidate]:
@@ -73,15 +68,25 @@ def candidates(fitted: Refitted, through: ThroughModel) -> list[Candidate]:
     return sorted(refined, key=lambda one: -one.gain)
 
 
-def rivals_of(best: Candidate, found: Sequence[Candidate]) -> tuple[str, ...]:
-    """Other effects that these rows do not tell from the best one: they do as well on fitted, or on unseen rows."""
-    rivals: dict[str, None] = {}
+def chosen(found: Sequence[Candidate], false_alarm: float, without: Collection[str]) -> list[tuple[Candidate, ...]]:
+    """Effects that are large and sure enough to be put in, the best first, each with the rivals that do as well.
+
+    Of those that fit nearly as well the one with the fewest amounts comes first, then that which unseen rows like best.
+    """
+    ways: dict[str, Candidate] = {}
     for one in found:
-        is_alike = one.gain > best.gain - _CLEAR
-        is_alike |= one.gain > _NEARLY * best.gain and one.unseen <= _AS_WELL * best.unseen
-        if one.switch.id != best.switch.id and is_alike and one.share >= LEAST:
-            rivals.setdefault(one.switch.id)
-    return tuple(rivals)
+        if one.p_value <= false_alarm and one.share >= LEAST:
+            ways.setdefault(one.switch.id, one)
+    left, ranked = [one for id_, one in ways.items() if id_ not in without], list[tuple[Candidate, ...]]()
+    least = _FAR_BEHIND * max((one.gain for one in left), default=0.0)
+    while left and left[0].gain >= least:
+        near = [one for one in left if one.gain >= min(_NEARLY * left[0].gain, left[0].gain - _CLEAR)]
+        unseen = min(one.unseen for one in near)
+        alike = [one for one in near if one.unseen <= _AS_WELL * unseen]
+        alike.sort(key=lambda one: (len(one.amounts), one.unseen))
+        ranked.append(tuple(alike))
+        left = [one for one in left if one is not alike[0]]
+    return ranked
 
 
 class _Problem:
@@ -172,7 +177,7 @@ class _Weighed:
             gain=float(gains.sum()),
             p_value=1.0,
             main=of.names[main],
-            share=float(1.0 - after[main] / before[main]),
+            share=float(np.max(1.0 - after / before)),
             carried=1.0 - unseen[1] / unseen[0],
             unseen=unseen[1],
             is_idle=unseen[2] < _IDLE**2 * float(np.sum(squares(changed, of.fit))),

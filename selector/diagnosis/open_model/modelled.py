@@ -20,8 +20,8 @@ from selector.diagnosis.open_model.candidates import (
     LEAST,
     Candidate,
     candidates,
+    chosen,
     quick_noise,
-    rivals_of,
     unseen_squares,
 )
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
@@ -76,16 +76,19 @@ def with_longest_steps(
 
 _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
-_TRIED = 3
+_TRIED = 2
 _MOST = 3
 """Effects that are put into a model one after the other."""
 _NEAR = 1.3
 """Times the noise: unseen errors up to which parameters may be all that was wrong."""
+_RUIN = 1.1
+"""Times the unseen mean squares that an effect may leave which is borne out in one response."""
 _NEARLY_ALL = 0.8
+"""Of the way from the simulation as given to the noise."""
 _CARRIES = 0.5
 """Of the unseen misfit: names that carry less are none where structure is left."""
 _SUSPECTED = 0.5
-"""Confidence in a name whose correction makes no error smaller."""
+"""What is left of the confidence in a name that unseen rows could not bear out."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
 """Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
@@ -115,6 +118,7 @@ class _Put:
 
     best: Candidate
     rivals: tuple[str, ...]
+    is_borne_out: bool  #: Whether unseen rows gain by it
     model: OwnModel
     refit: Refitted
     start: Mapping[str, float]  #: Its parameters as they were put in
@@ -128,7 +132,6 @@ class _Tried:
     through: ThroughModel | None  #: Of the first fit
     put: tuple[_Put, ...]
     stood: tuple[Candidate, ...]  #: Every effect in its best way, beside parameters alone
-    also: tuple[Candidate, ...]  #: Large enough, and not borne out by unseen rows
     answer: Diagnosis  #: To what the last fit leaves
 
     @property
@@ -170,7 +173,7 @@ def diagnosis_of_model(
     model = with_longest_steps(runnable, recording, responses=responses, holdout=holdout)
     part = _part(say, 0.0, 0.4)
     first = refitted(model, recording, responses=responses, holdout=holdout, progress=part(0.0, 1.0))
-    through, put, stood, also = None, list[_Put](), list[Candidate](), dict[str, Candidate]()
+    through, put, stood, refused = None, list[_Put](), list[Candidate](), set[str]()
     while isinstance(model, OwnModel) and len(put) < _MOST:
         part = _part(say, 0.4 + 0.15 * len(put), 0.55 + 0.15 * len(put))
         now = put[-1].refit if put else first
@@ -179,14 +182,12 @@ def diagnosis_of_model(
         through, stood = (shown, found) if through is None else (through, stood)
         there = {one.best.switch.id for one in put}
         step = None
-        for best in _worth(found, false_alarm, there | set(also)):
-            starts = [{}] if not put else [dict(put[-1].start)]
-            step = _with(
-                best, rivals_of(best, found), model, now, recording, responses, holdout, starts, part(0.5, 1.0)
-            )
+        for alike in chosen(found, false_alarm, there | refused)[:_TRIED]:
+            earlier = {} if not put else put[-1].start
+            step = _with(alike, model, now, recording, responses, holdout, earlier, part(0.5, 1.0))
             if step is not None:
                 break
-            also[best.switch.id] = best
+            refused.add(alike[0].switch.id)
         if step is None:
             break
         put.append(step)
@@ -199,40 +200,37 @@ def diagnosis_of_model(
         effects=catalogue() if through is None else through.effects(catalogue()),
         progress=_part(say, 0.85, 1.0)(0.0, 1.0),
     )
-    return _answer(runnable, _Tried(first, through, tuple(put), tuple(stood), tuple(also.values()), answer), seed)
-
-
-def _worth(found: Sequence[Candidate], false_alarm: float, without: Collection[str]) -> list[Candidate]:
-    """The best way of every effect that is large and sure enough to be put in, and borne out; a few are tried."""
-    first: dict[str, Candidate] = {}
-    for one in found:
-        if one.p_value <= false_alarm and one.is_borne_out:
-            first.setdefault(one.switch.id, one)
-    return [one for one in first.values() if one.switch.id not in without][:_TRIED]
+    return _answer(runnable, _Tried(first, through, tuple(put), tuple(stood), answer), seed)
 
 
 def _with(
-    best: Candidate, rivals: tuple[str, ...], model: OwnModel, now: Refitted, recording: Recording,
-    responses: Sequence[str] | None, holdout: str, earlier: Sequence[Mapping[str, float]], progress: Say,
+    alike: Sequence[Candidate], model: OwnModel, now: Refitted, recording: Recording,
+    responses: Sequence[str] | None, holdout: str, earlier: Collection[str], progress: Say,
 ) -> _Put | None:  # fmt: skip
     """The model with an effect, everything fitted again; None where unseen rows do not gain by it after all."""
-    switch = best.switch
+    best, switch = alike[0], alike[0].switch
     amounts = np.maximum(best.amounts, 1e-3 * np.array(switch.sizes)) if switch.is_amount else np.array(best.amounts)
     try:
         made = [model.with_changes(switch.changes((factor * amounts).tolist())) for factor in _SIZES]
     except InputError:
         made = [model.with_changes(switch.changes(amounts.tolist()))]
     names = [name for name in switch.parameters if name in made[0].parameters]
-    kept = {name: now.values[name] for one in earlier for name in one if name in now.values}
+    kept = {name: now.values[name] for name in earlier if name in now.values}
     starts = [kept | {name: one.parameters[name].value for name in names} for one in made]
     again = refitted(
         made[0], recording, responses=responses, holdout=holdout, added=starts, start=now, progress=progress
     )
     floor = {name: quick_noise(again.comparison, name) for name in again.comparison.responses}
-    was, left = (sum(unseen_squares(one.comparison, floor).values()) for one in (now, again))
-    if not best.is_idle and left > (1.0 - 0.5 * LEAST) * was:
+    was, left = (unseen_squares(one.comparison, floor) for one in (now, again))
+    off = [name for name in was if was[name] > _NEAR**2]
+    # where unseen rows are near the noise already they cannot bear anything out
+    is_borne_out = any(left[name] <= (1.0 - LEAST) * was[name] for name in off) and not best.is_idle
+    if sum(left.values()) > (_RUIN if is_borne_out or not off else 1.0) * sum(was.values()):
         return None
-    return _Put(best, rivals, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
+    if off and not best.is_idle and not is_borne_out:
+        return None
+    rivals = tuple(one.switch.id for one in alike[1:])
+    return _Put(best, rivals, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
 
 
 def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
@@ -249,17 +247,15 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     """What was put in, and what was found beside it in what the last fit leaves."""
     first, last, answer = tried.first, tried.last, tried.answer
     mismatch, left = _squares(first.comparison), _squares(last.comparison)
-    beside = [replace(e, share=e.share * min(1.0, left[e.channel] / max(mismatch[e.channel], 1e-300)))
-              for e in answer.effects if e.share >= _FLOOR]  # fmt: skip
-    beside = [
-        e
-        if any(_corrected(tried, name) for name in e.channels)
-        else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
-        for e in beside
-        if e.share >= _FLOOR and e.id not in {one.best.switch.id for one in tried.put}
-    ]
-    put, also = _named(tried), [*answer.also_seen]
     floor = _floors(tried)
+    put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
+    for effect in answer.effects:
+        one = replace(
+            effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
+        )
+        if one.id in {e.id for e in put} or one.share < _FLOOR:
+            continue
+        (beside if any(_is_borne_out(tried, name, floor[name]) for name in one.channels) else also).append(one)
     was, now = (sum(unseen_squares(one.comparison, floor).values()) for one in (first, last))
     carried = (was - now) / max(was - len(floor), 1e-300)
     if answer.verdict == "unexplained" and put and carried < _CARRIES:
@@ -355,13 +351,13 @@ def _named(tried: _Tried) -> list[NamedEffect]:
                 place=switch.place,
                 statement=f"{known.title} at {switch.place} is not in the model: {words}.",
                 parameters=numbers,
-                confidence=_SUSPECTED * sure if one.best.is_idle else float(np.clip(sure, 0.01, 0.99)),
+                confidence=float(np.clip(sure, 0.01, 0.99)) if one.is_borne_out else _SUSPECTED * max(sure, _SUSPECTED),
                 p_value=one.best.p_value,
                 share=float(np.clip(max(shares.values()), 0.0, 1.0)),
                 cannot_be_told_from=one.rivals,
                 experiment=known.experiment,
                 channels=tuple(channels) or (one.best.main,),
-                suspected=one.best.is_idle,
+                suspected=not one.is_borne_out,
                 courses=one.best.courses,
                 is_fitted=True,
             )
@@ -375,7 +371,7 @@ def _evidence(tried: _Tried, named: Collection[str]) -> Iterator[Evidence]:
     for one in tried.stood:
         if one.switch.id not in seen:
             seen.add(one.switch.id)
-            note = "" if one.is_borne_out or one.switch.id in named else "not borne out by unseen rows"
+            note = "" if one.carried > 0.0 or one.switch.id in named else "not borne out by unseen rows"
             yield Evidence(one.switch.id, one.main, one.gain, one.p_value, one.switch.id in named, note)
     for row in tried.answer.evidence:
         if row.id not in seen:
@@ -419,6 +415,16 @@ def _corrected(tried: _Tried, name: str) -> bool:
     comparison, rows = tried.last.comparison, ~tried.last.comparison.held_out
     after = comparison.recorded[name] - tried.answer.fit[name].after
     return _rms(after[rows]) < (1.0 - _FLOOR) * _rms(comparison.difference(name)[rows])
+
+
+def _is_borne_out(tried: _Tried, name: str, floor: float) -> bool:
+    """Whether a response is off by more than its noise, and unseen rows gain by a correction beside the model."""
+    comparison = tried.last.comparison
+    rest, held = comparison.difference(name), comparison.held_out
+    if _rms(rest[~held]) <= _NEAR * floor:
+        return False
+    after = comparison.recorded[name] - tried.answer.fit[name].after
+    return not held.any() or _rms(after[held]) ** 2 <= (1.0 - LEAST) * _rms(rest[held]) ** 2
 
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:

@@ -116,7 +116,7 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
 
 
 def noise_of(fit: RefitProblem, slopes: _Slopes) -> dict[str, NoiseModel]:
-    """What counts as one standard deviation of every response: the size of what its parameters leave, how long it lasts.
+    """What counts as one standard deviation of every response: size, and how long it lasts, of what parameters leave.
 
     What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
     is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that

@@ -25,6 +25,8 @@ _HEAT_EXPONENTS = (1.0, 1.5, 2.0)
 _AREA_M2 = 0.1
 _OF_LARGEST = (1.0 / 60.0, 1.0 / 15.0)
 """Sizes of dry friction that are tried, in parts of the largest that a machine may have."""
+_FASTEST, _SLOWEST, _MODES, _DISSIPATION = 0.15, 0.08, 20, 0.4
+"""Frequencies of a mode that are tried, of the sampling rate and of each other; ψ of its joint."""
 NEW = "missing"
 """Name of a source or film that a diagnosis has added."""
 
@@ -51,9 +53,10 @@ def switches(model: OwnModel) -> tuple[Switch, ...]:
 
     Drives: friction by sign, direction and speed, viscous, a constant force, play, pitch error, cogging, dead time.
     Networks of heat: heat at every node by speed or at all times, films of hall and coolant, films that grow with
-    speed. Gauging: lag, wear. Of vibrations and thermal modes nothing: the effects' own shapes serve for them.
+    speed. Gauging: lag of filter and springs, wear. Vibrations: an imbalance of every shaft at tool and workpiece, a
+    member that hangs on one of them. Of thermal modes nothing: the effects' own shapes serve for them.
     """
-    kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging}
+    kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging, "vibration": _of_vibration}
     return tuple(kinds[model.kind](model)) if model.kind in kinds else ()
 
 
@@ -248,15 +251,59 @@ def _top_rpm(model: OwnModel, course: Any) -> float:
 
 
 def _of_gauging(model: OwnModel) -> Iterator[Switch]:
-    ends = {"time_constant_s": ("gauging.lag", 0.01, "gauge"), "wheel_wear": ("gauging.wear", 0.05, "wheel")}
+    ends = {
+        "time_constant_s": ("gauging.lag", (0.01, 0.1), "gauge"),
+        "lag_s": ("gauging.lag", (0.05, 0.4), "wheel and springs"),
+        "wheel_wear": ("gauging.wear", (0.05,), "wheel"),
+    }
     for name, one in model.parameters.items():
-        for end, (id_, size, place) in ends.items():
-            if name.rpartition(".")[2].startswith(end) and one.value == 0.0:
-                path: Key = tuple(name.split("."))
+        id_, sizes, place = ends.get(name.rpartition(".")[2], ("", (), ""))
+        path: Key = tuple(name.split("."))
+        if one.value == 0.0:
+            for size in sizes:
                 yield Switch(
-                    id_, (path[-1],), (one.unit,), (min(size, one.high),),  # type: ignore[arg-type]
+                    id_, (str(path[-1]),), (one.unit,), (min(size, one.high),),
                     lambda a, path=path: ((path, a[0]),), (name,), place,  # type: ignore[misc]
                 )  # fmt: skip
+
+
+def _of_vibration(model: OwnModel) -> Iterator[Switch]:
+    plain = plain_values(model.file)
+    finals = dict.fromkeys(str(member) for member in (model.file.finals.tool, model.file.finals.workpiece))
+    turning = {one.shaft for one in model.file.sources.values() if any(line.order == 1.0 for line in one.lines)}
+    for shaft in model.file.shafts:
+        if shaft not in turning:
+            yield from (_imbalance(shaft, member) for member in finals)
+    fastest_hz = _FASTEST / float(np.median(np.diff(model.recording.time_s(model.recording.runs[0]))))
+    for member in finals:
+        for hz in np.geomspace(_SLOWEST * fastest_hz, fastest_hz, _MODES).tolist():
+            yield _hanging(plain, member, float(hz))
+
+
+def _imbalance(shaft: str, member: str) -> Switch:
+    name = f"{NEW} imbalance of {shaft}"
+    changes = _at(("sources",), lambda a: {name: {
+        "member": member, "shaft": shaft,
+        "lines": [{"order": 1.0, "unbalance_kg_m": max(math.hypot(*a), 1e-12), "phase_rad": math.atan2(a[1], a[0])}],
+    }})  # fmt: skip
+    fitted = tuple(f"sources.{name}.lines.1.{key}" for key in ("unbalance_kg_m", "phase_rad"))
+    words = ("imbalance, in phase", "imbalance, a quarter later")
+    return Switch("vibration.imbalance", words, ("kg·m",) * 2, (1e-5, 1e-5), changes, fitted, member, is_amount=False)
+
+
+def _hanging(plain: Mapping[str, Any], member: str, hz: float) -> Switch:
+    name, held = f"{NEW} on {member}", (2.0 * math.pi * hz) ** 2
+    joint = {"between": [name, member], "dissipation": _DISSIPATION}
+    number = len(plain["joints"])
+
+    def changes(a: Sequence[float]) -> Sequence[tuple[Key, Any]]:
+        mass = {"mass_kg": max(float(a[0]), 1e-6)}
+        return (("members", name), mass), (("joints", number), {**joint, "stiffness_n_per_m": held * mass["mass_kg"]})
+
+    fitted = (f"members.{name}.mass_kg", f"joints.{number + 1}.stiffness_n_per_m", f"joints.{number + 1}.dissipation")
+    size = 0.01 * float(plain["members"][member]["mass_kg"])
+    shape = {"frequency_hz": Quantity(hz, "Hz")}
+    return Switch("vibration.mode", ("mass that swings",), ("kg",), (size,), changes, fitted, member, shape)
 
 
 _SHOWS = 1e-6

@@ -79,7 +79,7 @@ def heated(generator: np.random.Generator, *, ids: Sequence[str] = (), style: st
         size = dict(zip(ids, sizes, strict=True))
         speed = np.repeat(told["n"], _STRIDE) / _TOP_RPM
         hall, wet = np.repeat(told["hall"], _STRIDE), np.repeat(told["coolant_on"], _STRIDE)
-        number = int(round(1e3 * float(np.sum(told["hall"])))) % len(gusts)
+        number = round(1e3 * float(np.sum(told["hall"]))) % len(gusts)
         blown = np.cumsum(np.isin(np.arange(len(told["n"])), gusts[number])) % 2
         nothing = np.zeros_like(speed)
         heat = Heat(

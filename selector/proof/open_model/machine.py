@@ -100,7 +100,7 @@ def concealed_case(told: Concealed, machine: Machine, ratios: Sequence[float], g
     right = machine.model(plain)
     names = [name for name in right.refitted if name.rpartition(".")[2] not in ("exponent", "phase_rad")]
     off = _WRONG if told.kind == "miscalibrated" else _SLIGHTLY if machine.first else 0.0
-    factors = {name: 1.0 + off * generator.uniform(-1.0, 1.0) for name in names}
+    factors = {name: 1.0 + off * generator.uniform(-1.0, 1.0) for name in names if name not in right.bounded}
     tangents = _tangents(machine, right, names)
     sizes, d_prime = _sizes(machine, plain, tangents, ratios) if len(ratios) else ([], None)
     recording = machine.recorded(machine.programmes, sizes, generator)
