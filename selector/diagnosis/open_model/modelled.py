@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -210,10 +211,12 @@ def _with(
     """The model with an effect, everything fitted again; None where unseen rows do not gain by it after all."""
     best, switch = alike[0], alike[0].switch
     amounts = np.maximum(best.amounts, 1e-3 * np.array(switch.sizes)) if switch.is_amount else np.array(best.amounts)
-    try:
-        made = [model.with_changes(switch.changes((factor * amounts).tolist())) for factor in _SIZES]
-    except InputError:
-        made = [model.with_changes(switch.changes(amounts.tolist()))]
+    made: list[OwnModel] = []
+    for factor in _SIZES:
+        with suppress(InputError):  # larger than the file can have
+            made.append(model.with_changes(switch.changes((factor * amounts).tolist())))
+    if not made:
+        return None
     names = [name for name in switch.parameters if name in made[0].parameters]
     kept = {name: now.values[name] for name in earlier if name in now.values}
     starts = [kept | {name: one.parameters[name].value for name in names} for one in made]
@@ -249,11 +252,12 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     mismatch, left = _squares(first.comparison), _squares(last.comparison)
     floor = _floors(tried)
     put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
+    asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
     for effect in answer.effects:
         one = replace(
             effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
         )
-        if one.id in {e.id for e in put} or one.share < _FLOOR:
+        if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
             continue
         (beside if any(_is_borne_out(tried, name, floor[name]) for name in one.channels) else also).append(one)
     was, now = (sum(unseen_squares(one.comparison, floor).values()) for one in (first, last))

@@ -115,13 +115,14 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
     return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
-def noise_of(fit: RefitProblem, slopes: _Slopes) -> dict[str, NoiseModel]:
-    """What counts as one standard deviation of every response: size, and how long it lasts, of what parameters leave.
+def noise_of(fit: RefitProblem, slopes: _Slopes, *, repeated: bool = False) -> dict[str, NoiseModel]:
+    """What counts as one standard deviation of every response: the size of what its parameters leave of it.
 
     What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
-    is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that
-    make the error small. It is what parameters leave that nothing holds: a wrong name plate is no noise. Of a recording
-    that equals its simulation rounding is left: less is no standard deviation.
+    is wrong most often, and a weight by how long it lasts those responses least that lack something; an even weight
+    finds the parameters that make all errors small. It is what parameters leave that nothing holds: a wrong name plate
+    is no noise. With `repeated` readings that repeat each other count once: for intervals. Of a recording that equals
+    its simulation rounding is left: less is no standard deviation.
     """
     found, kept = {}, ~fit.comparison.held_out
     for name in fit.comparison.responses:
@@ -130,8 +131,10 @@ def noise_of(fit: RefitProblem, slopes: _Slopes) -> dict[str, NoiseModel]:
         columns = slopes.tangents[name]
         left = left - columns @ np.linalg.lstsq(columns[seen], left[seen], rcond=_TOLD)[0]
         left = np.where(kept, left, np.nan)
-        model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
-        size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
+        size = float(np.sqrt(np.nanmean(left**2)))
+        if repeated:
+            model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+            size *= float(np.sqrt(model.correlation_samples))
         found[name] = NoiseModel(np.zeros(0), max(size, rounding_of(fit.comparison, name), 1e-300))
     return found
 
@@ -242,7 +245,7 @@ def refitted(
     z, slopes = _best_start(fit, [{**earlier, **one} for one in starts], start)
     z, slopes = _fitted(fit, z, slopes)
     courses, tangents = slopes.courses, slopes.taken
-    fit = replace(fit, noise=noise_of(fit, slopes))
+    fit = replace(fit, noise=noise_of(fit, slopes, repeated=True))
     white = fit.white_tangents(tangents)
     inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
     covariance = np.linalg.pinv(inner, hermitian=True)

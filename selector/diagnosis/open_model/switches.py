@@ -320,9 +320,11 @@ class ThroughModel:
     own: Mapping[str, str]  #: Effects that are parameters which recalibration fits → that parameter
 
     def effects(self, known: Sequence[Effect]) -> tuple[Effect, ...]:
-        """Those that are tested beside the model: what it can have is put into it, and what it fits is fitted."""
+        """Those of its family, and faults of the data, that are tested beside it: what it can have is put into it."""
         inside = {one.id for one in self.columns if not one.is_part}
-        return tuple(one for one in known if one.id not in self.own and one.id not in inside)
+        families = {one.family for one in known}
+        alike = {self.model.kind, "data"} if self.model.kind in families else families
+        return tuple(one for one in known if one.id not in self.own and one.id not in inside and one.family in alike)
 
 
 def through_model(model: OwnModel, fitted: Refitted, *, progress: Say | None = None) -> ThroughModel:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from selector.proof.drive.true_axis import COMMAND_S, STEP_S, TrueAxis, programme, true_motion
+from selector.proof.drive.true_axis import COMMAND_S, STEP_S, Style, TrueAxis, programme, true_motion
 from selector.proof.open_model.machine import RUNS, Concealed, Courses, Machine, effect
 from selector.recording import Channel
 
@@ -79,7 +79,8 @@ def axis(generator: np.random.Generator, *, ids: Sequence[str] = (), screw: bool
         return {"X_position": place[::by], "X_current": amps[::by]}
 
     def commanded() -> Courses:
-        course = programme(str(generator.choice(["strokes", "other"])), generator, draw(0.1, 0.2), draw(1.5, 2.5))  # type: ignore[arg-type]
+        styles: tuple[Style, ...] = ("strokes", "other")
+        course = programme(styles[int(generator.integers(0, 2))], generator, draw(0.1, 0.2), draw(1.5, 2.5))
         return {"X_command": course[: _ROWS * _EVERY : _EVERY]}
 
     servo = {
@@ -122,9 +123,9 @@ def axis(generator: np.random.Generator, *, ids: Sequence[str] = (), screw: bool
                 "ripple_period": 2.0 * np.pi if screw else _LEAD_M,
             }
         },
-        # the true control samples its two loops at two rates, which no number of the file says: its gains are fitted too
+        # the true control samples its loops at two rates, which no number of the file says: its gains are fitted
         "bounds": {
-            f"axes.X.servo.{key}": [_LOWEST * float(servo[key]), _HIGHEST * float(servo[key])]  # type: ignore[arg-type]
+            f"axes.X.servo.{key}": [by * float(servo[key]) for by in (_LOWEST, _HIGHEST)]  # type: ignore[arg-type]
             for key in ("velocity_gain", "velocity_integral_gain", "position_gain_per_s")
         },
     }
@@ -141,9 +142,12 @@ def axis(generator: np.random.Generator, *, ids: Sequence[str] = (), screw: bool
 def _lacking(name: str, *ids: str, kind: Any = "single", screw: bool = False, **rest: Any) -> Concealed:
     effects = tuple(effect(id_, "X_position", "X_current", accept=_ALSO.get(id_, ())) for id_ in ids)
     machine = partial(axis, ids=ids, screw=screw)
-    return Concealed(f"{name}/axis", kind, rest.pop("verdicts", ("missing-physics",)), machine, effects, **rest)
+    verdicts = rest.pop("verdicts", ("missing-physics",))
+    return Concealed(f"{name}/axis", kind, verdicts, machine, effects, _LOOP, **rest)
 
 
+_LOOP = ("drive.delay", "drive.elasticity")
+"""What the true control, which samples its loops at two rates, and a screw of 2500 N/µm may be called."""
 _ALSO = {"drive.delay": ("drive.elasticity",)}
 _OUTSIDE: Mapping[str, Any] = {"kind": "out-of-catalogue", "verdicts": ("unexplained",), "larger": 2.0}
 SCENARIOS = tuple(

@@ -111,7 +111,8 @@ def heated(generator: np.random.Generator, *, ids: Sequence[str] = (), style: st
         "run": {"duration_min": _ROWS, "period_s": PERIOD_S, "step_s": PERIOD_S},
         "conditions": {"spindle_speed_rpm": 0.0, "ambient_degc": 20.0, "coolant_degc": _COOLANT_DEGC},
         "nodes": {
-            name: {"heat_capacity_j_per_k": capacity[name], "expansion_um_per_k": {"Z": growth[name]}} for name in _PARTS
+            name: {"heat_capacity_j_per_k": capacity[name], "expansion_um_per_k": {"Z": growth[name]}}
+            for name in _PARTS
         },
         "links": [{"between": list(pair), "conductance_w_per_k": through} for pair, through in joint.items()],
         "films": films,

@@ -22,7 +22,7 @@ RUNS = ("r1", "r2", "r3")
 _LEAST, _MOST = 1.0, 5.0
 """Between what an effect lies that the parameters of the model do not take in, in parts of the noise."""
 _SLIGHTLY, _WRONG = 0.05, 0.2
-"""By what share parameters of the file are off at most: where an effect is missing, and where they are what is wrong."""
+"""By what share parameters are off at most: where an effect is missing, and where they are what is wrong."""
 _STEP = 0.02
 _PROBED = 1e-2
 
@@ -91,7 +91,7 @@ class Concealed:
         generator = np.random.default_rng([seed, *self.name.encode()])
         machine = self.machine(generator)
         ratios = self.larger * np.exp(generator.uniform(np.log(_LEAST), np.log(_MOST), len(machine.first)))
-        return concealed_case(self, machine, ratios, generator)
+        return concealed_case(self, machine, ratios.tolist(), generator)
 
 
 def concealed_case(told: Concealed, machine: Machine, ratios: Sequence[float], generator: np.random.Generator) -> Case:

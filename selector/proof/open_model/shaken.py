@@ -72,8 +72,8 @@ def shaken(generator: np.random.Generator, *, ids: Sequence[str] = (), style: st
         for tone, phase in zip(draw(20.0, 170.0, 60), draw(0.0, 2 * np.pi, 60), strict=True):
             total += np.sin(2 * np.pi * tone * time + phase)
         swell = np.clip(time / 0.05, 0.0, 1.0)
-        levels = np.full(2, 3000.0) if style == "one" else draw(900.0, 5500.0, 2)
-        speed = np.interp(np.linspace(0.0, 1.0, _ROWS), [0.45, 0.55], levels)
+        # the model is quasi-steady, so a speed stays for a run
+        speed = np.full(_ROWS, 3000.0 if style == "one" else np.round(draw(900.0, 5500.0)))
         return {"F": np.round(draw(3.0, 6.0) * swell * total / np.sqrt(30.0), 3), "n": speed}
 
     plain = {
