@@ -34,12 +34,11 @@ def study() -> Selection:
 
 
 def first_picture(selection: Selection) -> str:
-    """Groups on the left; on the right the error against the number of sensors, and the run that fits worst."""
+    """Groups on the left; on the right the error against the number of sensors, and the record."""
     half = (WIDTH_PX - GAP_PX) // 2
-    worst = max(selection.proof.per_response[RESPONSE], key=lambda part: part.rmse_um).name
     tree = figures.sensor_tree(selection)
     curve = figures.error_against_sensors(selection, RESPONSE)
-    run = figures.measured_and_predicted(selection, RESPONSE, [worst])
+    run = figures.measured_and_predicted(selection, RESPONSE, [selection.proof.traces[0].run])
     columns = [[(tree, HEIGHT_PX - 30)], [(curve, 470), (run, HEIGHT_PX - 30 - 470)]]
     body = "".join(
         "<div>"

@@ -87,13 +87,13 @@ def select(
         fold_trials.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
     possible = [plan for plan in plans(question) if all(one.has(plan) for one in (all_trials, *fold_trials))]
+    spread = np.sqrt(response_power(library.moments))
     plan_errors = {
-        plan: procedure_rmse_um(library, folds.outer, [trials.choice(plan) for trials in fold_trials])
+        plan: procedure_rmse_um(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) / spread
         for plan in possible
     }
-    spread = np.sqrt(response_power(library.moments))
-    plan = _best_plan(question, plan_errors, spread)
-    best_of_offer = {offer: _poorest_of(plan_errors, spread, offer) for offer in dict.fromkeys(p[0] for p in possible)}
+    best_of_offer = {offer: _poorest_of(plan_errors, offer) for offer in dict.fromkeys(offer for offer, _ in possible)}
+    plan = _best_plan(question, plan_errors, tuple(best_of_offer.values()))
     aimed = _aimed(question, library, folds, fold_trials, plan)
     choice, choices = (
         all_trials.aimed_at(aimed).choice(plan),
@@ -158,7 +158,7 @@ def select(
             proof,
             models,
             combinations,
-            _of_larger_sets(plan, plan_errors, spread),
+            _of_larger_sets(plan, plan_errors),
         ),
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
@@ -175,7 +175,7 @@ def select(
         readings=kept_readings(rows, parts),
     )
     say("looking for doubts", 0.95)
-    told = {offer: _relative(plan_errors[best], spread) for offer, best in best_of_offer.items()}
+    told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
     doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}
@@ -185,7 +185,11 @@ def select(
     return replace(selection, findings=tuple(everything))
 
 
-def _best_plan(question: Question, errors: Mapping[Plan, NDArray[np.float64]], spread: NDArray[np.float64]) -> Plan:
+Errors = Mapping[Plan, NDArray[np.float64]]
+"""Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,)."""
+
+
+def _best_plan(question: Question, errors: Errors, best_of_offer: Sequence[Plan]) -> Plan:
     """The poorest plan whose whole procedure predicts unseen parts about as well as the best one does.
 
     A richer offer has to be as good as the best poorer one for every response. With the patent's rule the richest offer
@@ -193,37 +197,28 @@ def _best_plan(question: Question, errors: Mapping[Plan, NDArray[np.float64]], s
     """
     if question.options.tolerance is not None or question.options.target is not None:
         return list(errors)[-1]
-    taken: Plan | None = None
-    for offer in dict.fromkeys(plan[0] for plan in errors):
-        best = _poorest_of(errors, spread, offer)
-        if taken is None or (
-            (errors[best] <= WORTH_A_RICHER_MODEL * errors[taken]).all()
-            and _relative(errors[best], spread) * WORTH_A_RICHER_MODEL < _relative(errors[taken], spread)
-        ):
-            taken = best
-    assert taken is not None
+    taken, *richer = best_of_offer
+    for plan in richer:
+        no_worse = (errors[plan] <= WORTH_A_RICHER_MODEL * errors[taken]).all()
+        if no_worse and WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken]):
+            taken = plan
     return taken
 
 
-def _poorest_of(errors: Mapping[Plan, NDArray[np.float64]], spread: NDArray[np.float64], offer: Offer) -> Plan:
+def _poorest_of(errors: Errors, offer: Offer) -> Plan:
     """The plan of an offer with the fewest sensors that is about as good as the best of them."""
-    of_offer = {plan: _relative(error, spread) for plan, error in errors.items() if plan[0] == offer}
-    least = min(of_offer.values())
-    return next(plan for plan, error in of_offer.items() if error <= WORTH_A_RICHER_MODEL * least)
+    of_offer = {plan: _rms(error) for plan, error in errors.items() if plan[0] == offer}
+    return next(plan for plan, error in of_offer.items() if error <= WORTH_A_RICHER_MODEL * min(of_offer.values()))
 
 
-def _of_larger_sets(
-    plan: Plan, errors: Mapping[Plan, NDArray[np.float64]], spread: NDArray[np.float64]
-) -> dict[int, float]:
+def _of_larger_sets(plan: Plan, errors: Errors) -> dict[int, float]:
     """Largest number of sensors → error of the whole procedure, relative to that of the plan, for larger sets."""
-    own = _relative(errors[plan], spread)
-    return {
-        most: _relative(e, spread) / own for (offer, most), e in errors.items() if offer == plan[0] and most > plan[1]
-    }
+    larger = (other for other in errors if other[0] == plan[0] and other[1] > plan[1])
+    return {other[1]: _rms(errors[other]) / _rms(errors[plan]) for other in larger}
 
 
-def _relative(error_um: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
-    return float(np.sqrt(((error_um / spread) ** 2).mean()))
+def _rms(errors: NDArray[np.float64]) -> float:
+    return float(np.sqrt((errors**2).mean()))
 
 
 def _aimed(
