@@ -1,4 +1,6 @@
-"""A million hostile rows through the guard, in Python and as generated C; and how many rows a second generated C does.
+"""A million hostile rows through the guard, and how many rows a second generated C does.
+
+The guard is there as a person reads it (tests/controllers/plain_guard.py), as statements, as generated C and Python.
 
     python benchmarks/bench_guard.py [--rows 1000000] [--adapted]
 
@@ -22,9 +24,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from selector.controllers import read_model
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.compiled import c_answers, compiler, compiler_version
+from selector.controllers.replay.compiled import c_answers, compiler, compiler_version, python_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from tests.controllers import hostile
+from tests.controllers.plain_guard import plain_answers
 
 MODEL = Path(__file__).parents[1] / "fixtures" / "models" / "patent-three-sensors.json"
 PIECE = 100_000
@@ -37,10 +40,11 @@ def agreement(n: int, *, is_adapted: bool) -> None:
     for seed in range(n // PIECE):
         rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
         rows = hostile.touched(rows, 2000 + seed) if is_adapted else rows
-        guard, compiled = reference_answers(model, rows), c_answers(model, rows)
-        for field in fields(Answers):
-            # NaN would be unequal to itself
-            unequal += int(np.sum(getattr(guard, field.name) != getattr(compiled, field.name)))
+        guard = plain_answers(model, rows)
+        for other in (reference_answers(model, rows), c_answers(model, rows), python_answers(model, rows)):
+            for field in fields(Answers):
+                # NaN would be unequal to itself
+                unequal += int(np.sum(getattr(guard, field.name) != getattr(other, field.name)))
         for k, limit in enumerate(limits.values()):
             beyond += int(np.sum(~(np.abs(guard.correction_um[:, k]) <= limit.clamp_um)))
             step = np.abs(np.diff(guard.k0_um[:, k]))
@@ -54,7 +58,8 @@ def agreement(n: int, *, is_adapted: bool) -> None:
         base = np.clip(guard.correction_um[:-1, 0] + carried, -limit.clamp_um, limit.clamp_um)
         step = np.abs(guard.correction_um[1:, 0] - base)
         worst = max(worst, float(np.max((step - limit.slew_um_per_s * passed_s)[free])))
-    print(f"{n} rows, {time.perf_counter() - started:.0f} s: {unequal} values differ between Python guard and C;")
+    took_s = time.perf_counter() - started
+    print(f"{n} rows, {took_s:.0f} s: {unequal} values differ between the plain guard and statements, C or Python;")
     print(
         f"{beyond} corrections are not finite or beyond their clamp; slew exceeded by {max(worst, 0.0):.1e} um at most"
     )

@@ -108,7 +108,7 @@ def main() -> None:
             for of in part.differences(model):
                 print(
                     f"{name:9s} {of.file:30s} {of.output}, {len(rows)} rows: {of.max_abs_difference_um:.2g} µm, "
-                    f"{of.allowed_um:.2g} allowed, {of.in_single_um:.2g} from binary32 ({of.executed_by})",
+                    f"{of.allowed_um:.2g} allowed, {of.guard_difference_um:.2g} from the guard ({of.executed_by})",
                     flush=True,
                 )
         modes = ", ".join(f"{mode}: {share:.0%}" for mode, share in _shares(whole.mode))

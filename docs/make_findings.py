@@ -33,6 +33,7 @@ ROOMS = {
     "physics.gauging": ("Gauging", "`selector simulate gauging`"),
     "diagnosis": ("Diagnosis", "`selector diagnose`"),
     "adaptation": ("Touch-offs", "`selector adapt`"),
+    "study": ("Models applied", "`selector apply`, `selector adapt`, `selector fleet watch`"),
     "cli.shared": ("Single commands", "the commands that the findings name"),
 }
 """Room with a table of findings → its heading, and who says what is in it; in the order of the page.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,14 +11,15 @@ from typing import Any
 
 from selector.atomic_file import folder_written_whole, refuse_to_replace_input, require_writable_folder
 from selector.controllers.application import other_sampling, without_displacement_faults
+from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import decided_limits, is_turned, with_decided_limits, with_turned_signs
-from selector.controllers.model_file import ModelFile, OutputLimits, equations_sha256, read_model, write_model
+from selector.controllers.model_file import Input, ModelFile, OutputLimits, equations_sha256, write_model
 from selector.controllers.replay.replayed import Replay, replay_findings, replayed
-from selector.controllers.self_check import model_findings
+from selector.controllers.self_check import sealed, usable_model
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.targets import TARGETS, Target
-from selector.errors import ModelFileError, NotExecutableError, OptionError
+from selector.errors import NotExecutableError, OptionError
 from selector.findings import Finding
 from selector.readers import Overrides, Reading, read
 from selector.telling.account import Account
@@ -29,6 +31,7 @@ SHEET = "commissioning.html"
 MODEL = "model.json"
 _FEWEST_DIGITS = 8
 _LIMITS_BELOW = 1e6
+LARGEST_MARGIN_PERCENT = 100.0
 
 Progress = Callable[[int, int, str], None]
 
@@ -42,8 +45,11 @@ class ExportOptions:
     #: Output → largest change of the correction [µm/s], likewise
     slew_um_per_s: Mapping[str, float | str] = field(default_factory=dict)
     invert: Sequence[str] = ()  #: Outputs whose axis the control counts the other way
+    #: How far a program follows a sensor beyond its valid range, in % of the width of that range
+    margin_percent: float = 0.0
     is_sign_verified: bool = False  #: The sign test of the commissioning sheet was passed
-    #: First digits (8 or more) of the equations SHA-256 of the program that passed it; another program is refused
+    #: Target and first digits (8 or more) of the equations SHA-256 of the program that passed it, ``st:1a2b3c4d``;
+    #: another program is refused
     tested: str | None = None
     replay: Sequence[Path] = ()  #: Recordings to run through the program; a folder stands for those in it
     machine: Path | None = None  #: Machine file of these recordings
@@ -103,15 +109,19 @@ def export_model(
     """
     model, folder, options = Path(model), Path(folder), options or ExportOptions()
     if target not in TARGETS:
-        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
+        meant = [name for name, one in TARGETS.items() if target and target.lower() in one.title.lower()]
+        near = (meant or difflib.get_close_matches(target.lower(), TARGETS, n=1))[:1]
+        advice = f"did you mean {near[0]}?" if near else "choose one"
+        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice=advice)
     chosen = TARGETS[target]
     require_writable_folder(folder, "--out")
-    usable, of_model = _usable(model)
+    usable, of_model = usable_model(model)
     usable, of_touch_offs = _as_can_be_adapted(usable, chosen)
-    wanted = _with_limits(with_turned_signs(usable, options.invert), chosen, options)
+    wider, of_margin = _with_margin(with_turned_signs(usable, options.invert), chosen, options.margin_percent)
+    wanted = _with_limits(wider, chosen, options)
     of_limits = decided_limits(wanted)[1] if chosen.has_guard else ()
-    of_sign = tuple(_of_sign(wanted, options))
-    decided = with_decided_limits(wanted)
+    of_sign = tuple(_of_sign(wanted, target, options))
+    decided = sealed(with_decided_limits(wanted), is_kept=True)
     program = chosen.write(decided, is_sign_verified=options.is_sign_verified)
     # the model itself may lie there: it stays as it is
     own = [] if (folder / MODEL).exists() and (folder / MODEL).samefile(model) else [MODEL]
@@ -123,28 +133,14 @@ def export_model(
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)
     of_folder = tuple(_of_other_targets(target, folder, files))
-    findings = (*of_model, *of_touch_offs, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
+    findings = (*of_model, *of_touch_offs, *of_margin, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
     is_verified = options.is_sign_verified
     sheet = commissioning_account(
-        decided, program, chosen, replay=proof, findings=findings, is_sign_verified=is_verified
+        decided, program, chosen, target, replay=proof, findings=findings, is_sign_verified=is_verified
     )
     export = Export(target, folder, files, decided, proof, findings, is_verified, sheet)
     _write(export, program)
     return export
-
-
-def _usable(path: Path) -> tuple[ModelFile, tuple[Finding, ...]]:
-    model = read_model(path)
-    findings = model_findings(model)
-    wrong = [finding.statement for finding in findings if finding.level == "error"]
-    if wrong:
-        raise ModelFileError(
-            "; ".join(wrong),
-            expected="a model file whose test vectors and numbers agree with each other",
-            where=str(path),
-            advice="do not export this file; make it again with `selector select --out DIR`",
-        )
-    return model, findings
 
 
 def _as_can_be_adapted(model: ModelFile, target: Target) -> tuple[ModelFile, tuple[Finding, ...]]:
@@ -158,6 +154,39 @@ def _as_can_be_adapted(model: ModelFile, target: Target) -> tuple[ModelFile, tup
         evidence={"outputs": names},
     )
     return model.model_copy(update={"adaptation": None}), (told,)
+
+
+def _with_margin(model: ModelFile, target: Target, percent: float) -> tuple[ModelFile, tuple[Finding, ...]]:
+    """The model with wider valid ranges, and per output how far it then reaches beyond what it has seen."""
+    if not 0.0 <= percent <= LARGEST_MARGIN_PERCENT or (percent and not target.has_guard):
+        expected = f"a number of % from 0 to {LARGEST_MARGIN_PERCENT:g}"
+        raise OptionError(
+            f"{percent:g}",
+            expected=expected if target.has_guard else f"no margin: {target.title} has no valid range",
+            where="--margin",
+            advice="e.g. --margin 10; what lies farther outside has to be recorded",
+        )
+    if percent == 0.0:
+        return model, ()
+
+    def wider(item: Input) -> Input:
+        more = 0.01 * percent * (item.valid_max - item.valid_min)
+        return item.model_copy(update={"valid_min": item.valid_min - more, "valid_max": item.valid_max + more})
+
+    fallbacks = (one.model_copy(update={"inputs": tuple(map(wider, one.inputs))}) for one in model.fallbacks)
+    changed = model.model_copy(update={"inputs": tuple(map(wider, model.inputs)), "fallbacks": tuple(fallbacks)})
+    told = []
+    for output in model.outputs:
+        seen_um, beyond_um = output_bound_um(model, output), output_bound_um(changed, output)
+        told.append(
+            FINDINGS.finding(
+                "margin-extrapolates",
+                f"{output.name}: sensors are followed {percent:g} % beyond the range of the recordings. No run has "
+                f"shown what happens there: the terms, at most {seen_um:.3g} µm inside, reach {beyond_um:.3g} µm.",
+                evidence={"output": output.name, "percent": percent, "inside_um": seen_um, "beyond_um": beyond_um},
+            )
+        )
+    return changed, tuple(told)
 
 
 def _with_limits(model: ModelFile, target: Target, options: ExportOptions) -> ModelFile:
@@ -211,7 +240,7 @@ def _replayed(
     recording, quality = without_displacement_faults(model, reading.recording)
     left_out = [finding for finding in quality if finding.action != "none"]
     total, done = len(recording.runs), iter(range(len(recording.runs)))
-    say = None if progress is None else lambda run: progress(next(done), total, f"run {run}")
+    say = None if progress is None else lambda what: progress(next(done, total), total, what)
     try:
         proof = replayed(model, files, recording, target.parts, say)
     except NotExecutableError as error:
@@ -221,7 +250,7 @@ def _replayed(
     return proof, (*reading.findings, *left_out, *of_clock, *replay_findings(proof, has_guard=target.has_guard))
 
 
-def _of_sign(model: ModelFile, options: ExportOptions) -> Iterator[Finding]:
+def _of_sign(model: ModelFile, target: str, options: ExportOptions) -> Iterator[Finding]:
     """What is known of the sign; refuses to call another program verified than the one that was tested."""
     own, tested, is_verified = equations_sha256(model), options.tested, options.is_sign_verified
     if tested is not None and not is_verified:
@@ -231,19 +260,21 @@ def _of_sign(model: ModelFile, options: ExportOptions) -> Iterator[Finding]:
             where="--tested",
             advice="say --sign-verified when the sign test was passed, or leave --tested out",
         )
-    if tested is not None and (len(tested) < _FEWEST_DIGITS or not own.startswith(tested.lower())):
+    on, _, digits = (tested or "").rpartition(":")
+    if tested is not None and (on != target or len(digits) < _FEWEST_DIGITS or not own.startswith(digits.lower())):
         raise OptionError(
             repr(tested),
-            expected=f"{_FEWEST_DIGITS} digits or more of {own}, the equations SHA-256 of what would be written",
+            expected=f"{target}: and {_FEWEST_DIGITS} digits or more of {own}, target and equations SHA-256 of what "
+            "would be written",
             where="--tested",
-            advice="export the model that was tested, with the same --invert; or do the sign test with this program",
+            advice="export what was tested, with the same --for and --invert; or do the sign test with this program",
         )
     if not is_verified:
         yield FINDINGS.finding(
             "sign-unverified",
             "SIGN UNVERIFIED: nobody has said that the sign test was passed.",
             suggestion="do the sign test of the commissioning sheet, then export again with the same options, "
-            f"--sign-verified and --tested {own[:16]}",
+            f"--sign-verified and --tested {target}:{own[:16]}",
         )
     elif tested is None:
         yield FINDINGS.finding(

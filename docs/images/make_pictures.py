@@ -1,6 +1,6 @@
 """Make the pictures of the documentation: `python docs/images/make_pictures.py` (needs Chromium).
 
-The figures are those of the report; the recording is the simulated one of fixtures/vmc37.
+The figures are those of the report; the recording is the real spindle of fixtures/spindle46.
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from selector.selection import Options, Selection, select
 
 ROOT = Path(__file__).resolve().parents[2]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
-RESPONSE = "Z"
+RESPONSE = "Y1"
 WIDTH_PX, HEIGHT_PX, GAP_PX = 1180, 860, 10
 
 
 def study() -> Selection:
-    """The placement study on the simulated recording with 37 thermometers."""
-    reading = read([ROOT / "fixtures" / "vmc37"])
+    """The study of 16 thermometers on a real spindle."""
+    spindle = ROOT / "fixtures" / "spindle46"
+    reading = read([spindle / "tests.parquet"], machine=spindle / "machine.toml")
     recording = without_faults(reading.recording, inspect(reading.recording))
-    return select(recording, Options(responses=(RESPONSE,)))
+    return select(recording, Options(responses=("X1", RESPONSE, "Z"), memory=True))
 
 
 def first_picture(selection: Selection) -> str:
@@ -50,7 +51,7 @@ def first_picture(selection: Selection) -> str:
         "<!DOCTYPE html><meta charset='utf-8'><style>body{margin:0;background:#fff;font:13px 'DejaVu Sans',sans-serif}"
         f"main{{display:flex;gap:{GAP_PX}px}}p{{margin:6px 12px;color:#555}}</style>"
         f"<script>{get_plotlyjs()}</script><main>{body}</main>"
-        "<p>From the report of a placement study on a simulated recording (fixtures/vmc37). Not a measurement.</p>"
+        "<p>From the report of a study on a real spindle, measured for 40 hours (fixtures/spindle46).</p>"
     )
 
 

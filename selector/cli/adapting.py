@@ -14,7 +14,7 @@ from selector.cli.shared import showing
 from selector.cli.shared.asked.adaptation import Asked
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import RecordingError
 
@@ -37,16 +37,18 @@ Out = Annotated[
 
 
 @with_source
-def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: AsJson = False) -> None:
+def adapt(
+    source: Source, model: Model, asked: Asked, out: Out = None, everything: Everything = False, as_json: AsJson = False
+) -> None:
     """Keeps a model true with touch-offs: readings of the true displacement now and then, while the machine runs.
 
     Drift of offset and gain and the noise of the readings are learnt from these runs, each run judged with what the
     others taught. Errors are counted at all samples, each with what was known before it.
     """
     from selector.adaptation import adaptation
-    from selector.cli.shared.applied import applied
     from selector.controllers.from_adaptation import adaptation_courses, adapted_model, clamp_findings
-    from selector.controllers.model_file import read_model
+    from selector.controllers.self_check import usable_model
+    from selector.study.applied import applied
     from selector.study.material import provenance_of
     from selector.telling.adapted import adaptation_account
 
@@ -55,7 +57,7 @@ def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: 
     if out is not None:
         require_writable_folder(out, "--out")
         refuse_folder_of_inputs(out, [*inputs, *source.runs])
-    read = read_model(model)
+    read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [run.file for run in reading.runs])
@@ -78,7 +80,7 @@ def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: 
     if as_json:
         showing.print_json(account.data)
     else:
-        showing.show_answer(console, account, found.findings)
+        showing.show_answer(console, account, found.findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
 

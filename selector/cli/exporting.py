@@ -13,7 +13,7 @@ from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
 
 For = Annotated[
@@ -38,9 +38,9 @@ Tested = Annotated[
     str | None,
     typer.Option(
         "--tested",
-        metavar="SHA-256",
-        help="With --sign-verified: equations SHA-256 of the program that passed the test (its head has it); another "
-        "program is refused.",
+        metavar="TARGET:SHA-256",
+        help="With --sign-verified: target and equations SHA-256 of the program that passed (its head has it), "
+        "e.g. st:1a2b3c4d; another program is refused.",
     ),
 ]
 Clamps = Annotated[
@@ -48,6 +48,10 @@ Clamps = Annotated[
 ]
 Slews = Annotated[
     list[str] | None, typer.Option("--slew", metavar="OUTPUT=µm/s", help="Largest change of a correction; repeat.")
+]
+Margin = Annotated[
+    float,
+    typer.Option("--margin", metavar="%", help="Follow sensors so far beyond their recorded range, in % of its width."),
 ]
 
 
@@ -59,9 +63,11 @@ def export(
     out: Out,
     clamp: Clamps = None,
     slew: Slews = None,
+    margin: Margin = 0.0,
     invert: Inverts = None,
     sign_verified: SignVerified = False,
     tested: Tested = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Writes the program of a model for a control, guarded against broken sensors, and a commissioning sheet.
@@ -75,6 +81,7 @@ def export(
     options = ExportOptions(
         clamp_um=pairs(clamp, "--clamp"),
         slew_um_per_s=pairs(slew, "--slew"),
+        margin_percent=margin,
         invert=invert or (),
         is_sign_verified=sign_verified,
         tested=tested,
@@ -88,5 +95,5 @@ def export(
         showing.print_json(exported.as_dict())
         return
     console = showing.screen()
-    showing.show_answer(console, exported.sheet, exported.findings)
+    showing.show_answer(console, exported.sheet, exported.findings, everything=everything)
     showing.show_written(console, exported.folder, exported.files)

@@ -1,4 +1,4 @@
-"""`fleet run` and `fleet report`: the same question to many machines, and one page about all of them."""
+"""`fleet run`, `report` and `watch`: the same question to many machines, a page about all, and are they still true."""
 
 from __future__ import annotations
 
@@ -58,6 +58,35 @@ def run(
         showing.print_json(answer.model_dump(by_alias=True))
     else:
         showing.show_account(showing.screen(), fleet_account(answer, title=_title(asked)))
+
+
+def watch(
+    fleet: FleetPath,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="FILE.html", help="Also make a page of it.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Applies every machine's model to the recordings that came after it, and says where it is no longer true.
+
+    A cumulative sum of the errors, one run after the other, is compared with those of unseen runs when the model was
+    made. Nothing is fitted again and nothing is written to a control.
+    """
+    from selector.fleet import read_fleet, watch_fleet
+    from selector.telling import write_account
+    from selector.telling.fleet import watch_account
+
+    asked = read_fleet(fleet)
+    with fleet_progress() as tell:
+        account = watch_account(watch_fleet(asked, tell), title=_title(asked))
+    if out is not None:
+        write_account(account, out)
+    if as_json:
+        showing.print_json(account.data)
+    else:
+        showing.show_account(showing.screen(), account)
+    if out is not None:
+        showing.show_written(showing.screen(as_json), out)
 
 
 def report(

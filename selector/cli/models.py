@@ -9,7 +9,6 @@ import typer
 
 from selector.cli.shared import showing
 from selector.cli.shared.showing import AsJson
-from selector.errors import ModelFileError
 
 Model = Annotated[Path, typer.Argument(metavar="MODEL.json", help="A model file, as `selector select` writes it.")]
 
@@ -48,28 +47,48 @@ def show(model: Model, as_json: AsJson = False) -> None:
             showing.show_captioned(console, block, caption)
 
 
-def check(model: Model, as_json: AsJson = False) -> None:
-    """Recomputes the test vectors of a model file and looks for what would go wrong on a control.
+def check(
+    model: Model,
+    as_json: AsJson = False,
+    accept: Annotated[
+        bool,
+        typer.Option("--accept", metavar="", help="The guard was changed on purpose: write vectors and digest anew."),
+    ] = False,
+) -> None:
+    """Recomputes the vectors of a model file and looks for what would go wrong on a control.
 
-    Ends with exit code 2 when the file contradicts itself and must not be used.
+    Ends with exit code 2 when the file contradicts itself and must not be used. With --accept a guard that was changed
+    by hand counts as meant: where model and fallbacks still give what the file expects, it is written anew.
     """
-    from selector.controllers.self_check import check_model
+    from selector.controllers.finding_table import FINDINGS
+    from selector.controllers.model_file import ChangedFileError, read_model, write_model
+    from selector.controllers.self_check import model_findings, require_usable, sealed
 
-    findings = check_model(model)
-    wrong = [finding for finding in findings if finding.level == "error"]
+    changed = None
+    try:
+        read = read_model(model, is_changed=accept)
+    except ChangedFileError as error:
+        changed, read = error, read_model(model, is_changed=True)
+    if accept:
+        require_usable(model_findings(read.model_copy(update={"guard_vectors": ()})), model)
+        read = sealed(read, is_kept=bool(read.test_vectors) and not read.fallbacks)
+        write_model(read, model)
+    findings = model_findings(read)
+    if changed is not None:
+        findings = (FINDINGS.finding("digest-mismatch", f"The file was changed: {changed.found}."), *findings)
     if as_json:
+        usable = not any(finding.level == "error" for finding in findings)
         showing.print_json(
-            {"schema": "selector.model-check/1", "file": model.name, "usable": not wrong, "findings": findings}
+            {"schema": "selector.model-check/1", "file": model.name, "usable": usable, "findings": findings}
         )
     else:
-        showing.show_findings(showing.screen(), findings)
-    if wrong:
-        raise ModelFileError(
-            "; ".join(finding.statement for finding in wrong),
-            expected="a model file whose test vectors and numbers agree with each other",
-            where=str(model),
-            advice="do not use this file; export the model again with `selector select --out DIR`",
-        )
+        console = showing.screen()
+        showing.show_findings(console, findings)
+        if accept:
+            showing.show_written(console, model)
+    if changed is not None:
+        raise changed
+    require_usable(findings, model)
 
 
 def card(

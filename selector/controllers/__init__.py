@@ -13,7 +13,6 @@ from selector.controllers.evaluator import (
 from selector.controllers.guard.decided import DecidedLimits, Mode, SensorCode, decided_limits
 from selector.controllers.guard.guarded_model import Corrected, GuardedModel
 from selector.controllers.model_file import (
-    CheckVector,
     Fallback,
     Guard,
     Input,
@@ -32,7 +31,8 @@ from selector.controllers.model_file import (
     read_model,
     write_model,
 )
-from selector.controllers.self_check import check_model, check_vectors, model_findings
+from selector.controllers.self_check import check_model, check_vectors, model_findings, sealed, usable_model
+from selector.controllers.vector_block import CheckVector, GuardVector
 
 __all__ = [
     "Accuracy",
@@ -43,6 +43,7 @@ __all__ = [
     "Evaluator",
     "Fallback",
     "Guard",
+    "GuardVector",
     "GuardedModel",
     "Input",
     "Mode",
@@ -71,6 +72,8 @@ __all__ = [
     "physical_coefficients",
     "physical_slopes",
     "read_model",
+    "sealed",
+    "usable_model",
     "write_model",
     "write_predictions",
 ]

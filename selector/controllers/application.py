@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,13 +15,13 @@ import pandas as pd
 
 from selector.atomic_file import write_whole
 from selector.controllers.evaluator import axes_of, evaluate, first_finite
-from selector.controllers.finding_table import FINDINGS
+from selector.controllers.finding_table import FINDINGS, SENSOR_LOOKS_BROKEN
 from selector.controllers.guard.decided import CODE_SLACK, RANGE_SLACK
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
-from selector.findings import Finding, Level, Where
-from selector.models.design import datum_of
+from selector.findings import Finding, Where
+from selector.models.design import Before, chain_before, datum_of, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.survey import duration
 from selector.recording import SENSOR_ROLES, Recording, RunSource
@@ -32,10 +32,10 @@ SLIGHT_EXCESS = 0.05
 """Shorter and less (of the width of the range) than both: noise at the edge, worth a note but no warning."""
 
 MISSING_SHARE = 0.05
-STUCK_SHARE_OF_RUN = 0.25
-STUCK_SAMPLES = 20
-OTHERS_MOVED_SHARE = 0.15
-NOISE_SIGMAS = 6.0
+LAST_SAMPLES = 20
+
+
+PerRun = Mapping[str, Mapping[str, float]]
 
 
 def usable_readings(
@@ -43,7 +43,8 @@ def usable_readings(
 ) -> tuple[dict[str, Array], tuple[Finding, ...]]:
     """Readings per input with NaN where they are not temperatures (or speeds, …) at all, and what was found.
 
-    Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits, jump, stuck) and ``missing-readings``.
+    Findings ``sensor-looks-broken`` (kinds missing, break-code, out-of-limits) and ``missing-readings``;
+    what stands still or jumps is found by `selector.quality`.
     """
     usable: dict[str, Array] = {}
     findings: list[Finding] = []
@@ -51,13 +52,10 @@ def usable_readings(
         values = np.where(np.isfinite(readings[item.name]), readings[item.name], np.nan)
         codes = _is_break_code(item, values, model.guard.break_codes)
         beyond = _is_beyond_limits(item, values) & ~codes
-        findings.extend(_missing(item, run, time_s, np.isnan(values)))
+        findings.extend(_broken(item, run, time_s, values, np.isnan(values), "missing"))
         findings.extend(_broken(item, run, time_s, values, codes, "break-code"))
         findings.extend(_broken(item, run, time_s, values, beyond, "out-of-limits"))
         usable[item.name] = np.where(codes | beyond, np.nan, values)
-    for item in model.inputs:
-        findings.extend(_jumps(item, run, time_s, usable[item.name]))
-        findings.extend(_stuck(item, model, run, time_s, usable))
     return usable, tuple(findings)
 
 
@@ -127,117 +125,31 @@ def _is_beyond_limits(item: Input, values: Array) -> Mask:
     return (values < low) | (values > high)
 
 
-def _broken_finding(
-    item: Input, run: str, kind: str, level: Level, statement: str, window_s: tuple[float, float], **evidence: object
-) -> Finding:
-    left_out = kind in ("break-code", "out-of-limits", "missing")
-    return FINDINGS.finding(
-        "sensor-looks-broken",
-        statement,
-        Where(channel=item.name, run=run, from_s=window_s[0], to_s=window_s[1]),
-        {"kind": kind, **evidence},
-        action="leave-out-stretch" if left_out else "none",
-        level=level,
-    )
-
-
-def _missing(item: Input, run: str, time_s: Array, missing: Mask) -> Iterator[Finding]:
-    if not missing.any():
-        return
-    when = np.flatnonzero(missing)
-    window = float(time_s[when[0]]), float(time_s[when[-1]])
-    share = time_share(time_s, missing)
-    ends_dead = bool(missing[-STUCK_SAMPLES:].all())
-    said = "has no reading at all" if missing.all() else f"has no reading for {share:.1%} of the time"
-    statement = f"{item.name} in run {run} {said}; there is no prediction there."
-    if share > MISSING_SHARE or ends_dead:
-        yield _broken_finding(item, run, "missing", "error", statement, window, share_of_time=share, samples=len(when))
-    else:
-        yield FINDINGS.finding(
-            "missing-readings",
-            statement,
-            Where(channel=item.name, run=run, from_s=window[0], to_s=window[1]),
-            {"share_of_time": share, "samples": len(when)},
-            action="leave-out-stretch",
-        )
-
-
 def _broken(item: Input, run: str, time_s: Array, values: Array, where: Mask, kind: str) -> Iterator[Finding]:
+    """What is no reading in part of a run: it has no prediction there."""
     if not where.any():
         return
-    when = np.flatnonzero(where)
-    window = float(time_s[when[0]]), float(time_s[when[-1]])
-    share = time_share(time_s, where)
-    reading = float(values[when[0]])
-    unit = item.unit.replace("degC", "°C")
-    meaning = "the code of a broken sensor" if kind == "break-code" else "beyond the limits of its readings"
-    yield _broken_finding(
-        item, run, kind, "error",
-        f"{item.name} in run {run} reads {reading:.6g} {unit} since {window[0]:.0f} s, which is {meaning}, for "
-        f"{share:.1%} of the time; these readings are left out and there is no prediction there.",
-        window, reading=reading, share_of_time=share, samples=len(when),
-    )  # fmt: skip
-
-
-def _jumps(item: Input, run: str, time_s: Array, values: Array) -> Iterator[Finding]:
-    there = np.flatnonzero(~np.isnan(values))
-    if item.rate_limit_per_min is None or len(there) < 2:
-        return
-    steps = np.diff(values[there])
-    sizes = np.abs(steps)
-    # noise and the resolution of the converter are no jumps, however fast the sampling; in a reading that changed
-    # once only, the jump itself would pass for the resolution, hence the bound
-    noise = NOISE_SIGMAS * 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
-    resolution = float(np.min(sizes[sizes > 0.0], initial=np.inf))
-    slack = max(noise, min(2.0 * resolution, 0.1 * (item.valid_max - item.valid_min)))
-    allowed = item.rate_limit_per_min / 60.0 * np.diff(time_s[there])
-    jumps = np.flatnonzero(sizes > allowed + slack)
-    if len(jumps) == 0:
-        return
-    worst = int(jumps[np.argmax(sizes[jumps] - allowed[jumps])])
-    at_s, unit = float(time_s[there[worst + 1]]), unit_of_difference(item)
-    yield _broken_finding(
-        item, run, "jump", "warning",
-        f"{item.name} in run {run} jumps by {steps[worst]:.3g} {unit} at {at_s:.0f} s; the rate limit of the model is "
-        f"{item.rate_limit_per_min:.3g} {unit}/min ({len(jumps)} such {'step' if len(jumps) == 1 else 'steps'}).",
-        (float(time_s[there[jumps[0] + 1]]), float(time_s[there[jumps[-1] + 1]])),
-        largest_step=float(steps[worst]), at_s=at_s, rate_limit_per_min=item.rate_limit_per_min, steps=len(jumps),
-    )  # fmt: skip
-
-
-def _stuck(item: Input, model: ModelFile, run: str, time_s: Array, readings: Mapping[str, Array]) -> Iterator[Finding]:
-    there = np.flatnonzero(~np.isnan(readings[item.name]))
-    if len(there) < STUCK_SAMPLES or item.valid_max == item.valid_min:
-        return
-    values, times = readings[item.name][there], time_s[there]
-    bounds = np.flatnonzero(np.r_[True, values[1:] != values[:-1], True])
-    first, last = bounds[:-1], bounds[1:] - 1
-    longest = int(np.argmax(times[last] - times[first]))
-    a, b = int(first[longest]), int(last[longest])
-    duration_s, run_s = float(times[b] - times[a]), float(time_s[-1] - time_s[0])
-    if b - a + 1 < STUCK_SAMPLES or duration_s < STUCK_SHARE_OF_RUN * run_s:
-        return
-    changes = np.abs(np.diff(values))
-    resolution = float(np.min(changes[changes > 0.0], initial=np.inf))
-    if np.isfinite(resolution) and resolution > 0.1 * (item.valid_max - item.valid_min):
-        return  # so coarse that standing still is normal
-    moved = []
-    for other in model.inputs:
-        if other.name == item.name or other.unit != item.unit or other.valid_max == other.valid_min:
-            continue
-        part = readings[other.name][there[a] : there[b] + 1]
-        if not np.isnan(part).all():
-            moved.append(float(np.nanmax(part) - np.nanmin(part)) / (other.valid_max - other.valid_min))
-    if not moved or float(np.median(moved)) < OTHERS_MOVED_SHARE:
-        return
-    unit = item.unit.replace("degC", "°C")
-    yield _broken_finding(
-        item, run, "stuck", "warning",
-        f"{item.name} in run {run} stands at {values[a]:.6g} {unit} for {duration_s:.0f} s from {times[a]:.0f} s, "
-        f"while the other sensors move by {float(np.median(moved)):.0%} of their valid range.",
-        (float(times[a]), float(times[b])),
-        reading=float(values[a]), duration_s=duration_s, others_moved_share=float(np.median(moved)),
-    )  # fmt: skip
+    when, share = np.flatnonzero(where), time_share(time_s, where)
+    at = Where(channel=item.name, run=run, from_s=float(time_s[when[0]]), to_s=float(time_s[when[-1]]))
+    evidence: dict[str, Any] = {"share_of_time": share, "samples": len(when)}
+    id_: str = SENSOR_LOOKS_BROKEN
+    if kind == "missing":
+        said = "has no reading at all" if where.all() else f"has no reading for {share:.1%} of the time"
+        if share <= MISSING_SHARE and not where[-LAST_SAMPLES:].all():
+            id_ = "missing-readings"
+    else:
+        reading, unit = float(values[when[0]]), item.unit.replace("degC", "°C")
+        meaning = "the code of a broken sensor" if kind == "break-code" else "beyond the limits of its readings"
+        said = f"reads {reading:.6g} {unit} since {at.from_s:.0f} s, which is {meaning}, for {share:.1%} of the time"
+        evidence["reading"] = reading
+    broken = {} if id_ == "missing-readings" else {"kind": kind}
+    yield FINDINGS.finding(
+        id_,
+        f"{item.name} in run {run} {said}; there is no prediction there.",
+        at,
+        broken | evidence,
+        action="leave-out-stretch",
+    )
 
 
 def displacement_starts(model: ModelFile, recording: Recording) -> dict[str, dict[str, float]]:
@@ -249,6 +161,18 @@ def displacement_starts(model: ModelFile, recording: Recording) -> dict[str, dic
     rises = [output.name for output in model.outputs if output.reference == "rise" and output.name in recording.names]
     levels = datum_of(recording, (), rises, "rise").levels
     return {run: dict(found) for run, found in levels.items()}
+
+
+def sensor_starts(model: ModelFile, recording: Recording) -> dict[str, dict[str, float]]:
+    """Run → sensor → reading that its rise counts from, as in a selection; NaN: it has none at the start of the run."""
+    rises = [item.name for item in model.inputs if item.reference == "rise" and item.name in recording.names]
+    levels = datum_of(recording, rises, (), "rise").levels
+    return {run: {name: found.get(name, math.nan) for name in rises} for run, found in levels.items()}
+
+
+def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
+    """Those that there are."""
+    return {run: {name: of for name, of in found.items() if math.isfinite(of)} for run, found in starts.items()}
 
 
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
@@ -333,8 +257,6 @@ def _on_the_clock(model: ModelFile, *, is_guarded: bool) -> str:
     return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + "".join(parts[-1:])
 
 
-PerRun = Mapping[str, Mapping[str, float]]
-
 SCHEMA = "selector.application/1"
 
 
@@ -346,6 +268,7 @@ class Accuracy:
     max_um: float | None
     before_rmse_um: float | None
     before_max_um: float | None
+    mean_um: float | None  #: Recorded minus predicted
     n_samples: int
 
     @classmethod
@@ -353,9 +276,9 @@ class Accuracy:
         """The accuracy of predictions, over the samples where both are known."""
         both = np.isfinite(predicted_um) & np.isfinite(recorded_um)
         if not both.any():
-            return cls(None, None, None, None, 0)
+            return cls(None, None, None, None, None, 0)
         left, before = recorded_um[both] - predicted_um[both], recorded_um[both]
-        return cls(_rms(left), _largest(left), _rms(before), _largest(before), int(both.sum()))
+        return cls(_rms(left), _largest(left), _rms(before), _largest(before), float(np.mean(left)), int(both.sum()))
 
     @property
     def is_worse(self) -> bool:
@@ -364,7 +287,7 @@ class Accuracy:
 
     def as_dict(self) -> dict[str, float | None]:
         """The four figures of the contract."""
-        return {key: value for key, value in vars(self).items() if key != "n_samples"}
+        return {key: value for key, value in vars(self).items() if key not in ("mean_um", "n_samples")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -377,6 +300,7 @@ class Application:
     #: recording so that the two can be laid over each other; NaN = no prediction
     predictions: pd.DataFrame
     findings: tuple[Finding, ...]
+    zeros_um: PerRun = dataclasses.field(default_factory=dict)  #: Run → output → what was added to get there
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, ``selector.application/1``."""
@@ -418,17 +342,19 @@ def apply_model(
     _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
     findings = list(other_sampling(model, recording))
     zeros = displacement_starts(model, recording)
+    follows = runs_before(recording, recording.runs) if model.states else {}
     per_run: dict[str, dict[str, Accuracy]] = {}
+    added: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     tables: list[pd.DataFrame] = []
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     for run in recording.runs:
         start, given = (start_readings or {}).get(run, {}), (displacement_start or {}).get(run, {})
-        predicted, about_run = _predictions(model, recording, run, start)
+        predicted, about_run = _predictions(model, recording, run, start, follows)
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = given.get(output.name, zeros[run].get(output.name, 0.0))
+            zero = added[run][output.name] = given.get(output.name, zeros[run].get(output.name, 0.0))
             recorded[output.name].append(displacement_of(output, recording, run) - zero)
             modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
@@ -440,7 +366,7 @@ def apply_model(
     }
     findings.extend(_without_displacement(recording.runs, recorded))
     findings.extend(_worse_than_nothing(overall))
-    return Application(per_run, overall, predictions, tuple(findings))
+    return Application(per_run, overall, predictions, tuple(findings), added)
 
 
 def write_predictions(application: Application, path: str | Path) -> None:
@@ -460,7 +386,7 @@ def write_predictions(application: Application, path: str | Path) -> None:
 
 
 def _predictions(
-    model: ModelFile, recording: Recording, run: str, start: Mapping[str, float]
+    model: ModelFile, recording: Recording, run: str, start: Mapping[str, float], follows: Mapping[str, Before]
 ) -> tuple[dict[str, Array], list[Finding]]:
     time_s = recording.time_s(run)
     names = [item.name for item in model.inputs]
@@ -471,6 +397,8 @@ def _predictions(
         axis: recording.values(run, [channel])[:, 0] for axis, channel in position_channels(model, recording).items()
     }
     predicted = evaluate(model, time_s, readings, starts, positions or None)
+    if chain := chain_before(follows, run, np.array([state.tau_s for state in model.states])):
+        predicted = _going_on(model, recording, chain, time_s, readings, starts, positions, predicted)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
     for name, values in predicted.items():
         missing = ~np.isfinite(values)
@@ -485,6 +413,35 @@ def _predictions(
                 )
             )
     return predicted, found
+
+
+def _going_on(
+    model: ModelFile,
+    recording: Recording,
+    chain: Sequence[Before],
+    time_s: Array,
+    readings: Mapping[str, Array],
+    starts: Mapping[str, float],
+    positions: Mapping[str, Array],
+    alone: Mapping[str, Array],
+) -> dict[str, Array]:
+    """The predictions with the memory of the runs before; rises have at the start what they have `alone`."""
+    names = list(readings)
+    times, parts = [], []
+    for earlier, later_s in chain:
+        table = recording.values(earlier, names)
+        times.append(recording.time_s(earlier) - later_s)
+        parts.append(usable_readings(model, earlier, times[-1], dict(zip(names, table.T, strict=True)))[0])
+    n = sum(map(len, times))
+    joined = {name: np.concatenate([*(part[name] for part in parts), readings[name]]) for name in names}
+    at = {axis: np.r_[np.full(n, values[0]), values] for axis, values in positions.items()}
+    whole = evaluate(model, np.concatenate([*times, time_s]), joined, starts, at or None)
+    predicted = {name: values[n:] for name, values in whole.items()}
+    for output in model.outputs:
+        known = np.flatnonzero(np.isfinite(predicted[output.name]))
+        if len(known) and output.reference == "rise":
+            predicted[output.name] = predicted[output.name] + (alone[output.name] - predicted[output.name])[known[0]]
+    return predicted
 
 
 def displacement_of(output: Output, recording: Recording, run: str) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Never
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
@@ -23,6 +23,13 @@ Date = Annotated[
     ),
 ]
 Series = Annotated[tuple[Number, ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)]
+Flags = Annotated[
+    tuple[Annotated[bool, Field(strict=True)], ...], Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True)
+]
+Codes = Annotated[
+    tuple[Annotated[int, Field(strict=True, ge=0, le=1000)], ...],
+    Field(min_length=1, max_length=LARGEST_COLLECTION, fail_fast=True),
+]
 Role = Literal[
     "temperature", "ambient", "displacement", "spindle_speed", "feed_rate", "position_command", "position", "velocity",
     "force", "current", "voltage", "acceleration", "flow", "state", "size", "amplitude", "frequency",
@@ -42,6 +49,11 @@ class ContradictionError(ValueError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.path, self.found, self.expected), self.__dict__
+
+
+def refuse(path: KeyPath, found: str, expected: str) -> Never:
+    """Ends with a `ContradictionError`."""
+    raise ContradictionError(path, found, expected)
 
 
 class Closed(BaseModel):

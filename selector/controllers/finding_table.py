@@ -5,6 +5,7 @@ from __future__ import annotations
 from selector.findings import Kinds
 
 SENSOR_LOOKS_BROKEN = "sensor-looks-broken"
+OUTSIDE_VALID_RANGE = "outside-valid-range"
 
 FINDINGS = Kinds.of(
     """
@@ -27,6 +28,13 @@ replay-differs [error] an executed program and the reference differ by more than
       limit, or it is a defect of ours
 guard-differs [warning] what the program's guard gives and what the whole guard would give differ
     → see in the sheet which run it is, and whether a sensor failed there or a limit acted
+program-leaves-more [warning]
+    a program leaves clearly more of the error than the model alone does
+    → record runs like this one and make the model again; see --margin and --clamp for what they cost
+margin-extrapolates [warning] a program follows its sensors beyond what the model has seen
+    → record runs like these and make the model again, rather than trust the margin
+fault-costs [info, warning] what the worst of the rehearsed faults leaves
+    → see the table of faults in the sheet: other sensors, fallbacks or limits make it smaller
 not-the-whole-model [warning] a sensor was not to be believed in part of a replayed run
     → see `selector apply` for the sensor, and the sheet for what the correction did there
 outside-valid-range [info, warning] an input leaves the range in which the model has seen it: the model extrapolates
@@ -46,6 +54,18 @@ no-test-vectors [warning] the model file has no test vectors: a program cannot c
 test-vector-mismatch [error] the coefficients do not give the outputs that the model file expects: it was changed
     → do not use this file; export the model again
 test-vectors-agree [info] the expected outputs of the model file were recomputed and agree
+digest-mismatch [error] the model file was changed after it was written
+    → take an intact copy; if it was changed on purpose, `selector model check --accept`
+guard-vector-mismatch [error] the guard does not do what the model file expects of it: it was changed
+    → if somebody changed it on purpose, `selector model check --accept` writes what it does now; else do not use it
+not-sealed [info] the model file lacks something by which changes of it are noticed
+    → make it again with this version of selector; `selector model check --accept` adds what an older file lacks
+fallback-contradicts [warning] a fallback is farther from the model than no correction at all
+    → look at its terms with `selector model show`; make the model again, or take this fallback out
+limits-never-met [warning, error] limits of readings that a working sensor cannot meet
+    → correct reading_min, reading_max or rate_limit_per_min of the input in the model file
+clamp-reached [warning] the clamp cuts off part of the correction
+    → choose a larger clamp (--clamp), if the machine may be corrected so far
 output-not-finite [error] an output can overflow while every input is in its valid range
     → do not use this file; a coefficient is far too large or a scale far too small
 valid-range-empty [warning] an input never changed: the model does not know what a change of it does
@@ -54,7 +74,7 @@ centre-outside-valid-range [info] the centre of an input is outside its valid ra
     → check that centre and range are both of the rise, or both of the reading
 input-not-used [info] an input is in the model file, but no output depends on it
     → leave it out, so that nobody wires a sensor for nothing
-sensor-looks-broken [warning, error] a sensor holds a break code, stands still, jumps, or reads what it cannot
+sensor-looks-broken [error] a sensor holds a break code, reads what it cannot, or has no readings
     → check the sensor and its wiring, or leave the run out
 missing-readings [info] a sensor has single readings missing
 single-precision-bound [info, warning] by how much single precision can differ from the model

@@ -13,6 +13,7 @@ from selector.controllers.adaptation_block import Adaptation as Block
 from selector.controllers.adaptation_block import OutputAdaptation
 from selector.controllers.application import Application, displacement_of, displacement_starts
 from selector.controllers.model_file import ModelFile
+from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where
 from selector.recording import Recording
 
@@ -128,4 +129,4 @@ def adapted_model(model: ModelFile, found: Adaptation) -> ModelFile:
             )
         )
     block = Block(outputs=tuple(outputs), gate=GATE, agreeing=AGREEING) if outputs else None
-    return model.model_copy(update={"adaptation": block})
+    return sealed(model.model_copy(update={"adaptation": block}), is_kept=True)

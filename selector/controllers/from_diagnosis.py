@@ -12,7 +12,7 @@ from scipy.optimize import minimize_scalar
 from selector import __version__
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Provenance, State, Term
-from selector.controllers.self_check import check_vectors
+from selector.controllers.self_check import sealed
 from selector.diagnosis.answer import Correction, Diagnosis, corrections, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
@@ -227,7 +227,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
             note=partly or "To be added to what the simulation says: it holds what the simulation left out.",
         ),
     )
-    return model.model_copy(update={"test_vectors": check_vectors(model)})
+    return sealed(model)
 
 
 def _largest(comparison: Comparison, fit: _Fit) -> float:

@@ -22,7 +22,7 @@ from selector.controllers.model_file import (
     Term,
     Validation,
 )
-from selector.controllers.self_check import check_vectors
+from selector.controllers.self_check import sealed
 from selector.models.design import Scaling
 from selector.models.least_squares import FittedModel
 from selector.recording import Channel, RunSource
@@ -100,7 +100,7 @@ def model_file_of(
         ),
         validation={name: _validation(selection, name) for name in selection.models},
     )
-    return model.model_copy(update={"test_vectors": check_vectors(model)})
+    return sealed(model)
 
 
 @dataclass(frozen=True)

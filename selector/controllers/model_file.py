@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable
+import json
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Never
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     ConfigDict,
@@ -29,12 +30,13 @@ from selector.controllers.closed_values import (
     Positive,
     Power,
     Role,
-    Series,
     Sha256,
     Sign,
     Text,
+    refuse,
 )
 from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
+from selector.controllers.vector_block import CheckVector, GuardVector, without
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS
@@ -185,7 +187,7 @@ class Fallback(Closed):
         _check_equations(self.inputs, self.states, self.outputs)
         for i, item in enumerate(self.inputs):
             if item.name in self.without:
-                _refuse(("inputs", i, "name"), item.name, "an input that this fallback is not without")
+                refuse(("inputs", i, "name"), item.name, "an input that this fallback is not without")
         return self
 
 
@@ -217,33 +219,6 @@ class Validation(Closed):
     n_samples: Annotated[int, Field(strict=True, ge=0)] | None = None
 
 
-class CheckVector(Closed):
-    """Readings with the outputs that they must give, so that any program can check itself."""
-
-    name: Name
-    time_s: Series
-    readings: dict[Name, Series]
-    start_readings: dict[Name, Number] | None = Field(
-        default=None, description="null: the first readings are the start"
-    )
-    positions_m: dict[Name, Series] | None = Field(default=None, description="axis → position; null: P = P0")
-    expected: dict[Name, Series]
-
-    @model_validator(mode="after")
-    def _hangs_together(self) -> CheckVector:
-        if any(b <= a for a, b in zip(self.time_s, self.time_s[1:], strict=False)):
-            _refuse(("time_s",), "time that repeats or runs backwards", "strictly increasing time")
-        for field, table in (
-            ("readings", self.readings),
-            ("positions_m", self.positions_m or {}),
-            ("expected", self.expected),
-        ):
-            for name, series in table.items():
-                if len(series) != len(self.time_s):
-                    _refuse((field, name), f"{len(series)} values", f"{len(self.time_s)}, as many as time_s has")
-        return self
-
-
 def _schema_is_required(schema: dict[str, Any]) -> None:
     schema["required"] = ["schema", *schema["required"]]
 
@@ -264,6 +239,8 @@ class ModelFile(Closed):
     provenance: Provenance = Provenance()
     validation: dict[Name, Validation] = Field(default_factory=dict, max_length=32, description="output → figures")
     test_vectors: tuple[CheckVector, ...] = Field(default=(), max_length=100, fail_fast=True)
+    guard_vectors: tuple[GuardVector, ...] = Field(default=(), max_length=100, fail_fast=True)
+    digest: Sha256 | None = Field(default=None, description="SHA-256 of the other fields: JSON with sorted keys")
 
     @model_validator(mode="after")
     def _hangs_together(self) -> ModelFile:
@@ -273,33 +250,25 @@ class ModelFile(Closed):
         _check_fallbacks(self, outputs)
         for name in self.validation:
             if name not in outputs:
-                _refuse(("validation", name), name, _one_of(outputs))
+                refuse(("validation", name), name, _one_of(outputs))
         _check_vectors(self, outputs)
         if self.adaptation is not None:
             named = self.adaptation.outputs
             _check_unique((("adaptation", "outputs", i, "output"), of.output) for i, of in enumerate(named))
             for i, of in enumerate(named):
                 if of.output not in outputs:
-                    _refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
+                    refuse(("adaptation", "outputs", i, "output"), repr(of.output), _one_of(outputs))
         return self
 
     @model_serializer(mode="wrap")
     def _without_nothing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # a model that is not adapted has the same bytes as before there was adaptation
-        content: dict[str, Any] = of_fields(self)
-        if content.get("adaptation") is None:
-            content.pop("adaptation", None)
-        return content
+        return without(of_fields(self), "adaptation", "guard_vectors", "digest")
 
 
 def model_json_schema() -> dict[str, Any]:
     """The closed JSON Schema (draft 2020-12) of the model file, as shipped in ``schema/selector.model-1.json``."""
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:selector:model:1"}
     return head | ModelFile.model_json_schema(by_alias=True)
-
-
-def _refuse(path: KeyPath, found: str, expected: str) -> Never:
-    raise ContradictionError(path, found, expected)
 
 
 def _one_of(names: Iterable[str]) -> str:
@@ -310,13 +279,13 @@ def _check_unique(names: Iterable[tuple[KeyPath, str]]) -> None:
     seen: set[str] = set()
     for path, name in names:
         if name in seen:
-            _refuse(path, f"{name!r} a second time", "unique names")
+            refuse(path, f"{name!r} a second time", "unique names")
         seen.add(name)
 
 
 def _check_range(low: float | None, high: float | None, path: KeyPath) -> None:
     if low is not None and high is not None and low > high:
-        _refuse(path, f"minimum {low!r} above maximum {high!r}", "minimum ≤ maximum")
+        refuse(path, f"minimum {low!r} above maximum {high!r}", "minimum ≤ maximum")
 
 
 def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outputs: tuple[Output, ...]) -> None:
@@ -327,17 +296,15 @@ def _check_equations(inputs: tuple[Input, ...], states: tuple[State, ...], outpu
         _check_range(item.valid_min, item.valid_max, ("inputs", i, "valid_min"))
         _check_range(item.reading_min, item.reading_max, ("inputs", i, "reading_min"))
         if item.unit != CANONICAL_UNITS[item.role]:
-            _refuse(
-                ("inputs", i, "unit"), repr(item.unit), f"{CANONICAL_UNITS[item.role]!r}, the unit of {item.role!r}"
-            )
+            refuse(("inputs", i, "unit"), repr(item.unit), f"{CANONICAL_UNITS[item.role]!r}, the unit of {item.role!r}")
     sources = [item.name for item in inputs]
     for i, state in enumerate(states):
         if state.source not in sources:
-            _refuse(("states", i, "source"), repr(state.source), _one_of(sources))
+            refuse(("states", i, "source"), repr(state.source), _one_of(sources))
     known = {*sources, *(state.name for state in states)}
     for i, output in enumerate(outputs):
         if output.name in ("run", "time_s"):
-            _refuse(("outputs", i, "name"), repr(output.name), "a name that is not taken in a table of predictions")
+            refuse(("outputs", i, "name"), repr(output.name), "a name that is not taken in a table of predictions")
         _check_terms(output.terms, known, ("outputs", i, "terms"))
         if output.position is not None:
             _check_terms(output.position.terms, known, ("outputs", i, "position", "terms"))
@@ -351,10 +318,10 @@ def _check_terms(terms: tuple[Term, ...], known: set[str], path: KeyPath) -> Non
     for i, term in enumerate(terms):
         for name in term.powers:
             if name not in known:
-                _refuse((*path, i, "powers", name), repr(name), "the name of an input or a state")
+                refuse((*path, i, "powers", name), repr(name), "the name of an input or a state")
         product = frozenset(term.powers.items())
         if product in seen:
-            _refuse((*path, i, "powers"), "the same product a second time", "every product once in an output")
+            refuse((*path, i, "powers"), "the same product a second time", "every product once in an output")
         seen.add(product)
 
 
@@ -362,9 +329,9 @@ def _check_guard(model: ModelFile, outputs: list[str]) -> None:
     _check_unique((("guard", "limits", i, "output"), item.output) for i, item in enumerate(model.guard.limits))
     for i, limits in enumerate(model.guard.limits):
         if limits.output not in outputs:
-            _refuse(("guard", "limits", i, "output"), repr(limits.output), _one_of(outputs))
+            refuse(("guard", "limits", i, "output"), repr(limits.output), _one_of(outputs))
     if model.guard.on_fault == "fallback" and not model.fallbacks:
-        _refuse(("guard", "on_fault"), "'fallback' without any fallback", "at least one entry in fallbacks")
+        refuse(("guard", "on_fault"), "'fallback' without any fallback", "at least one entry in fallbacks")
 
 
 def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
@@ -373,22 +340,22 @@ def _check_fallbacks(model: ModelFile, outputs: list[str]) -> None:
     for i, fallback in enumerate(model.fallbacks):
         for j, name in enumerate(fallback.without):
             if name not in inputs:
-                _refuse(("fallbacks", i, "without", j), repr(name), _one_of(inputs))
+                refuse(("fallbacks", i, "without", j), repr(name), _one_of(inputs))
         if frozenset(fallback.without) in seen:
-            _refuse(("fallbacks", i, "without"), "the same sensors a second time", "one fallback for a set of sensors")
+            refuse(("fallbacks", i, "without"), "the same sensors a second time", "one fallback for a set of sensors")
         seen.add(frozenset(fallback.without))
         for j, item in enumerate(fallback.inputs):
             if inputs.get(item.name) != (item.role, item.unit, item.reference):
                 expected = "an input of the model with the same role, unit and reference"
-                _refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
+                refuse(("fallbacks", i, "inputs", j), repr(item.name), expected)
         if [item.name for item in fallback.outputs] != outputs:
-            _refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
+            refuse(("fallbacks", i, "outputs"), "other outputs", "the outputs of the model in the same order")
         for j, (own, output) in enumerate(zip(fallback.outputs, model.outputs, strict=True)):
             if own.sign != output.sign:
-                _refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
+                refuse(("fallbacks", i, "outputs", j, "sign"), repr(own.sign), f"{output.sign!r}, as the model has")
             if _place(own) != _place(output):
                 where = ("fallbacks", i, "outputs", j, "position")
-                _refuse(where, _place(own), f"{_place(output)}, as the model has")
+                refuse(where, _place(own), f"{_place(output)}, as the model has")
 
 
 def _place(output: Output) -> str:
@@ -400,21 +367,30 @@ def _place(output: Output) -> str:
 
 def _check_vectors(model: ModelFile, outputs: list[str]) -> None:
     inputs = [item.name for item in model.inputs]
-    axes = {item.position.axis for item in model.outputs if item.position is not None}
+    axes = [item.position.axis for item in model.outputs if item.position is not None]
     for i, vector in enumerate(model.test_vectors):
-        for field, given, wanted in (
-            ("readings", set(vector.readings), set(inputs)),
-            ("expected", set(vector.expected), set(outputs)),
-            ("positions_m", axes if vector.positions_m is None else set(vector.positions_m), axes),
-        ):
-            if given != wanted:
-                found = (
-                    "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
-                )
-                _refuse(("test_vectors", i, field), found, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
+        where: KeyPath = ("test_vectors", i)
+        _check_names((*where, "readings"), vector.readings, inputs)
+        _check_names((*where, "expected"), vector.expected, outputs)
+        _check_names((*where, "positions_m"), axes if vector.positions_m is None else vector.positions_m, axes)
         for name in vector.start_readings or {}:
             if name not in inputs:
-                _refuse(("test_vectors", i, "start_readings", name), repr(name), _one_of(inputs))
+                refuse((*where, "start_readings", name), repr(name), _one_of(inputs))
+        if vector.fallbacks and len(vector.fallbacks) != len(model.fallbacks):
+            refuse((*where, "fallbacks"), f"{len(vector.fallbacks)} entries", f"{len(model.fallbacks)}, one a fallback")
+        for k, found in enumerate(vector.fallbacks):
+            _check_names((*where, "fallbacks", k), found, outputs)
+    for i, path in enumerate(model.guard_vectors):
+        for field, wanted in (("readings", inputs), ("sensors", inputs), ("expected", outputs), ("positions_m", axes)):
+            _check_names(("guard_vectors", i, field), getattr(path, field), wanted)
+        _check_names(("guard_vectors", i, "test_um"), path.test_um, outputs if path.test_um else ())
+
+
+def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -> None:
+    given, wanted = set(found), set(expected)
+    if given != wanted:
+        told = "no " + ", ".join(sorted(wanted - given)) if wanted - given else ", ".join(sorted(given - wanted))
+        refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
 
 
 LARGEST_FILE_BYTES = 16_000_000
@@ -435,14 +411,14 @@ _OF_NAMES = "^[^"
 _EXPORT_AGAIN = "correct this place, or export the model again"
 
 
-def read_model(path: str | Path) -> ModelFile:
-    """The model in a file.
+def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
+    """The model in a file; `is_changed`: somebody changed it on purpose, and its digest is not looked at.
 
     Raises
     ------
     ModelFileError
-        The file cannot be read, is too large, is cut off, is of another version or does not follow the schema; the
-        message has the JSON path and the value.
+        The file cannot be read, is too large, is cut off, is of another version, does not follow the schema or is not
+        what its digest says; the message has the JSON path and the value.
     """
     place = Path(path)
 
@@ -456,10 +432,10 @@ def read_model(path: str | Path) -> ModelFile:
         )
 
     text = text_of(place, LARGEST_FILE_BYTES, refused)
-    return parsed_model(text, where=str(place))
+    return parsed_model(text, where=str(place), is_changed=is_changed)
 
 
-def parsed_model(text: str, *, where: str = "model") -> ModelFile:
+def parsed_model(text: str, *, where: str = "model", is_changed: bool = False) -> ModelFile:
     """The model in a JSON text; `where` names the text in messages.
 
     Raises
@@ -483,14 +459,41 @@ def parsed_model(text: str, *, where: str = "model") -> ModelFile:
             advice="give a model file of this version, or use the version of selector that wrote the file",
         )
     try:
-        return ModelFile.model_validate(value)
+        model = ModelFile.model_validate(value)
     except ValidationError as error:
         raise _model_file_error(error, where) from None
+    if model.digest is not None and not is_changed and _digest(value) != model.digest:
+        raise ChangedFileError(
+            f"a file whose contents have the SHA-256 {_digest(value)[:16]}…",
+            expected=f"{model.digest[:16]}…, as it had when selector wrote it",
+            where=f"{where}, $.digest",
+            advice="take an intact copy; if somebody changed it on purpose, selector model check --accept tests what "
+            "it can and writes vectors and digest anew",
+        )
+    return model
+
+
+class ChangedFileError(ModelFileError):
+    """The contents of a file are not what its digest says."""
 
 
 def model_text(model: ModelFile) -> str:
-    """The JSON text of a model: field order of the schema, shortest float text, the same for equal models."""
-    return json_text(model.model_dump(by_alias=True)) + "\n"
+    """The JSON text of a model: field order of the schema, shortest float text, the same for equal models.
+
+    Where the model has a digest, that of its contents.
+    """
+    written = model if model.digest is None else with_digest(model)
+    return json_text(written.model_dump(by_alias=True)) + "\n"
+
+
+def with_digest(model: ModelFile) -> ModelFile:
+    """The model with the digest of its contents."""
+    return model.model_copy(update={"digest": _digest(model.model_dump(by_alias=True))})
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    others = {key: value for key, value in content.items() if key != "digest"}
+    return hashlib.sha256(json.dumps(others, ensure_ascii=False, sort_keys=True).encode("utf-8")).hexdigest()
 
 
 def write_model(model: ModelFile, path: str | Path) -> None:
@@ -515,7 +518,7 @@ def equations_sha256(model: ModelFile) -> str:
     Limits, checks of readings, provenance, validation and test vectors are no part of it: start readings that a
     control kept are as good with another clamp.
     """
-    left_out = {"schema_", "name", "guard", "provenance", "validation", "test_vectors"}
+    left_out = {"schema_", "name", "guard", "provenance", "validation", "test_vectors", "guard_vectors", "digest"}
     content = model.model_dump(by_alias=True, exclude=left_out)
     for of in (content, *content["fallbacks"]):
         for item in of["inputs"]:

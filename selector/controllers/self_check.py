@@ -1,21 +1,33 @@
-"""Does a model file keep its word? Test vectors made and recomputed, values bounded, settings of its guard sensible."""
+"""Does a model file keep its word? Vectors of model, fallbacks and guard made and recomputed, settings sensible."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from selector.controllers.evaluator import Evaluator, output_bound_um
+from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import LONGEST_S
-from selector.controllers.model_file import CheckVector, Input, ModelFile, OutputLimits, read_model
-from selector.findings import Finding
-from selector.types import Vector
+from selector.controllers.guard.decided import LONGEST_S, decided_limits
+from selector.controllers.guard.guarded_model import GuardedModel
+from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
+from selector.controllers.model_file import (
+    Fallback,
+    Input,
+    ModelFile,
+    OutputLimits,
+    read_model,
+    with_digest,
+)
+from selector.controllers.vector_block import CheckVector, GuardVector
+from selector.errors import ModelFileError
+from selector.findings import Finding, Where
+from selector.types import Array, Vector
 
 DAY_S = 86_400.0
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
@@ -33,6 +45,7 @@ def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
         *(finding for limits in model.guard.limits for finding in _limits(limits)),
         *_hold(model),
         *_never(model),
+        *_never_met(model),
     )
 
 
@@ -56,6 +69,37 @@ def _plausible_degc(item: Input) -> tuple[float, float]:
     if item.reference == "absolute":
         low, high = min(low, item.valid_min), max(high, item.valid_max)
     return low, high
+
+
+def _never_met(model: ModelFile) -> Iterator[Finding]:
+    """Limits that no reading of a working sensor can meet: it would never be believed."""
+    for item in model.inputs:
+        low, high = (
+            -math.inf if item.reading_min is None else item.reading_min,
+            math.inf if item.reading_max is None else item.reading_max,
+        )
+        width = item.valid_max - item.valid_min
+        least, most = (item.valid_min, item.valid_max) if item.reference == "absolute" else (-math.inf, math.inf)
+        if item.unit == "degC":
+            least, most = max(least, COLDEST_DEGC), min(most, HOTTEST_DEGC)
+        said = f"{low:g} … {high:g} {item.unit.replace('degC', '°C')}"
+        if low >= high or low > most or high < least or (item.reference == "rise" and high - low < 0.5 * width):
+            yield FINDINGS.finding(
+                "limits-never-met",
+                f"{item.name}: readings count as good within {said} only, where it cannot be and do what the model has "
+                "seen: it is never believed.",
+                evidence={"input": item.name, "reading_min": item.reading_min, "reading_max": item.reading_max},
+                level="error",
+            )
+        rate = item.rate_limit_per_min
+        if rate is not None and width / rate > DAY_S / MINUTE_S:
+            yield FINDINGS.finding(
+                "limits-never-met",
+                f"{item.name}: at the {rate:g} a minute that are believed its valid range takes "
+                f"{width / rate / 1440.0:.3g} days; a machine that warms up looks like a jump.",
+                evidence={"input": item.name, "rate_limit_per_min": rate},
+                level="warning",
+            )
 
 
 def _limits(limits: OutputLimits) -> Iterator[Finding]:
@@ -110,7 +154,6 @@ TOLERANCE = 1e-9
 """Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
 another order passes, and 1e-7 µm at 100 µm, far below what any control resolves."""
 
-START_DEGC = 20.0
 STEP_S = 60.0
 CORNERS_OF_ALL_UP_TO = 5
 RAMP_SAMPLES = 25
@@ -122,25 +165,63 @@ _READING_DECIMALS = 6
 def check_model(path: str | Path) -> tuple[Finding, ...]:
     """What is wrong with a model file that follows the schema; the first finding says how the test vectors went.
 
-    Findings of level ``error``: ``test-vector-mismatch`` and ``output-not-finite``; the model must not be used.
+    Findings of level ``error`` (``test-vector-mismatch``, ``guard-vector-mismatch``, ``output-not-finite``,
+    ``limits-never-met``): the model must not be used.
 
     Raises
     ------
     ModelFileError
-        The file cannot be read or does not follow the schema.
+        The file cannot be read, does not follow the schema or is not what its digest says.
     """
     return model_findings(read_model(path))
+
+
+def usable_model(path: str | Path) -> tuple[ModelFile, tuple[Finding, ...]]:
+    """The model in a file that keeps its word, and what was found.
+
+    Raises
+    ------
+    ModelFileError
+        As `check_model`, or a finding is of level ``error``.
+    """
+    model = read_model(path)
+    findings = model_findings(model)
+    require_usable(findings, path)
+    return model, findings
+
+
+def require_usable(findings: Iterable[Finding], path: str | Path) -> None:
+    """Ends with a `ModelFileError` where a finding is of level ``error``."""
+    wrong = [finding.statement for finding in findings if finding.level == "error"]
+    if wrong:
+        raise ModelFileError(
+            "; ".join(wrong),
+            expected="a model file whose vectors and numbers agree with each other",
+            where=str(path),
+            advice="do not use this file; make it again with `selector select --out DIR`",
+        )
 
 
 def model_findings(model: ModelFile) -> tuple[Finding, ...]:
     """As `check_model`, for a model in memory."""
     return (
         *_vector_findings(model),
+        *_guard_vector_findings(model),
         *_size_findings(model),
         *_range_findings(model),
         *_unused_findings(model),
+        *_contradicting_fallbacks(model),
         *guard_findings(model),
+        *_reached_clamps(model),
     )
+
+
+def sealed(
+    model: ModelFile, recorded: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None, *, is_kept: bool = False
+) -> ModelFile:
+    """The model with test vectors, those of its guard, and a digest; `is_kept`: with the test vectors that it has."""
+    vectors = model.test_vectors if is_kept else check_vectors(model, recorded)
+    return with_digest(model.model_copy(update={"test_vectors": vectors, "guard_vectors": guard_vectors(model)}))
 
 
 def check_vectors(
@@ -180,19 +261,24 @@ def _vector(
     positions = {
         axis: [(part.valid_min_m, part.valid_max_m)[k % 2] for k in range(len(rows))] for axis, part in axes.items()
     }
-    expected = _recomputed(model, time_s, rows, start, positions)
+    everything: list[Equations] = [model, *model.fallbacks]
+    expected, *fallbacks = (
+        {key: tuple(series) for key, series in _recomputed(of, time_s, rows, start, positions).items()}
+        for of in everything
+    )
     return CheckVector(
         name=name,
         time_s=tuple(time_s),
         readings={item.name: tuple(row[item.name] for row in rows) for item in model.inputs},
         start_readings=None if start is None else dict(start),
         positions_m={axis: tuple(series) for axis, series in positions.items()} or None,
-        expected={key: tuple(series) for key, series in expected.items()},
+        expected=expected,
+        fallbacks=tuple(fallbacks),
     )
 
 
 def _recomputed(
-    model: ModelFile,
+    model: Equations,
     time_s: list[float],
     rows: list[dict[str, float]],
     start: Mapping[str, float] | None,
@@ -242,50 +328,157 @@ def _increasing(time_s: Vector) -> list[float]:
 
 
 def _vector_findings(model: ModelFile) -> Iterator[Finding]:
+    lacking = [] if model.digest is not None else ["digest"]
+    lacking += [] if model.guard_vectors else ["vectors of its guard"]
+    lacking += (
+        ["vectors of its fallbacks"] if any(len(v.fallbacks) < len(model.fallbacks) for v in model.test_vectors) else []
+    )
     if not model.test_vectors:
         yield FINDINGS.finding(
             "no-test-vectors",
             "The model file has no test vectors: a program on a control cannot check itself against it.",
         )
         return
-    largest, samples, wrong = 0.0, 0, []
+    largest, samples, wrong = 0.0, 0, False
+    everything: list[Equations] = [model, *model.fallbacks]
     for vector in model.test_vectors:
         rows = [{name: series[k] for name, series in vector.readings.items()} for k in range(len(vector.time_s))]
         positions = {axis: list(series) for axis, series in (vector.positions_m or {}).items()}
-        computed = _recomputed(model, list(vector.time_s), rows, vector.start_readings, positions)
-        for output in model.outputs:
-            given, found = np.asarray(vector.expected[output.name]), np.asarray(computed[output.name])
-            allowed = TOLERANCE * max(output_bound_um(model, output), float(np.max(np.abs(given))))
-            difference = np.abs(given - found)
-            samples += len(given)
-            # written so that NaN counts as wrong
-            bad = np.flatnonzero(~(difference <= allowed))
-            if len(bad):
-                wrong.append(
-                    (vector.name, output.name, int(bad[0]), float(given[bad[0]]), float(found[bad[0]]), len(bad))
-                )
-            else:
-                largest = max(largest, float(np.max(difference)))
-    for vector_name, output_name, k, given_um, found_um, count in wrong:
-        yield FINDINGS.finding(
-            "test-vector-mismatch",
-            f"Test vector {vector_name!r}: the coefficients give {output_name} = {found_um:.9g} µm at sample {k}, the "
-            f"file expects {given_um:.9g} µm ({count} such samples). The file was changed after it was exported.",
-            evidence={
-                "vector": vector_name,
-                "output": output_name,
-                "sample": k,
-                "expected_um": given_um,
-                "computed_um": found_um if math.isfinite(found_um) else None,
-                "samples": count,
-            },
-        )
+        for number, (of, expected) in enumerate(zip(everything, (vector.expected, *vector.fallbacks), strict=False)):
+            computed = _recomputed(of, list(vector.time_s), rows, vector.start_readings, positions)
+            for output in of.outputs:
+                given, found = np.asarray(expected[output.name]), np.asarray(computed[output.name])
+                allowed = TOLERANCE * max(output_bound_um(of, output), float(np.max(np.abs(given))))
+                difference = np.abs(given - found)
+                samples += len(given)
+                # written so that NaN counts as wrong
+                bad = np.flatnonzero(~(difference <= allowed))
+                if len(bad):
+                    wrong = True
+                    without = _without(model.fallbacks[number - 1]) if number else ""
+                    yield _mismatch(vector.name, output.name, without, int(bad[0]), given, found, len(bad))
+                else:
+                    largest = max(largest, float(np.max(difference)))
     if not wrong:
         yield FINDINGS.finding(
             "test-vectors-agree",
             f"All {samples} expected outputs were recomputed; the largest difference is {largest:.3g} µm.",
             evidence={"samples": samples, "max_abs_difference_um": largest},
         )
+    if lacking:
+        yield FINDINGS.finding(
+            "not-sealed",
+            f"The file has no {' and no '.join(lacking)}: a change there is not noticed.",
+            evidence={"lacking": lacking},
+        )
+
+
+def _mismatch(vector: str, output: str, without: str, k: int, given: Array, found: Array, count: int) -> Finding:
+    what = f"the fallback {without} gives" if without else "the coefficients give"
+    return FINDINGS.finding(
+        "test-vector-mismatch",
+        f"Test vector {vector!r}: {what} {output} = {found[k]:.9g} µm at sample {k}, the file expects {given[k]:.9g} "
+        f"µm ({count} such samples). The file was changed after it was exported.",
+        evidence={
+            "vector": vector,
+            "output": output,
+            "fallback": without or None,
+            "sample": k,
+            "expected_um": float(given[k]),
+            "computed_um": float(found[k]) if math.isfinite(found[k]) else None,
+            "samples": count,
+        },
+    )
+
+
+def _without(of: Fallback) -> str:
+    return f"without {', '.join(of.without)}"
+
+
+def _guard_vector_findings(model: ModelFile) -> Iterator[Finding]:
+    """What the guard gives now against what it gave when the file was written, to the last digits."""
+    if not model.guard_vectors:
+        return
+    limits, guarded = decided_limits(model)[0], GuardedModel(model)
+    for vector in model.guard_vectors:
+        found = recomputed(model, guarded, vector)
+        for field, given, now in _series(vector, found):
+            allowed = (
+                TOLERANCE * limits[field].clamp_um if field in limits and given is vector.expected.get(field) else 0.0
+            )
+            bad = np.flatnonzero(~(np.abs(np.asarray(given, float) - np.asarray(now, float)) <= allowed))
+            if len(bad):
+                k = int(bad[0])
+                yield FINDINGS.finding(
+                    "guard-vector-mismatch",
+                    f"Guard vector {vector.name!r}: {field} is {now[k]:.9g} in call {k}, the file expects "
+                    f"{given[k]:.9g} ({len(bad)} such calls). Guard, limits or ranges were changed after the file was "
+                    "written.",
+                    evidence={"vector": vector.name, "field": field, "call": k, "calls": len(bad)},
+                )
+
+
+def _series(vector: GuardVector, now: Mapping[str, Any]) -> Iterator[tuple[str, Sequence[float], Sequence[float]]]:
+    yield from ((name, series, now["expected"][name]) for name, series in vector.expected.items())
+    yield "mode", vector.mode, now["mode"]
+    yield from ((f"sensor code of {name}", codes, now["sensors"][name]) for name, codes in vector.sensors.items())
+
+
+def _courses(model: ModelFile) -> Iterator[CheckVector]:
+    """Vectors in which the inputs move together, as they do on a machine."""
+    return (vector for vector in model.test_vectors if vector.name in ("ramp", "recorded"))
+
+
+def _contradicting_fallbacks(model: ModelFile) -> Iterator[Finding]:
+    """Fallbacks that are farther from the model than no correction at all, where all sensors are good."""
+    for k, fallback in enumerate(model.fallbacks):
+        for vector in _courses(model):
+            for name, series in (vector.fallbacks[k] if k < len(vector.fallbacks) else {}).items():
+                own, whole = np.asarray(series), np.asarray(vector.expected[name])
+                if np.sum((own - whole) ** 2) > np.sum(whole**2) > 0.0:
+                    at = int(np.argmax(np.abs(whole)))
+                    yield FINDINGS.finding(
+                        "fallback-contradicts",
+                        f"The fallback {_without(fallback)} gives {name} = {series[at]:.3g} µm where the model gives "
+                        f"{vector.expected[name][at]:.3g} µm (vector {vector.name!r}): no correction would be nearer.",
+                        evidence={"without": list(fallback.without), "output": name, "vector": vector.name},
+                    )
+
+
+def _reached_clamps(model: ModelFile) -> Iterator[Finding]:
+    """Clamps that cut off a third or more where all sensors go through their ranges."""
+    for limits in model.guard.limits:
+        wanted = [np.abs(np.asarray(vector.expected[limits.output])) for vector in _courses(model)]
+        if limits.clamp_um is not None and wanted:
+            course, where = np.concatenate(wanted), "of the file's test vectors"
+            finding = clamp_reached(limits.output, limits.clamp_um, course, where, least=1.0 / 3.0)
+            if finding is not None:
+                yield finding
+
+
+def clamp_reached(
+    output: str, clamp_um: float, wanted_um: Array, where: str, run: str | None = None, least: float = 0.1
+) -> Finding | None:
+    """How much of a correction its clamp cuts off; None if it is less than this share of the largest."""
+    cut = np.maximum(np.abs(wanted_um) - clamp_um, 0.0)
+    largest, lost = float(np.max(np.abs(wanted_um), initial=0.0)), float(np.max(cut, initial=0.0))
+    if not lost > least * largest:
+        return None
+    share, rms = float(np.mean(cut > 0.0)), float(np.sqrt(np.mean(cut**2)))
+    return FINDINGS.finding(
+        "clamp-reached",
+        f"The clamp of {output}, ±{clamp_um:g} µm, cuts the correction in {share:.0%} of the samples {where}: up to "
+        f"{lost:.3g} of {largest:.3g} µm are left, {rms:.3g} µm rms.",
+        Where(channel=output, run=run),
+        {
+            "clamp_um": clamp_um,
+            "largest_um": largest,
+            "share_of_samples": share,
+            "lost_max_um": lost,
+            "lost_rms_um": rms,
+        },
+        f"if the machine may be corrected so far, export with --clamp {output}={math.ceil(largest)}",
+    )
 
 
 def _size_findings(model: ModelFile) -> Iterator[Finding]:

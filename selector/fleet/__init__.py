@@ -3,6 +3,7 @@
 from selector.fleet.fleet_file import Fleet, read_fleet
 from selector.fleet.machine_study import Answer, answered, key_of
 from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
+from selector.fleet.watching import FleetWatch, WatchedMachine, watch_fleet
 from selector.fleet.workers import Cluster, Processes, Workers
 
 __all__ = [
@@ -11,11 +12,14 @@ __all__ = [
     "Cluster",
     "Fleet",
     "FleetAnswer",
+    "FleetWatch",
     "Processes",
+    "WatchedMachine",
     "Workers",
     "answered",
     "key_of",
     "read_answer",
     "read_fleet",
     "run_fleet",
+    "watch_fleet",
 ]

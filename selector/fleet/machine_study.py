@@ -48,6 +48,12 @@ class Answer(_Document):
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again
 
+    @property
+    def in_short(self) -> str:
+        """For a line of progress."""
+        told = self.error or f"{', '.join(self.sensors)}, {self.seconds:.1f} s"
+        return f"{self.status}: {told}"
+
 
 class Done(_Document):
     """``done.json``: what an answer is in short, and the SHA-256 of its files."""

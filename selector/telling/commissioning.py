@@ -8,6 +8,7 @@ import numpy as np
 
 from selector.controllers.guard.decided import LEAST_GOOD_SAMPLES, is_turned
 from selector.controllers.model_file import ModelFile, equations_sha256
+from selector.controllers.replay.rehearsed import CLOCK_S, JUMP_SHARE, NOISE_SHARE, OUTAGE_S
 from selector.controllers.replay.replayed import Replay
 from selector.controllers.writers.exported import Exported, SignTest
 from selector.controllers.writers.targets import Target
@@ -40,6 +41,7 @@ def commissioning_account(
     model: ModelFile,
     program: Exported,
     target: Target,
+    name: str,
     *,
     replay: Replay | None,
     findings: Sequence[Finding],
@@ -55,7 +57,7 @@ def commissioning_account(
         f"Thermal correction: {target.title}",
         (*(_VERIFIED if is_sign_verified else _UNVERIFIED), _NO_REPLAY if replay is None else verdict_of(replay)),
         (
-            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, is_sign_verified)),
+            Section("sign", "Sign test", _sign_blocks(model, program.sign_test, target, name, is_sign_verified)),
             Section("install", "Installing", _install_blocks(program)),
             Section("wiring", "Wiring of the sensors", _wiring_blocks(model, target), link="Wiring"),
             *_touch_offs(model),
@@ -72,6 +74,7 @@ def commissioning_account(
         about=model.name,
         label=label if turned else "",
         verdict="good" if is_sign_verified else "bad",
+        brief=("replay",),
     )
 
 
@@ -90,7 +93,7 @@ def _turned(model: ModelFile) -> str:
     return ", ".join(output.name for output in model.outputs if is_turned(output))
 
 
-def _sign_blocks(model: ModelFile, test: SignTest, target: Target, is_verified: bool) -> tuple[Block, ...]:
+def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is_verified: bool) -> tuple[Block, ...]:
     too_quick = target.has_guard and any(item.rate_limit_per_min is not None for item in model.inputs)
     steps = [
         test.before,
@@ -106,7 +109,7 @@ def _sign_blocks(model: ModelFile, test: SignTest, target: Target, is_verified: 
     if not is_verified:
         steps.append(
             "Every line right: export again with the same options and "
-            f"`--sign-verified --tested {equations_sha256(model)[:16]}`. Another program than the tested one is "
+            f"`--sign-verified --tested {name}:{equations_sha256(model)[:16]}`. Another program than the tested one is "
             "refused then."
         )
     form = table(
@@ -190,7 +193,8 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("", parts_table(replay)),
+        Captioned("Each file", parts_table(replay)),
+        *(Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
         *_courses(model, replay),
     )
 
@@ -237,6 +241,7 @@ def replay_table(replay: Replay) -> Table:
                     str(len(run.time_s)),
                     number_text(run.max_abs_difference_um) if run.max_abs_difference_um else "0",
                     number_text(of.before_rmse_um),
+                    number_text(run.applied[name].rmse_um) if name in run.applied else NONE,
                     number_text(of.rmse_um),
                     number_text(of.max_um),
                     share_text(run.faulty_share),
@@ -244,7 +249,7 @@ def replay_table(replay: Replay) -> Table:
             )
     return table(
         ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
-         ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
+         ">apply: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
         rows,
         " ".join([BEFORE_AND_AFTER, *_beginnings(replay)]),
     )  # fmt: skip
@@ -269,6 +274,32 @@ def parts_table(replay: Replay) -> Table:
         "Difference: to what the file has to give. Allowed: what its number type explains; more is a defect. Smaller "
         "guard: from what this file has to give to what the whole guard gives, where the control has a smaller one.",
     )
+
+
+def rehearsal_table(replay: Replay) -> Table:
+    """One row per rehearsed fault and output."""
+    first, waits = replay.rehearsal[0], "never noticed"
+    rows = [
+        (
+            one.sensor or "control",
+            one.fault,
+            one.output,
+            number_text(one.healthy_rmse_um),
+            number_text(one.left.rmse_um),
+            number_text(one.left.max_um),
+            one.mode or NONE,
+            waits if one.reacts_after_s is None else f"{one.reacts_after_s:.0f}",
+        )
+        for one in replay.rehearsal
+    ]
+    return table(
+        ["what fails", "how", "output", ">without the fault: rms [µm]", ">left: rms [µm]", ">left: largest [µm]",
+         "it follows", ">reacts after [s]"],
+        rows,
+        f"Faults rehearsed on run {first.run}, each from {first.from_s:.0f} s to its end: dead, no reading; stuck, the "
+        f"last reading; jumping, by {JUMP_SHARE:.0%} of the valid range; noisy, by {NOISE_SHARE:.0%} of it; power "
+        f"cycle and stop of {OUTAGE_S:.0f} s; the clock put by {CLOCK_S:.0f} s. This is not a safety function.",
+    )  # fmt: skip
 
 
 def _courses(model: ModelFile, replay: Replay) -> list[Drawing]:

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from selector.fleet import Answer, FleetAnswer
+from selector.fleet import Answer, FleetAnswer, FleetWatch
 from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Table, section, sections, table
 from selector.telling.numbers import NONE
@@ -32,6 +32,70 @@ def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: st
         ),
         data=answer.model_dump(by_alias=True),
     )
+
+
+def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
+    """All that is told of the watch over a fleet, alarms first."""
+    counts = Counter(one.status for one in watch.machines.values())
+    sentences = [
+        f"{_machines(len(watch.machines))}: " + ", ".join(f"{n} {_STATES[s]}" for s, n in counts.items()) + "."
+    ]
+    if watch.alarms:
+        sentences.append(f"Look at {', '.join(name for name, one in watch.machines.items() if one.status == 'alarm')}.")
+    return Account(
+        title=f"{title}: are the models still true?",
+        verdict="bad" if watch.alarms or counts["failed"] else "good" if counts["quiet"] else "plain",
+        sentences=tuple(sentences),
+        sections=sections(
+            section("machines", "Errors in recordings that came later", Captioned("", _watched(watch)), link="Errors"),
+            section("readings", "What else was found in them", *_readings(watch), link="Readings"),
+        ),
+        data=watch.model_dump(by_alias=True),
+    )
+
+
+_STATES = {
+    "alarm": "no longer as it was",
+    "quiet": "as before",
+    "nothing-new": "without a new recording",
+    "not-judged": "not judged",
+    "no-model": "without a model",
+    "failed": "failed",
+}
+_CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
+
+
+def _watched(watch: FleetWatch) -> Table:
+    ordered = sorted(watch.machines.items(), key=lambda item: list(_STATES).index(item[1].status))
+    rows: list[tuple[str, ...]] = []
+    marked = []
+    for name, one in ordered:
+        told = one.responses.items() if one.status in ("alarm", "quiet") else ()
+        if not told:
+            rows.append((name, _STATES[one.status], *(NONE,) * 6, one.error or ""))
+        for response, of in told:
+            marked += [len(rows)] if of.alarm else []
+            judged = (
+                NONE if of.highest is None else f"{number_text(of.highest, 2)} of {number_text(of.limit or 0.0, 2)}"
+            )
+            what = "" if of.alarm is None else f"{_CHANGED[of.alarm]} since {of.since}"
+            errors = (_error(value) for value in (of.rmse_um, of.expected_um, of.mean_um))
+            rows.append((name, _STATES[one.status], response, str(of.runs), *errors, judged, what))
+    head = (">runs", ">RMS error [µm]", ">when it was made [µm]", ">mean error [µm]", ">sum")
+    note = (
+        "Root mean square error in the new runs beside that on unseen runs when the model was made; mean of recorded "
+        "minus predicted, since the change where there is one. Sum: cumulative deviation of the runs, and its limit."
+    )
+    return table(("machine", "status", "response", *head, "what has changed"), rows, note, marked=marked)
+
+
+def _readings(watch: FleetWatch) -> list[Captioned]:
+    rows = []
+    for name, one in watch.machines.items():
+        gravest = sorted(one.findings, key=lambda finding: finding["level"] != "error")[:1]
+        rows += [(name, finding["statement"], str(len(one.findings))) for finding in gravest]
+    note = "The gravest finding of each machine; --json has all."
+    return [Captioned("", table(("machine", "what", ">findings"), rows, note))] if rows else []
 
 
 def _machines(n: int) -> str:

@@ -70,9 +70,11 @@ def test_every_file_of_c_is_executed_and_told(tmp_path, capsys):
     parts = said["replay"]["parts"]
     files = [f"thermal_correction{ending}.c" for ending in ("", "_f", "_i")]
     assert [(part["file"], part["output"]) for part in parts] == [(file, o) for file in files for o in ("Z", "Y")]
-    assert all(set(part) == {"file", "output", "executed_by", "max_abs_difference_um", "allowed_um"} for part in parts)
+    own = {"file", "output", "executed_by", "max_abs_difference_um", "allowed_um", "guard_difference_um"}
+    assert all(set(part) == own for part in parts)
     assert all(part["max_abs_difference_um"] <= part["allowed_um"] for part in parts)
-    assert said["replay"]["max_abs_difference_um"] == 0.0 < parts[2]["max_abs_difference_um"] < 1e-4
+    assert said["replay"]["max_abs_difference_um"] == parts[2]["max_abs_difference_um"] == 0.0
+    assert 0.0 < parts[2]["guard_difference_um"] < 1e-4
     assert "single-precision-bound" in found_ids(said, "info")
     assert "Single precision: largest difference" in (out / "thermal_correction_f.c").read_text()
     page = (out / "commissioning.html").read_text(encoding="utf-8")
@@ -111,15 +113,13 @@ def test_a_second_file_that_differs_is_an_error_with_numbers(tmp_path, capsys, m
     assert finding["evidence"]["max_abs_difference_um"] > 0.1 > finding["evidence"]["allowed_um"]
 
 
-def test_a_smaller_guard_is_no_difference_of_the_program_and_is_told(tmp_path, capsys):
+def test_the_macro_holds_and_ramps_as_the_whole_guard(tmp_path, capsys):
     model, run, machine = folder_of(tmp_path / "f", broken=slice(100, 130), recover_after_s=300.0, hold_at_most_s=100.0)
     said = exported(capsys, model, "fanuc", tmp_path / "out", run, machine)
     (part,) = said["replay"]["parts"]
     assert part["max_abs_difference_um"] <= part["allowed_um"] < 1e-6
-    (differs,) = [one for one in said["findings"] if one["id"] == "guard-differs"]
-    assert differs["evidence"]["guard_difference_um"] > 0.5
-    # the macro holds for ever, where the whole guard ramps to zero; both wait 300 s more, and 300 s at the start,
-    # which is no fault: 30 + 30 of 300 samples
+    assert part["guard_difference_um"] < 1e-6
+    # it waits 300 s more, and 300 s at the start, which is no fault: 30 + 30 of 300 samples
     (share,) = [one["evidence"]["share_of_samples"] for one in said["findings"] if one["id"] == "not-the-whole-model"]
     assert share == 0.2
 

@@ -16,6 +16,8 @@ from selector.controllers.writers.targets import TARGETS
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 
+EQUATIONS = equations_sha256(read_model(PATENT))
+
 
 def told(capsys, *arguments: object) -> dict[str, dict]:
     """Findings of an export by their id."""
@@ -44,7 +46,7 @@ def test_the_same_words_give_the_same_program_from_the_model_and_from_its_copy(t
 def test_only_the_tested_program_is_called_verified(tmp_path, capsys):
     tested = tmp_path / "tested"
     found = told(capsys, PATENT, "--for", "python", "--invert", "Z", "--out", tested)
-    digits = head_of(tested)[:16]
+    digits = f"python:{head_of(tested)[:16]}"
     assert f"--tested {digits}" in found["sign-unverified"]["suggestion"]
     assert f"--tested {digits}" in (tested / "commissioning.html").read_text(encoding="utf-8")
     # who forgets --invert would get the other sign
@@ -54,7 +56,7 @@ def test_only_the_tested_program_is_called_verified(tmp_path, capsys):
     assert "--invert" in said
     assert not out.exists()
     found = told(
-        capsys, PATENT, "--for", "python", "--out", out, "--invert", "Z", "--sign-verified", "--tested", digits.upper()
+        capsys, PATENT, "--for", "python", "--out", out, "--invert", "Z", "--sign-verified", "--tested", digits
     )
     assert not {"sign-unverified", "sign-taken-on-trust"} & set(found)
     # another clamp has the same equations
@@ -62,7 +64,9 @@ def test_only_the_tested_program_is_called_verified(tmp_path, capsys):
          "--tested", digits)  # fmt: skip
 
 
-@pytest.mark.parametrize("digits", ["", "0123456", "nonsense"])
+@pytest.mark.parametrize(
+    "digits", ["", "0123456", "nonsense", EQUATIONS[:16], f"st:{EQUATIONS[:16]}", f"python:{EQUATIONS[:7]}"]
+)
 def test_digits_that_say_nothing_are_refused(tmp_path, capsys, digits):
     said = refused(capsys, PATENT, "--for", "python", "--out", tmp_path / "out", "--sign-verified", "--tested", digits)
     assert equations_sha256(read_model(PATENT)) in said.replace("\n", "").replace(" ", "")

@@ -195,56 +195,6 @@ def test_missing_readings():
     assert application.overall["Z"].n_samples == 198 + 150
 
 
-def test_a_sensor_that_stands_still_while_the_others_move():
-    table = perfect_run()
-    stuck = table.copy()
-    stuck.iloc[40:, 1] = stuck.iloc[40, 1]
-    application = apply_model(rise_model(), recording_of({"good": table, "bad": stuck}))
-    (finding,) = of_kind(application, "stuck")
-    assert (finding.where.channel, finding.where.run) == ("T3", "bad")
-    assert finding.where.from_s == table.index[40]
-
-
-def test_standing_still_together_or_coarsely_is_normal():
-    time_s, readings = warm_up()
-    resting = {name: np.where(time_s < 6000.0, 20.0, values) for name, values in readings.items()}
-    coarse = dict(readings) | {"T3": np.round(readings["T3"] / 2.0) * 2.0}
-    runs = {"resting": run_table(time_s, resting), "coarse": run_table(time_s, coarse)}
-    assert of_kind(apply_model(rise_model(), recording_of(runs)), "stuck") == []
-
-
-def test_a_jump_beyond_the_rate_limit():
-    table = perfect_run()
-    table.iloc[90:, 0] += 6.0
-    application = apply_model(with_inputs(rate_limit_per_min=2.0), recording_of({"r": table}))
-    (finding,) = of_kind(application, "jump")
-    assert finding.where.channel == "T1"
-    assert finding.evidence["at_s"] == table.index[90]
-    assert finding.evidence["largest_step"] == pytest.approx(
-        6.0, abs=0.2
-    )  # the warming itself moves up to 0.15 K a step
-
-
-@pytest.mark.parametrize("period_s", [0.1, 1.0, 60.0])
-def test_noise_and_resolution_are_no_jumps_at_any_sampling(period_s):
-    rng = np.random.default_rng(5)
-    n = 3000
-    time_s = np.arange(n) * period_s
-    slow = 25.0 + np.minimum(time_s, 36000.0) / 36000.0
-    noisy, rounded = slow + rng.normal(0.0, 0.05, n), np.round(slow + rng.normal(0.0, 0.05, n), 1)
-    recording = recording_of({"r": run_table(time_s, {"T1": noisy, "T3": rounded})})
-    assert of_kind(apply_model(with_inputs(rate_limit_per_min=2.0), recording), "jump") == []
-
-
-def test_a_single_jump_in_a_reading_that_never_changes_otherwise():
-    time_s, readings = warm_up()
-    readings["T3"] = np.where(time_s < 3000.0, 20.0, 26.0)
-    recording = recording_of({"r": run_table(time_s, readings)})
-    assert [f.where.channel for f in of_kind(apply_model(with_inputs(rate_limit_per_min=2.0), recording), "jump")] == [
-        "T3"
-    ]
-
-
 def test_without_displacement_there_are_predictions_only():
     time_s, readings = warm_up()
     application = apply_model(rise_model(), recording_of({"r": run_table(time_s, readings)}))

@@ -14,7 +14,15 @@ from selector.controllers.model_file import read_model
 from selector.controllers.replay.macro_b_executed import MacroB, MacroError, macro_b_answers
 from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.writers.exported import ExportRefusedError
-from selector.controllers.writers.fanuc import FILE, LONGEST_BLOCK, fanuc_export, literal, macro_variables, remarks
+from selector.controllers.writers.fanuc import (
+    FILE,
+    LONGEST_BLOCK,
+    STATUS,
+    fanuc_export,
+    literal,
+    macro_variables,
+    remarks,
+)
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
 
@@ -105,7 +113,8 @@ def test_fault_keeps_the_last_value_and_says_which_reading(bad):
     macro = MacroB(fanuc_export(rich()).files[FILE])
     macro.variables |= {100: 0.0, 101: 20.0, 102: 850.0, 103: 0.0}
     macro.call()
-    assert (macro.variables[503], macro.variables[504]) == (2.0, 2.0)
+    sensors = [macro.variables[macro_variables(rich()).program[f"sensor_{k}"]] for k in (1, 2, 3)]
+    assert (macro.variables[STATUS], sensors) == (2.0, [0.0, 4.0, 0.0])
 
 
 def test_fault_ramps_to_zero_where_the_model_file_says_so():
@@ -178,15 +187,15 @@ def test_what_the_control_does_not_say_is_an_alarm_before_anything_is_written():
 
 def test_a_reading_that_is_bad_again_within_the_first_minute_is_no_start_reading():
     macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    names = macro_variables(read_model(PATENT)).program
     course = [(0.0, 25.0), (30.0, 25.0), (40.0, 850.0), *((50.0 + 10.0 * k, 20.0) for k in range(7))]
     states = []
     for time_s, reading in course:
         macro.variables |= {100: time_s, 101: reading, 102: 20.0}
         macro.call()
-        states.append((macro.variables[503], macro.variables[505]))
-    # status, and start readings: 2 = good so far, 1 = believed
-    assert states == [(2.0, 2.0)] * 9 + [(1.0, 1.0)]
-    assert macro.variables[507] == 20.0
+        states.append((macro.variables[STATUS], macro.variables[names["has_start_1"]]))
+    assert states == [(2.0, 0.0)] * 9 + [(1.0, 1.0)]
+    assert macro.variables[names["start_1"]] == 20.0
 
 
 def test_vacant_time_ends_the_program_before_it_writes_anything():
@@ -245,7 +254,7 @@ def test_literals_have_no_exponent_and_no_more_than_twelve_digits():
 
 def test_what_macro_b_cannot_do_is_refused():
     many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
-    with pytest.raises(ExportRefusedError, match="#223"):
+    with pytest.raises(ExportRefusedError, match="#208"):
         fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
     for outputs in (
         (Output(name="Z", intercept=0.0),),
@@ -260,7 +269,7 @@ def test_everything_that_is_missing_is_said():
     model = hostile.model()
     found = {finding.id: finding for finding in fanuc_export(model).findings}
     assert set(found) == {"guard-reduced", "position-part-left-out", "limit-not-decided"}
-    assert len(found["guard-reduced"].evidence["left_out"]) == 9
+    assert len(found["guard-reduced"].evidence["left_out"]) == 4
     assert found["position-part-left-out"].evidence["lost_um"] > 0.0
     assert isinstance(model.fallbacks[0], Fallback)
     assert isinstance(model.outputs[0].position, PositionPart)
@@ -290,3 +299,15 @@ def test_a_formula_keeps_its_brackets():
 
 def test_comments_are_cut_into_blocks():
     assert list(remarks("a:b " + "c" * 80)) == [f"(A,B {'C' * 66})", f"({'C' * 14})"]
+
+
+def test_a_cold_start_by_hand_takes_new_start_readings():
+    macro = MacroB(fanuc_export(read_model(PATENT)).files[FILE])
+    names = macro_variables(read_model(PATENT)).program
+    called_until_settled(macro)
+    macro.variables |= {names["has_start_1"]: 0.0, names["has_start_2"]: 0.0}
+    for time_s in range(400, 500, 10):
+        macro.variables |= {100: float(time_s), 101: 15.0, 102: 16.0}
+        macro.call()
+    assert (macro.variables[names["start_1"]], macro.variables[names["start_2"]]) == (15.0, 16.0)
+    assert macro.variables[STATUS] == 1.0

@@ -9,12 +9,12 @@ import pytest
 
 from selector.controllers import read_model
 from selector.controllers.guard.decided import Mode
-from selector.controllers.replay.macro_b_executed import MacroB, macro_b_called_at_most_once_a_second
-from selector.controllers.replay.parts import macro_corrections_um
-from selector.controllers.writers.fanuc import FILE, fanuc_export
+from selector.controllers.replay.macro_b_executed import MacroB, macro_b_answers, macro_corrections_um
+from selector.controllers.writers.fanuc import FILE, STATUS, fanuc_export, macro_variables
 from tests.controllers.test_fanuc import PATENT, rich, warm_up
 
-STATUS, HAS_BEGUN, START = 503, 505, 507
+NAMES = macro_variables(read_model(PATENT)).program
+HAS_BEGUN, START = NAMES["has_start_1"], NAMES["start_1"]
 
 
 def called(macro, times_s, reading):
@@ -63,6 +63,6 @@ def test_the_replay_knows_pauses():
     rows.dt_s[[150, 250]] = 43_200.0, 700.0
     rows = dataclasses.replace(rows, readings=np.minimum(rows.readings, [29.0, 26.0, 3000.0]))
     model = rich(recover_after_s=60.0)
-    found = macro_b_called_at_most_once_a_second(model, rows, fanuc_export(model).files)
+    found = macro_b_answers(model, rows, fanuc_export(model).files)
     np.testing.assert_allclose(found.correction_um, macro_corrections_um(model, rows), rtol=0.0, atol=1e-9)
     assert set(found.mode[[149, 150, 151, 249, 250, 251]]) == {Mode.MODEL, Mode.HOLD}

@@ -15,17 +15,22 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import read_model
 from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.parts import Rows, reference_answers
+from selector.controllers.writers.c99 import c_files
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.fixed_point import (
+    INT_NAME,
     fixed_point_bound_um,
-    fixed_point_files,
     fixed_point_findings,
 )
 from selector.controllers.writers.fixed_point_numbers import ONE, Fixed, fixed, shifted
-from selector.controllers.writers.fixed_point_sensor import INT_NAME
 from selector.errors import InputError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
+
+
+def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, str]:
+    return c_files(model, precision="whole", name=INT_NAME, is_sign_verified=is_sign_verified)
+
 
 ROOT = Path(__file__).resolve().parents[2]
 PATENT = ROOT / "fixtures/models/patent-two-sensors.json"
@@ -329,9 +334,8 @@ def test_bound_is_printed_and_told():
     # printed with five decimals, rounded up
     assert all(0.0 <= p - b <= 1.01e-5 for p, b in zip(printed, bound.values(), strict=True))
     found = fixed_point_findings(model)
-    assert [f.id for f in found] == ["fixed-point-bound", "fixed-point-bound", "guard-reduced"]
+    assert [f.id for f in found] == ["fixed-point-bound", "fixed-point-bound"]
     assert found[0].evidence["bound_um"] == bound["Z"]
-    assert len(found[2].evidence["left_out"]) == 2
 
 
 def largest_values(of: Fixed):

@@ -14,13 +14,14 @@ from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.compiled import c_answers, compiler, python_answers
-from selector.controllers.replay.parts import Answers, Rows, reference_answers
+from selector.controllers.replay.parts import Answers, Rows
 from selector.controllers.writers.c99 import c_export, c_files
 from selector.controllers.writers.python_module import python_export
 from selector.errors import NotExecutableError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
 from tests.controllers.model_builders import rise_model
+from tests.controllers.plain_guard import plain_answers
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
@@ -43,7 +44,7 @@ def same(one: Answers, other: Answers) -> bool:
 def test_compiled_c_is_the_guard_bit_for_bit(kind, precision, number):
     model = hostile.model(**kind)
     rows = hostile.rows(4000, 7, len(axes_of(model)))
-    assert same(c_answers(model, rows, precision), reference_answers(model, rows, number))
+    assert same(c_answers(model, rows, precision), plain_answers(model, rows, number))
 
 
 @needs_cc
@@ -52,7 +53,7 @@ def test_compiled_c_on_thirty_thousand_rows():
     model = hostile.model()
     rows = hostile.rows(30_000, 11)
     answers = c_answers(model, rows)
-    assert same(answers, reference_answers(model, rows))
+    assert same(answers, plain_answers(model, rows))
     limits, _ = decided_limits(model)
     assert np.isfinite(answers.correction_um).all()
     for k, limit in enumerate(limits.values()):
@@ -63,7 +64,7 @@ def test_compiled_c_on_thirty_thousand_rows():
 def test_the_python_module_is_the_guard_bit_for_bit(kind):
     model = hostile.model(**kind)
     rows = hostile.rows(4000, 8, len(axes_of(model)))
-    assert same(python_answers(model, rows), reference_answers(model, rows))
+    assert same(python_answers(model, rows), plain_answers(model, rows))
 
 
 @needs_cc
@@ -94,9 +95,9 @@ def test_names_of_a_model_cannot_leave_their_remarks():
         assert "int x;" not in "\n".join(line.split("#")[0] for line in code.splitlines())
     rows = hostile.rows(200, 1, 0)
     one = replace(rows, readings=rows.readings[:, :1], test_um=rows.test_um[:, :1])
-    assert same(python_answers(model, one), reference_answers(model, one))
+    assert same(python_answers(model, one), plain_answers(model, one))
     if compiler() is not None:
-        assert same(c_answers(model, one), reference_answers(model, one))
+        assert same(c_answers(model, one), plain_answers(model, one))
 
 
 def test_variables_are_short_ascii_and_declared_once():

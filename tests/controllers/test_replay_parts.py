@@ -121,7 +121,7 @@ def test_every_file_gives_what_it_has_to_give(target, which, rhythm):
 def test_allowed_is_small_where_no_dead_band_has_to_be_allowed_for():
     model = MODELS["steep"]
     rows = calls(model, 1500, 5, "every second")
-    largest = {"c": 0.02, "sinumerik": 0.02, "beckhoff": 0.06, "fanuc": 1e-6, "st": 0.0, "python": 0.0}
+    largest = {"c": 0.02, "sinumerik": 0.0001, "beckhoff": 0.06, "fanuc": 1e-8, "st": 0.0, "python": 0.0}
     for target, allowed_um in largest.items():
         for part in TARGETS[target].parts:
             allowed = part.allowed_um(with_decided_limits(model), rows, reference_answers(model, rows))
@@ -140,9 +140,9 @@ MISTAKES = [
     ("beckhoff", "temp_comp_ads.txt", "10.0 * fb.k0_1", "9.9 * fb.k0_1"),
     ("beckhoff", "temp_comp_ads.txt", ":= fb.slope_1", ":= 0.0"),
     ("beckhoff", "temp_comp_1.lis", "1000000  #", "1100000  #"),
-    ("fanuc", "O9100.nc", "#104=#101-#507", "#104=#507-#101"),
+    ("fanuc", "O9100.nc", "-#501", "-#501-0.125"),
     ("fanuc", "O9100.nc", "=1000.", "=1001."),
-    ("fanuc", "O9100.nc", "GT90.]GOTO800", "GT100.]GOTO800"),
+    ("fanuc", "O9100.nc", "LE90.]GOTO", "LE100.]GOTO"),
 ]
 
 
@@ -179,10 +179,9 @@ def test_a_control_that_tells_its_mode_is_asked():
     model = MODELS["steep"]
     rows = calls(model, 1500, 5, "every second")
     (macro,), _ = replayed_parts("fanuc", model, rows)
-    # the whole guard falls back; the macro holds until all sensors have recovered
+    # it falls back as the whole guard does
     assert 0.0 < np.mean(macro.answers.mode == 1) < 1.0
-    assert not np.array_equal(macro.answers.mode, macro.whole.mode)
-    assert set(macro.answers.mode.tolist()) == {1, 2}
+    assert set(macro.answers.mode.tolist()) >= {1, 2, 10}
 
 
 def test_the_line_of_a_control_goes_on_where_the_model_stops():

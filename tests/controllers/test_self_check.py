@@ -11,14 +11,24 @@ import pytest
 from selector.controllers import self_check
 from selector.controllers.evaluator import evaluate, output_bound_um
 from selector.controllers.guard.decided import LONGEST_S
-from selector.controllers.model_file import Guard, Input, ModelFile, Output, OutputLimits, Term, model_text, write_model
+from selector.controllers.model_file import (
+    Fallback,
+    Guard,
+    Input,
+    ModelFile,
+    Output,
+    OutputLimits,
+    Term,
+    model_text,
+    write_model,
+)
 from selector.controllers.self_check import check_model, model_findings
 from selector.errors import ModelFileError
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
 
 
 def with_vectors(model: ModelFile, recorded=None) -> ModelFile:
-    return model.model_copy(update={"test_vectors": self_check.check_vectors(model, recorded)})
+    return self_check.sealed(model, recorded)
 
 
 def ids(findings) -> list[str]:
@@ -75,6 +85,7 @@ def test_many_inputs_have_linearly_many_corners():
 @pytest.mark.parametrize("term", [0, 1, 2])
 def test_a_changed_coefficient_is_found(factor, term, tmp_path):
     document = json.loads(model_text(with_vectors(rise_model())))
+    del document["digest"]
     document["outputs"][0]["terms"][term]["coefficient"] *= factor
     (tmp_path / "m.json").write_text(json.dumps(document), encoding="utf-8")
     wrong = [finding for finding in check_model(tmp_path / "m.json") if finding.id == "test-vector-mismatch"]
@@ -183,3 +194,68 @@ def test_a_file_that_breaks_the_schema_is_refused(tmp_path):
     (tmp_path / "m.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"\$\.name"):
         check_model(tmp_path / "m.json")
+
+
+def test_a_fallback_that_contradicts_the_model_is_told():
+    model = hostile_with(lambda of: -of)
+    found = {finding.id: finding for finding in model_findings(model)}
+    assert found["fallback-contradicts"].evidence["without"] in (["T1"], ["T2"])
+
+
+def hostile_with(change):
+    """A model of two sensors that move alike, whose fallback has its coefficients changed."""
+    inputs = rise_model().inputs
+    output = Output(name="Z", intercept=0.0, terms=tuple(Term(powers={i.name: 1}, coefficient=3.0) for i in inputs))
+    alone = Output(name="Z", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=change(6.0)),))
+    fallback = Fallback(without=("T3",), inputs=inputs[:1], outputs=(alone,))
+    other = Fallback(without=("T1",), inputs=inputs[1:], outputs=(
+        alone.model_copy(update={"terms": (Term(powers={"T3": 1}, coefficient=change(6.0)),)}),
+    ))  # fmt: skip
+    guard = Guard(on_fault="fallback", limits=(OutputLimits(output="Z", clamp_um=40.0),))
+    return self_check.sealed(rise_model(outputs=(output,), fallbacks=(fallback, other), guard=guard))
+
+
+def test_a_fallback_that_agrees_is_not_told():
+    assert "fallback-contradicts" not in ids(model_findings(hostile_with(lambda of: of)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "level"),
+    [({"reading_min": 130.0}, "error"), ({"reading_min": 20.0, "reading_max": 21.0}, "error"),
+     ({"rate_limit_per_min": 0.001}, "warning")],
+)  # fmt: skip
+def test_limits_that_no_reading_can_meet_are_told(changes, level):
+    first, second = rise_model().inputs
+    found = [
+        f
+        for f in model_findings(rise_model(inputs=(first.model_copy(update=changes), second)))
+        if f.id == "limits-never-met"
+    ]
+    assert [f.level for f in found] == [level]
+
+
+def test_a_clamp_that_cuts_two_thirds_is_told():
+    limits = (OutputLimits(output="Z", clamp_um=1.0),)
+    model = self_check.sealed(rise_model(guard=Guard(limits=limits)))
+    (finding,) = [f for f in model_findings(model) if f.id == "clamp-reached"]
+    assert finding.evidence["lost_max_um"] > 0.66 * finding.evidence["largest_um"]
+    assert 0.0 < finding.evidence["share_of_samples"] <= 1.0
+
+
+def test_a_changed_guard_is_found_and_can_be_accepted(tmp_path, capsys):
+    from selector.cli import exit_status
+
+    path = tmp_path / "m.json"
+    document = json.loads(model_text(self_check.sealed(hostile_with(lambda of: of))))
+    document["guard"]["break_codes"] = []
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert exit_status(["model", "check", str(path)]) == 2
+    document.pop("digest")
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert "guard-vector-mismatch" in ids(check_model(path))
+    assert exit_status(["model", "check", str(path), "--accept"]) == 0
+    assert ids(check_model(path)) == ["test-vectors-agree"]
+    # coefficients are never accepted
+    document["outputs"][0]["terms"][0]["coefficient"] *= 2.0
+    path.write_text(json.dumps(document), encoding="utf-8")
+    assert exit_status(["model", "check", str(path), "--accept"]) == 2

@@ -14,7 +14,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.controllers.model_file import Input, ModelFile, Output, Term, write_model
-from selector.controllers.self_check import check_vectors
+from selector.controllers.self_check import sealed
 from tests.interruptible import interrupted_in
 
 MACHINE = """
@@ -73,7 +73,7 @@ def folder(tmp_path, monkeypatch):
         inputs=(Input(name="T1", centre=3.0, scale=2.0, valid_min=0.0, valid_max=8.0),),
         outputs=(Output(name="Z", intercept=3 * PER_K_UM, terms=(Term(powers={"T1": 1}, coefficient=2 * PER_K_UM),)),),
     )
-    write_model(model.model_copy(update={"test_vectors": check_vectors(model)}), "model.json")
+    write_model(sealed(model), "model.json")
     return tmp_path
 
 
@@ -258,8 +258,10 @@ def test_model_check(folder, capfd):
     Path("changed.json").write_text(changed, encoding="utf-8")
     assert exit_status(["model", "check", "changed.json", "--json"]) == 2
     out, err = capfd.readouterr()
-    assert json.loads(out)["usable"] is False
-    assert "do not use this file" in err
+    said = json.loads(out)
+    assert said["usable"] is False
+    assert {"digest-mismatch", "test-vector-mismatch"} <= {finding["id"] for finding in said["findings"]}
+    assert "take an intact copy" in err
 
 
 def unusable_files(folder: Path) -> None:

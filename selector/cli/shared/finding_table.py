@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from selector.findings import Kinds
-from selector.quality.finding_table import FINDINGS as QUALITY
 
 FINDINGS = Kinds.of(
     """
-start-missing [warning] a sensor has no reading at the start of a run; its rise counts from its first reading
-    → record from the start of the run, or use a model that was selected with --reference absolute
 adaptation-not-applied [info] the model has an adaptation, but there are no touch-offs here: errors are those of the
     model alone
     → try touch-offs with `selector adapt`
@@ -20,4 +17,3 @@ unlike-column [warning] a column named in a model file looks like another role t
     → check the name of the column in the model file
 """
 )
-FINDINGS["gauge-not-zeroed"] = QUALITY["gauge-not-zeroed"]

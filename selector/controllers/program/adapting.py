@@ -1,4 +1,7 @@
-"""What touch-offs add to the displacement of one output as statements, as `Adapted` of the guard does it."""
+"""What touch-offs add to the displacement of one output as statements.
+
+The same filter as `selector.adaptation.drift.tracked`; here with the limits of a program that runs for years.
+"""
 
 from __future__ import annotations
 

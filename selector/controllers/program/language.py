@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
@@ -88,6 +88,14 @@ class Not(Expression):
 
 
 @dataclass(frozen=True, eq=False)
+class Call(Expression):
+    """A function of the language in which the program is printed."""
+
+    name: str
+    of: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Assign:
     """variable := expression."""
 
@@ -126,6 +134,49 @@ class Program:
     def of(self, place: Place) -> tuple[Variable, ...]:
         """The variables of one place."""
         return tuple(one for one in self.variables if one.place == place)
+
+    def with_flags(self, known: Mapping[str, bool]) -> Program:
+        """The program for inputs that never change: what never happens is left out."""
+        body = tuple(_happening(self.body, known))
+        used = {one for statement in body for one in _named(statement)}
+        return Program(self.name, tuple(v for v in self.variables if v.name in used), body)
+
+
+def _happening(body: Sequence[Statement], known: Mapping[str, bool]) -> Iterator[Statement]:
+    for one in body:
+        if isinstance(one, If):
+            is_true = _truth(one.condition, known)
+            then, otherwise = tuple(_happening(one.then, known)), tuple(_happening(one.otherwise, known))
+            if is_true is None:
+                yield If(one.condition, then, otherwise)
+            else:
+                yield from then if is_true else otherwise
+        elif not isinstance(one, Assign) or _truth(one.value, known) is None or isinstance(one.value, Flag):
+            yield one
+
+
+def _truth(of: Expression, known: Mapping[str, bool]) -> bool | None:
+    """Whether a condition holds whatever the other variables are; None: that depends on them."""
+    if isinstance(of, Variable):
+        return known.get(of.name)
+    if isinstance(of, Not):
+        inner = _truth(of.of, known)
+        return None if inner is None else not inner
+    if isinstance(of, Operation) and of.sign in ("and", "or"):
+        sides = _truth(of.left, known), _truth(of.right, known)
+        decides = of.sign == "or"
+        return decides if decides in sides else None if None in sides else not decides
+    return None
+
+
+def _named(of: Statement | Expression) -> Iterator[str]:
+    """Names of the variables that occur."""
+    if isinstance(of, Variable):
+        yield of.name
+    for part in vars(of).values():
+        for inner in part if isinstance(part, tuple) else (part,):
+            if isinstance(inner, Expression | Assign | If):
+                yield from _named(inner)
 
 
 class Writing:
@@ -240,16 +291,24 @@ class Language:
         """True or false."""
         return str(value)
 
+    def code(self, value: int) -> str:
+        """An integer literal."""
+        return str(value)
+
     def name(self, variable: Variable) -> str:
         """A variable as it is written inside the program."""
         return self.prefixes.get(variable.place, "") + variable.name
+
+    def assigned(self, one: Assign) -> str:
+        """What an assignment assigns."""
+        return self.expression(one.value)
 
     def lines(self, body: tuple[Statement, ...], depth: int = 0) -> Iterator[str]:
         """Statements as lines without line ends."""
         before = self.indent * depth
         for one in body:
             if isinstance(one, Assign):
-                yield before + self.assignment.format(to=self.name(one.to), value=self.expression(one.value))
+                yield before + self.assignment.format(to=self.name(one.to), value=self.assigned(one))
             elif isinstance(one, Remark):
                 yield before + self.remark.format(text=plain(one.text))
             else:
@@ -262,7 +321,9 @@ class Language:
         if isinstance(of, Flag):
             return self.flag(of.value)
         if isinstance(of, Code):
-            return str(of.value)
+            return self.code(of.value)
+        if isinstance(of, Call):
+            return f"{of.name}({', '.join(map(self.expression, of.of))})"
         if isinstance(of, Real):
             text = self.real(of.value)
             return f"({text})" if text.startswith("-") and outer > self.signed_above else text

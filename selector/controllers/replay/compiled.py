@@ -23,8 +23,8 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.parts import Answers, Rows, called
 from selector.controllers.writers.c99 import NAME, Precision, c_files
+from selector.controllers.writers.fixed_point import INT_NAME, MISSING
 from selector.controllers.writers.fixed_point_numbers import LARGEST_INT32, MS, fixed
-from selector.controllers.writers.fixed_point_sensor import INT_NAME
 from selector.controllers.writers.linuxcnc import NAME as COMPONENT
 from selector.controllers.writers.linuxcnc import Pin, component, input_pins, output_pins
 from selector.controllers.writers.python_module import CLASS, MODULE_NAME, python_files
@@ -125,7 +125,6 @@ def _driver(name: str, number: str, inputs: Sequence[str], outputs: Sequence[str
 
 
 _C_TYPES: dict[type[Any], str] = {np.float64: "double", np.int32: "int32_t"}
-_MISSING = -(2**31)
 _UM_PER_M, _NM_PER_UM = 1e6, 1000.0
 
 
@@ -151,7 +150,7 @@ def fixed_point_answers(model: ModelFile, rows: Rows, files: Mapping[str, str]) 
 def _whole(values: Array) -> NDArray[Any]:
     """Rounded; what is no number of 32 bits is missing."""
     rounded = np.rint(values)
-    return np.where(np.abs(rounded) < LARGEST_INT32, rounded, _MISSING)
+    return np.where(np.abs(rounded) < LARGEST_INT32, rounded, MISSING)
 
 
 def _test_nm(test_um: Array) -> NDArray[Any]:

@@ -15,23 +15,28 @@ from functools import cache
 import numpy as np
 
 from selector.controllers.evaluator import axes_of
+from selector.controllers.guard.decided import LONGEST_S, SAMPLE_S
 from selector.controllers.model_file import ModelFile
-from selector.controllers.replay.parts import Answers, Rows, held, rows_at, sampled_rows
+from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.writers.fanuc import (
     ABSOLUTE_OR_NOT,
     FILE,
     INCH_OR_MM,
     LONGEST_BLOCK,
+    LONGEST_PAUSE_S,
     STATUS,
     TIME,
     fanuc_export,
+    literal_value,
+    macro_model,
     macro_variables,
 )
+from selector.types import Array
 
 ALARM = 3000
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
-_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|EQ|NE|GT|GE|LT|LE|[\[\]+\-*/]")
+_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|[\[\]+\-*/]")
 _COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=\[\]]*\)")
 _BLOCK = re.compile(
     r"(?:N(?P<label>\d+))?(?:IF\[(?P<condition>.*)\](?:GOTO(?P<jump>\d+)|THEN#(?P<then>\d+)=(?P<value>.+))"
@@ -40,9 +45,7 @@ _BLOCK = re.compile(
 _COMPARED: dict[str, Callable[[float, float], bool]] = {
     "EQ": operator.eq, "NE": operator.ne, "GT": operator.gt, "GE": operator.ge, "LT": operator.lt, "LE": operator.le,
 }  # fmt: skip
-_JOINED: dict[str, Callable[[float, float], float]] = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv,
-}  # fmt: skip
+_PYTHON = {"[": "(", "]": ")", "ABS": "abs"}
 _Read = Callable[[int], float | None]  #: From the number of a variable to what it holds; None: it is vacant.
 _Value = Callable[[_Read], float | None]
 
@@ -117,17 +120,17 @@ class MacroB:
 
 
 def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
-    """What the generated macro leaves in the external work offset, called in every row, and the mode that it tells.
+    """What the generated macro leaves in the external work offset, called in every row, with its mode and codes.
 
-    Only `dt_s`, `readings`, `is_wanted` and `test_um` of the rows are looked at; what is not finite is vacant. Which
-    sensor is bad it tells for one only: sensor codes are 0.
+    `is_ready` and `positions_m` are not looked at, and a restart is a pause; what is not finite is vacant.
     """
     macro = MacroB((files or fanuc_export(model).files)[FILE])
     names = macro_variables(model)
     numbers = [*names.readings.values(), *names.tests.values()]
+    codes = [names.program[f"sensor_{k}"] for k in range(1, len(model.inputs) + 1)]
     written = np.column_stack([rows.readings, rows.tests_um(len(model.outputs))]).tolist()
     found = Answers.empty(len(rows), len(model.outputs), len(model.inputs), len(axes_of(model)))
-    for k, time_s in enumerate(np.cumsum(rows.dt_s).tolist()):
+    for k, time_s in enumerate(np.cumsum(_passed_s(rows)).tolist()):
         macro.variables[TIME] = time_s
         macro.variables[names.off] = float(not rows.is_wanted[k])
         for number, reading in zip(numbers, written[k], strict=True):
@@ -137,85 +140,54 @@ def macro_b_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | Non
         macro.call()
         found.correction_um[k] = [1000.0 * macro.offsets[str(output.axis).upper()] for output in model.outputs]
         found.mode[k] = int(macro.variables[STATUS])
+        found.sensors[k] = [int(macro.variables[code]) for code in codes]
     found.k0_um[:] = found.correction_um
     return found
 
 
-def macro_b_called_at_most_once_a_second(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
-    """As `macro_b_answers`, called as its sheet says; its offset stays until the next call."""
-    calls = sampled_rows(rows)
-    answers = macro_b_answers(model, rows_at(rows, calls), files)
-    return Answers(*(held(getattr(answers, field.name), calls, len(rows)) for field in dataclasses.fields(Answers)))
+def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
+    """What the macro has to give, to the last bit but those of mm, of shape (n_rows, n_outputs) [µm]."""
+    n, never = len(rows), np.zeros(len(rows), dtype=np.bool_)
+    passed_s = _passed_s(rows)
+    is_pause = (passed_s < 0.0) | (passed_s > LONGEST_PAUSE_S)
+    passed_s = np.where(passed_s < 0.0, SAMPLE_S, np.minimum(passed_s, LONGEST_S))
+    readings = np.where(is_pause[:, None] | ~np.isfinite(rows.readings), np.nan, rows.readings)
+    called = dataclasses.replace(
+        rows, dt_s=passed_s, readings=readings, positions_m=np.zeros((n, 0)), is_ready=~never, is_restart=never
+    )
+    return reference_answers(macro_model(model), called, literal=literal_value).correction_um
+
+
+def _passed_s(rows: Rows) -> Array:
+    """The clock of the readings runs on while the control is off."""
+    return rows.dt_s + np.where(rows.is_restart, rows.standstill_s, 0.0)
 
 
 @cache
 def _value(text: str) -> _Value:
-    """The value of an expression, from what the variables hold."""
-    tokens = list(_tokens(text))
-    value = _sum(tokens)
-    if tokens:
-        raise MacroError(text)
+    """The value of an expression, from what the variables hold; of a variable alone also that it is vacant."""
+    if re.fullmatch(r"#\d+", text):
+        number = int(text[1:])
+        return lambda read: read(number)
+    words = (f"number(read({word[1:]}))" if word[0] == "#" else _PYTHON.get(word, word) for word in _tokens(text))
+    try:
+        # numbers, signs and brackets only: the tokens are no others
+        value: _Value = eval("lambda read: " + " ".join(words), {"number": _number, "abs": abs})  # noqa: S307
+    except SyntaxError:
+        raise MacroError(text) from None
     return value
 
 
 @cache
 def _condition(text: str) -> Callable[[_Read], bool]:
-    tokens = list(_tokens(text))
-    left = _sum(tokens)
-    compare = _COMPARED[tokens.pop(0)]
-    right = _sum(tokens)
-    if tokens:
+    match = re.fullmatch(r"(.+?)(EQ|NE|GT|GE|LT|LE)(.+)", text)
+    if match is None:
         raise MacroError(text)
-
-    def holds(read: _Read) -> bool:
-        one, other = left(read), right(read)
-        if "#0" in text and (one is None or other is None):
-            # vacant equals #0 alone; the generated text compares with it by EQ only
-            return bool(compare(one is None, other is None))
-        return bool(compare(_number(one), _number(other)))
-
-    return holds
-
-
-def _sum(tokens: list[str]) -> _Value:
-    total = _product(tokens)
-    while tokens and tokens[0] in "+-":
-        total = _joined(tokens.pop(0), total, _product(tokens))
-    return total
-
-
-def _product(tokens: list[str]) -> _Value:
-    total = _factor(tokens)
-    while tokens and tokens[0] in "*/":
-        total = _joined(tokens.pop(0), total, _factor(tokens))
-    return total
-
-
-def _joined(sign: str, left: _Value, right: _Value) -> _Value:
-    join = _JOINED[sign]
-    return lambda read: join(_number(left(read)), _number(right(read)))
-
-
-def _factor(tokens: list[str]) -> _Value:
-    word = tokens.pop(0) if tokens else ""
-    if word == "-":
-        negated = _factor(tokens)
-        return lambda read: -_number(negated(read))
-    if word == "ABS" and tokens and tokens[0] == "[":
-        of = _factor(tokens)
-        return lambda read: abs(_number(of(read)))
-    if word == "[":
-        value = _sum(tokens)
-        if not tokens or tokens.pop(0) != "]":
-            raise MacroError("a bracket is not closed")
-        return value
-    if word.startswith("#"):
-        number = int(word[1:])
-        return lambda read: read(number)
-    if not word[:1].isdigit():
-        raise MacroError(f"{word!r} is no value")
-    literal = float(word)
-    return lambda read: literal
+    left, compare, right = _value(match[1]), _COMPARED[match[2]], _value(match[3])
+    if match[3] == "#0":
+        # vacant equals #0 alone; the generated text compares with it by EQ only
+        return lambda read: compare(left(read) is None, True)
+    return lambda read: compare(_number(left(read)), _number(right(read)))
 
 
 def _number(value: float | None) -> float:

@@ -13,19 +13,15 @@ from numpy.typing import NDArray
 from selector.controllers.evaluator import axes_of, evaluate
 from selector.controllers.guard.decided import (
     LARGEST_NUMBER,
-    LONGEST_S,
-    LONGEST_STEP_S,
-    SAMPLE_S,
-    SensorCode,
     decided_limits,
     is_turned,
 )
-from selector.controllers.guard.guarded_model import GuardedModel, Number
 from selector.controllers.model_file import ModelFile
+from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.single_precision import SINGLE, rounding_errors
-from selector.controllers.writers.fanuc import LONGEST_PAUSE_S
+from selector.controllers.single_precision import SINGLE
 from selector.controllers.writers.fixed_point import fixed_point_bound_um
+from selector.controllers.writers.fixed_point_numbers import fixed
 from selector.types import Array, Indices, Mask
 
 Flags = Mask
@@ -128,81 +124,23 @@ def called(
     return Answers.of_outputs(dict(zip(names, table.T, strict=True)), model)
 
 
-def reference_answers(model: ModelFile, rows: Rows, number: Number = float) -> Answers:
-    """What `GuardedModel` gives in this number type."""
-    guarded = GuardedModel(model, number)
-    names, axes = [item.name for item in model.inputs], axes_of(model)
-    outputs = [output.name for output in model.outputs]
-    answers = Answers.empty(len(rows), len(outputs), len(names), len(axes))
-    table, where, tests = rows.readings.tolist(), rows.positions_m.tolist(), rows.tests_um(len(outputs)).tolist()
-    valid, shown = rows.touches(len(outputs))
-    for k, dt_s in enumerate(rows.dt_s.tolist()):
-        # a switch that stays on is one restart
-        if rows.is_restart[k] and not (k and rows.is_restart[k - 1]):
-            guarded.restart(float(rows.standstill_s[k]))
-        found = guarded.step(
-            dt_s,
-            dict(zip(names, table[k], strict=True)),
-            dict(zip(axes, where[k], strict=True)),
-            is_ready=bool(rows.is_ready[k]),
-            is_wanted=bool(rows.is_wanted[k]),
-            test_um=dict(zip(outputs, tests[k], strict=True)),
-            touch_um=dict(zip(outputs, shown[k].tolist(), strict=True)),
-            is_touch_valid=bool(valid[k]),
-        )
-        answers.correction_um[k] = [found.correction_um[name] for name in outputs]
-        answers.k0_um[k] = [found.k0_um[name] for name in outputs]
-        answers.slope_um_per_m[k] = [found.slope_um_per_m[name] for name in outputs]
-        answers.mode[k], answers.sensors[k] = found.mode, found.sensors
-        answers.axes[k] = [found.axes[axis] for axis in axes]
-    return answers
+def reference_answers(model: ModelFile, rows: Rows, number: Number = float, literal: Number | None = None) -> Answers:
+    """What the guard gives in this number type; `literal`: what a control makes of its literals."""
+    block = executable(guarded_program(model), number, literal)
+    with np.errstate(all="ignore"):
+        return called(block, block.call, model, rows, "", number)
 
 
-def without_fallbacks(model: ModelFile) -> ModelFile:
-    """The guard of the fixed-point program: no fallback models, no sensor that stands still is found."""
-    guard = model.guard
-    changes = {"on_fault": guard.last_resort, "stuck_after_s": None}
-    return model.model_copy(update={"guard": guard.model_copy(update=changes), "fallbacks": ()})
+def in_single_um(model: ModelFile, rows: Rows, _whole: Answers, _main: Answers) -> Array:
+    """What a program in single precision has to give, to the last bit."""
+    return reference_answers(model, rows, np.float32).correction_um
 
 
-def macro_model(model: ModelFile) -> ModelFile:
-    """The guard of custom macro B: also no jumps, no end of holding, no position."""
-    small = without_fallbacks(model)
-    return small.model_copy(
-        update={
-            "inputs": tuple(item.model_copy(update={"rate_limit_per_min": None}) for item in small.inputs),
-            "outputs": tuple(output.model_copy(update={"position": None}) for output in small.outputs),
-            "guard": small.guard.model_copy(update={"hold_at_most_s": None}),
-        }
-    )
-
-
-def macro_corrections_um(model: ModelFile, rows: Rows) -> Array:
-    """What a macro has to give that is called as its sheet says, of shape (n_rows, n_outputs) [µm].
-
-    With one bad reading it takes none of that call: memory and start readings wait for all sensors. So does it in the
-    first call after a pause.
-    """
-    small, calls = macro_model(model), sampled_rows(rows)
-    called = dataclasses.replace(rows_at(rows, calls), positions_m=np.zeros((len(calls), 0)))
-    called.readings[called.dt_s > LONGEST_PAUSE_S] = np.nan
-    limiting = small.model_copy(update={"guard": small.guard.model_copy(update={"outside_valid_range": "limit-input"})})
-    # what is bad whatever the start reading, then what is outside the valid range
-    for judged in (limiting, small):
-        bad = np.any(reference_answers(judged, called).sensors > SensorCode.RECOVERING, axis=1, keepdims=True)
-        called = dataclasses.replace(called, readings=np.where(bad, np.nan, called.readings))
-    return held(reference_answers(small, called).correction_um, calls, len(rows))
-
-
-def sampled_rows(rows: Rows) -> Indices:
-    """Rows in which readings are looked at, at most once a second; without restarts."""
-    sampled, since = [], np.inf
-    for k, dt_s in enumerate(rows.dt_s.tolist()):
-        since += dt_s
-        if since >= SAMPLE_S:
-            sampled.append(k)
-            since = 0.0
-    return np.array(sampled, dtype=np.int64)
+def in_counts(model: ModelFile, rows: Rows) -> Rows:
+    """Readings as the fixed-point program gets them."""
+    inputs = fixed(model).inputs
+    per_unit = np.array([float(inputs[item.name].per_unit) for item in model.inputs])
+    return dataclasses.replace(rows, readings=np.rint(rows.readings * per_unit) / per_unit)
 
 
 def rows_at(rows: Rows, calls: Indices) -> Rows:
@@ -210,11 +148,6 @@ def rows_at(rows: Rows, calls: Indices) -> Rows:
     tables: dict[str, Any] = {field.name: getattr(rows, field.name) for field in dataclasses.fields(Rows)}
     chosen: dict[str, Any] = {name: None if table is None else table[calls] for name, table in tables.items()}
     return Rows(**chosen | {"dt_s": np.diff(np.cumsum(rows.dt_s)[calls], prepend=0.0)})
-
-
-def held(answers: NDArray[Any], calls: Indices, n_rows: int) -> NDArray[Any]:
-    """The answer of each call, until the next."""
-    return answers[np.searchsorted(calls, np.arange(n_rows), side="right") - 1]
 
 
 def unguarded_um(model: ModelFile, rows: Rows) -> Array:
@@ -294,32 +227,6 @@ class Part:
     allowed_um: Allowed = TO_THE_LAST_BIT
     lacks: str = ""  #: What makes its reference another one than the whole guard; empty = nothing
     tells_mode: bool = True  #: Whether it says what it follows
-    #: It also has to be the reference in binary32, to the last bit: what is allowed may be wide
-    is_single: bool = False
-
-
-def rounding_um(model: ModelFile, rows: Rows, whole: Answers, *, roundoff: float = SINGLE) -> dict[str, float]:
-    """The a-priori bound for these readings, a dead band that is passed a sample earlier or later, and the slew."""
-    sampled = sampled_rows(rows)
-    used = whole.sensors[sampled] <= SensorCode.LIMITED
-    sizes = np.max(np.abs(rows.readings[sampled]), axis=0, where=used, initial=0.0).tolist()
-    largest = dict(zip((item.name for item in model.inputs), sizes, strict=True))
-    limits, _ = decided_limits(model)
-    shortest_s = float(np.min(np.diff(np.cumsum(rows.dt_s)[sampled]), initial=LONGEST_S))
-    found = {}
-    for k, (name, of) in enumerate(rounding_errors(model, largest, 1, roundoff, shortest_s).items()):
-        limit = limits[name]
-        # each of two aims is less than a dead band away from where its model wants it
-        band = 2.0 * limit.dead_band_um
-        slewing = _slewing_um(whole.k0_um[:, k], rows, limit.own_slew_um_per_s, limit.clamp_um, roundoff)
-        k0_um, slope = of.k0_um + band + slewing, of.slope_um_per_m
-        if limit.reach_m > 0.0:
-            slewing = _slewing_um(
-                whole.slope_um_per_m[:, k], rows, limit.slope_slew_um_per_m_s, limit.slope_clamp_um_per_m, roundoff
-            )
-            slope += band / limit.reach_m + slewing
-        found[name] = of.correction_um + (k0_um - of.k0_um + (slope - of.slope_um_per_m) * limit.reach_m)
-    return found
 
 
 def units_in_single_um(model: ModelFile, rows: Rows, _whole: Answers) -> dict[str, float]:
@@ -362,14 +269,3 @@ def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:
         else float(np.max(np.abs(places[:, axes.index(o.position.axis)] - o.position.reference_m), initial=0.0))
         for o in model.outputs
     }
-
-
-def _slewing_um(course: Array, rows: Rows, slew: float, size: float, roundoff: float) -> float:
-    """What is rounded in the longest row of calls in which something moves as fast as it may."""
-    most = slew * np.minimum(rows.dt_s, LONGEST_STEP_S)
-    step = np.abs(np.diff(course, prepend=0.0))
-    # a call without time goes on with what was; nearly as fast is as fast
-    is_slewing = (step > 0.999 * most - 1e-3 * size * roundoff) | (most == 0.0)
-    ends = np.flatnonzero(~is_slewing)
-    longest = int(np.max(np.diff(np.concatenate([[-1], ends, [len(course)]])), initial=1)) - 1
-    return longest * 2.0 * roundoff * (size + slew * LONGEST_STEP_S)

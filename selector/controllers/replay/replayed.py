@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from selector.controllers.application import (
     SLIGHT_SHARE,
     Accuracy,
+    Application,
+    apply_model,
     displacement_of,
     displacement_starts,
+    known_starts,
     position_channels,
     require_channels,
+    sensor_starts,
     unit_of_difference,
 )
 from selector.controllers.evaluator import axes_of
-from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode, SensorCode, is_turned
+from selector.controllers.finding_table import FINDINGS, OUTSIDE_VALID_RANGE
+from selector.controllers.guard.decided import Mode, SensorCode, decided_limits, is_turned
 from selector.controllers.model_file import Input, ModelFile
 from selector.controllers.replay.parts import TIME_STEP_S, Answers, Part, Rows, reference_answers
+from selector.controllers.replay.rehearsed import Rehearsed, rehearsal_findings, rehearsed
+from selector.controllers.self_check import clamp_reached
 from selector.findings import Finding, Where
 from selector.recording import Recording
 from selector.types import Array, Mask
@@ -36,18 +42,17 @@ class PartDifference:
     #: To what it has to give; that of the run in which it is farthest beyond what is allowed
     max_abs_difference_um: float
     allowed_um: float  #: What its number type explains in that run
-    in_single_um: float  #: To the reference in binary32, for a program in single precision: has to be 0
     guard_difference_um: float  #: Between what it has to give and the whole guard, in any run
     lacks: str  #: Why these differ; empty = they are the same
 
     @property
     def is_explained(self) -> bool:
         """No difference is larger than allowed."""
-        return self.max_abs_difference_um <= self.allowed_um and self.in_single_um == 0.0
+        return self.max_abs_difference_um <= self.allowed_um
 
     def as_dict(self) -> dict[str, object]:
         """An entry of `replay.parts` of `selector.export/1`."""
-        told = ("file", "output", "executed_by", "max_abs_difference_um", "allowed_um")
+        told = ("file", "output", "executed_by", "max_abs_difference_um", "allowed_um", "guard_difference_um")
         return {name: getattr(self, name) for name in told}
 
 
@@ -58,7 +63,6 @@ class ExecutedPart:
     part: Part
     answers: Answers  #: What it gave
     expected_um: Array  #: (n_rows, n_outputs): What it has to give
-    in_single_um: Array | None  #: What it has to give to the last bit
     whole: Answers  #: What the whole guard gives
     allowed_um: Mapping[str, float]  #: Per output
 
@@ -66,13 +70,10 @@ class ExecutedPart:
         """One per output."""
         largest = _largest(self.answers.correction_um - self.expected_um)
         of_guard = _largest(self.expected_um - self.whole.correction_um)
-        of_bits = [0.0 for _ in model.outputs]
-        if self.in_single_um is not None:
-            of_bits = _largest(self.answers.correction_um - self.in_single_um)
         part, executed_by = self.part, self.part.executed_by()
-        for output, size, bits, guard in zip(model.outputs, largest, of_bits, of_guard, strict=True):
+        for output, size, guard in zip(model.outputs, largest, of_guard, strict=True):
             allowed = self.allowed_um[output.name]
-            yield PartDifference(part.file, output.name, executed_by, size, allowed, bits, guard, part.lacks)
+            yield PartDifference(part.file, output.name, executed_by, size, allowed, guard, part.lacks)
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,9 @@ class ReplayedRun:
     beyond_valid: tuple[BeyondValid, ...] = ()
     #: How long the program corrected nothing at the start, because readings have to be good for some time first
     begins_s: float = 0.0
+    applied: Mapping[str, Accuracy] = field(default_factory=dict)  #: Per output, what `apply` leaves of this run
+    because: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: Per output, why the program leaves more
+    clamped: tuple[Finding, ...] = ()  #: What clamps cut off
 
     @property
     def max_abs_difference_um(self) -> float:
@@ -116,6 +120,7 @@ class Replay:
     executed_by: str
     parts: tuple[PartDifference, ...] = ()
     tells_mode: bool = True  #: Whether the main program says what it follows
+    rehearsal: tuple[Rehearsed, ...] = ()  #: Faults on the run with the largest displacement
 
     @property
     def rows(self) -> int:
@@ -130,7 +135,15 @@ class Replay:
     def as_dict(self) -> dict[str, object]:
         """The part of `selector.export/1`."""
         told = {name: getattr(self, name) for name in ("rows", "max_abs_difference_um", "executed_by")}
-        return told | {"parts": [part.as_dict() for part in self.parts]}
+        of_runs = [
+            {"run": run.run, "output": name, "because": list(run.because.get(name, ()))}
+            | {"program_rmse_um": of.rmse_um, "program_max_um": of.max_um, "before_rmse_um": of.before_rmse_um}
+            | {"apply_rmse_um": run.applied[name].rmse_um, "apply_max_um": run.applied[name].max_um}
+            for run in self.runs
+            for name, of in run.accuracy.items()
+        ]
+        rehearsal = [one.as_dict() for one in self.rehearsal]
+        return told | {"parts": [part.as_dict() for part in self.parts], "runs": of_runs, "rehearsal": rehearsal}
 
 
 def replayed(
@@ -144,18 +157,24 @@ def replayed(
     require_channels(model, recording)
     written = [part for part in parts if part.file in files]
     starts = displacement_starts(model, recording)
+    applied = apply_model(model, recording, known_starts(sensor_starts(model, recording)))
     found: list[ReplayedRun] = []
     differences: list[PartDifference] = []
     for run in recording.runs:
         if progress is not None:
-            progress(run)
+            progress(f"run {run}")
         rows = rows_of_run(model, recording, run)
         whole = reference_answers(model, rows)
         main, *others = executed(model, files, written, rows, whole)
         differences += [one for of in (main, *others) for one in of.differences(model)]
         telling = main.answers if main.part.tells_mode else whole
-        found.append(_run(model, recording, run, starts[run], main, telling, whole))
-    return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode)
+        found.append(_run(model, recording, run, starts[run], main, telling, whole, applied))
+    hardest = max(found, key=lambda of: float(np.nanmax(np.abs(of.recorded_um), initial=0.0)), default=None)
+    faults: tuple[Rehearsed, ...] = ()
+    if hardest is not None:
+        rows = rows_of_run(model, recording, hardest.run)
+        faults = rehearsed(model, files, written[0], hardest.run, rows, hardest.recorded_um, progress)
+    return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode, faults)
 
 
 def rows_of_run(model: ModelFile, recording: Recording, run: str) -> Rows:
@@ -177,10 +196,8 @@ def executed(
     for part in parts:
         answers = part.execute(model, rows, files, found[0].answers if found else whole)
         main = found[0].answers if found else answers
-        expected, own = part.expected(model, rows, whole, main), None
-        if part.is_single:
-            own = reference_answers(model, rows, np.float32).correction_um
-        found.append(ExecutedPart(part, answers, expected, own, whole, part.allowed_um(model, rows, whole)))
+        expected = part.expected(model, rows, whole, main)
+        found.append(ExecutedPart(part, answers, expected, whole, part.allowed_um(model, rows, whole)))
     return found
 
 
@@ -192,6 +209,7 @@ def _run(
     main: ExecutedPart,
     telling: Answers,
     whole: Answers,
+    applied: Application,
 ) -> ReplayedRun:
     correction_um = main.answers.correction_um
     recorded = np.column_stack([displacement_of(of, recording, run) - starts.get(of.name, 0.0) for of in model.outputs])
@@ -203,7 +221,58 @@ def _run(
     limited = np.mean(whole.sensors == SensorCode.LIMITED, axis=0) if len(time_s) else np.zeros(len(model.inputs))
     beyond = tuple(BeyondValid(of, share) for of, share in zip(model.inputs, limited.tolist(), strict=True) if share)
     begins_s = _begins_s(time_s, main, whole)
-    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, faulty, beyond, begins_s)
+    cut = [wanted_beyond_clamp(model, applied, run, name) for name in accuracy] if main.part.tells_mode else []
+    clamped = tuple(one for one in cut if one is not None)
+    because = {name: tuple(_because(applied, clamped, run, name, faulty, begins_s, main.part)) for name in accuracy}
+    alone = applied.per_run[run]
+    return ReplayedRun(
+        run,
+        time_s,
+        correction_um,
+        main.expected_um,
+        recorded,
+        accuracy,
+        faulty,
+        beyond,
+        begins_s,
+        alone,
+        because,
+        clamped,
+    )
+
+
+def _because(
+    applied: Application,
+    clamped: Sequence[Finding],
+    run: str,
+    output: str,
+    faulty: float,
+    begins_s: float,
+    part: Part,
+) -> Iterator[str]:
+    """What a program does otherwise than the model alone in a run, in words."""
+    for finding in applied.findings if part.tells_mode else ():
+        if finding.id == OUTSIDE_VALID_RANGE and finding.where.run == run:
+            width = finding.evidence["valid_max"] - finding.evidence["valid_min"]
+            far = f"{finding.evidence['largest_excess'] / width:.0%}" if width > 0.0 else "any amount"
+            yield f"{finding.where.channel} leaves the range of the model by up to {far} of its width"
+    for finding in clamped:
+        if finding.where.channel == output:
+            yield f"the clamp cuts the correction in {finding.evidence['share_of_samples']:.0%} of the samples"
+    if faulty > 0.0:
+        yield f"a sensor is not believed in {faulty:.1%} of the samples"
+    if begins_s > 0.0:
+        yield f"nothing is corrected in the first {begins_s:.0f} s"
+    if part.lacks:
+        yield part.lacks
+
+
+def wanted_beyond_clamp(model: ModelFile, applied: Application, run: str, output: str) -> Finding | None:
+    """What the clamp of an output cuts off in a run; None: hardly anything."""
+    table, zero = applied.predictions, applied.zeros_um[run].get(output, 0.0)
+    wanted = table.loc[table["run"] == run, output].to_numpy(dtype=np.float64) - zero
+    limits = decided_limits(model)[0][output]
+    return clamp_reached(output, limits.clamp_um, wanted[np.isfinite(wanted)], f"of run {run}", run)
 
 
 def _begins_s(time_s: Array, main: ExecutedPart, whole: Answers) -> float:
@@ -250,6 +319,7 @@ def _over_runs(differences: Sequence[PartDifference]) -> tuple[PartDifference, .
 
 
 SEEN_UM = 0.01  #: What a smaller guard costs less is not told.
+SEEN_MORE, SEEN_MORE_UM = 0.25, 0.5  #: So much more than `apply` a program may leave without being told.
 
 
 def replay_findings(proof: Replay, *, has_guard: bool) -> tuple[Finding, ...]:
@@ -257,7 +327,7 @@ def replay_findings(proof: Replay, *, has_guard: bool) -> tuple[Finding, ...]:
 
     `has_guard`: the control takes the end of the valid range for what is beyond it.
     """
-    return *_of_runs(proof, has_guard), *_of_parts(proof)
+    return *_of_runs(proof, has_guard), *_of_parts(proof), *rehearsal_findings(proof.rehearsal)
 
 
 def _of_parts(proof: Replay) -> Iterator[Finding]:
@@ -265,13 +335,11 @@ def _of_parts(proof: Replay) -> Iterator[Finding]:
     for part in proof.parts:
         evidence = {"file": part.file, "output": part.output}
         if not part.is_explained:
-            single = ", and the reference in single precision, which it has to be to the last bit, by "
-            single = f"{single}{part.in_single_um:.3g} µm" if part.in_single_um > 0.0 else ""
-            sizes = ("max_abs_difference_um", "allowed_um", "in_single_um")
+            sizes = ("max_abs_difference_um", "allowed_um")
             yield FINDINGS.finding(
                 "replay-differs",
                 f"{part.file}: {part.output} and the reference differ by up to {part.max_abs_difference_um:.3g} µm; "
-                f"{part.allowed_um:.3g} µm is what its numbers explain{single}.",
+                f"{part.allowed_um:.3g} µm is what its numbers explain.",
                 evidence=evidence | {name: getattr(part, name) for name in sizes},
             )
         if part.lacks and part.guard_difference_um > max(part.allowed_um, SEEN_UM):
@@ -296,6 +364,7 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
                 Where(run=run.run),
                 {"share_of_samples": run.faulty_share},
             )
+        yield from run.clamped
         for one in run.beyond_valid:
             item, is_rise = one.input, one.input.reference == "rise"
             unit = unit_of_difference(item) if is_rise else item.unit
@@ -310,6 +379,19 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
                 level="info" if one.share_of_samples < SLIGHT_SHARE else "warning",
             )
         for name, of in run.accuracy.items():
+            alone = run.applied.get(name, of)
+            more = (of.rmse_um or 0.0) - (alone.rmse_um or 0.0)
+            if more > max(SEEN_MORE_UM, SEEN_MORE * (alone.rmse_um or 0.0)):
+                why = (
+                    "; ".join(run.because.get(name, ())) or "start readings are single samples, and the slew is limited"
+                )
+                yield FINDINGS.finding(
+                    "program-leaves-more",
+                    f"{name} in run {run.run}: `apply` leaves {alone.rmse_um:.3g} µm rms, this program "
+                    f"{of.rmse_um:.3g} µm: {why}.",
+                    Where(channel=name, run=run.run),
+                    {"apply_rmse_um": alone.rmse_um, "program_rmse_um": of.rmse_um},
+                )
             if of.is_worse:
                 yield FINDINGS.finding(
                     "worse-than-nothing",

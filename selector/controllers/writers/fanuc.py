@@ -6,34 +6,40 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from textwrap import wrap
+from typing import Any
 
 from selector.controllers.evaluator import output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import (
-    CODE_SLACK,
-    LARGEST_NUMBER,
     LEAST_GOOD_SAMPLES,
     LONGEST_S,
     LONGEST_STEP_S,
-    RANGE_SLACK,
-    DecidedLimits,
+    SAMPLE_S,
     Mode,
     decided_limits,
-    is_turned,
-    longest_test_s,
 )
-from selector.controllers.model_file import Input, ModelFile, Output, kept_sha256
-from selector.controllers.program.language import plain
+from selector.controllers.model_file import Fallback, ModelFile, kept_sha256
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import (
+    Assign,
+    Expression,
+    Flag,
+    If,
+    Language,
+    Not,
+    Operation,
+    Program,
+    Remark,
+    Statement,
+    Variable,
+    plain,
+)
 from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
 SIGNIFICANT_DIGITS = 12
 """Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm."""
-
-
-LITERAL_ROUNDOFF = 5e-12
-"""Largest relative rounding of a literal."""
 
 
 def literal(value: float) -> str:
@@ -56,9 +62,13 @@ def literal(value: float) -> str:
     return f"[{mantissa}{''.join(f'{sign}1{0:0{step}d}.' for step in steps)}]"
 
 
-def minus(value: float) -> str:
-    """What is appended to subtract a number: ``-6.5``, or ``+6.5`` for −6.5."""
-    return f"-{literal(value)}" if value >= 0.0 else f"+{literal(-value)}"
+def literal_value(value: float) -> float:
+    """What a control makes of `literal`."""
+    first, *others = re.split(r"([*/])", literal(value).strip("[]"))
+    found = float(first)
+    for sign, factor in zip(others[::2], others[1::2], strict=True):
+        found = found * float(factor) if sign == "*" else found / float(factor)
+    return found
 
 
 def remarks(text: str) -> Iterator[str]:
@@ -68,24 +78,6 @@ def remarks(text: str) -> Iterator[str]:
     yield from (f"({line})" for line in wrap(harmless, LONGEST_BLOCK - 2))
 
 
-def limited(variable: int, low: str, high: str) -> Iterator[str]:
-    """The variable becomes low if below it, high if above it."""
-    yield f"IF[#{variable}LT{low}]THEN#{variable}={low}"
-    yield f"IF[#{variable}GT{high}]THEN#{variable}={high}"
-
-
-def product(to: int, coefficient: float, factors: Sequence[int]) -> Iterator[str]:
-    """A coefficient times variables, in blocks that are not too long."""
-    block = f"#{to}={literal(coefficient)}"
-    for variable in factors:
-        factor = f"*#{variable}"
-        if len(block) + len(factor) > LONGEST_BLOCK:
-            yield block
-            block = f"#{to}=#{to}"
-        block += factor
-    yield block
-
-
 def _with_point(text: str) -> str:
     return text if "." in text else f"{text}."
 
@@ -93,24 +85,24 @@ def _with_point(text: str) -> str:
 def left_out_of_macro(model: ModelFile) -> Iterator[str]:
     """What the macro does not do, for its head and its finding."""
     guard = model.guard
-    if any(item.rate_limit_per_min is not None for item in model.inputs):
-        yield "a reading that jumps is not found"
-    if guard.stuck_after_s is not None:
-        yield "a sensor that stands still is not found"
-    if len(model.inputs) > 1:
-        yield "while one sensor is bad or has to recover, all wait"
-    if guard.on_fault == "fallback":
-        yield f"no fallback models, with a bad sensor it does {guard.without_fallback}"
-    if guard.hold_at_most_s is not None and guard.last_resort == "hold":
-        yield "it holds the last value for ever"
     if any(item.reference == "rise" for item in model.inputs):
         yield "a control that was off for less than 10 minutes is not noticed, the time counts as a call"
     if guard.restart == "new-start" or guard.new_start_after_s is not None:
-        yield f"new start readings only with #{_HAS_BEGUN} = 0"
+        yield "new start readings only by hand"
     for output in model.outputs:
         if output.position is not None:
             yield f"position-dependent part of {output.name}: the work offset is the same at every position"
     yield "it does not know whether the drives are on and the axis is referenced"
+
+
+def macro_model(model: ModelFile) -> ModelFile:
+    """What the macro computes: the model at the reference position."""
+
+    def without_positions(of: ModelFile | Fallback) -> dict[str, Any]:
+        return {"outputs": tuple(output.model_copy(update={"position": None}) for output in of.outputs)}
+
+    fallbacks = tuple(one.model_copy(update=without_positions(one)) for one in model.fallbacks)
+    return model.model_copy(update=without_positions(model) | {"fallbacks": fallbacks, "adaptation": None})
 
 
 def findings_of_macro(model: ModelFile, left_out: Sequence[str]) -> Iterator[Finding]:
@@ -186,42 +178,183 @@ LINEAR_AXES = "XYZUVW"
 LONGEST_PAUSE_S = 600.0
 """Between two calls; after a longer one the control was off, or might have been, and readings have to be good anew."""
 
-_TOTAL, _PRODUCT, _CHANGE, _DT, _SLEWED, _SINCE, _IS_TEST, _FIRST_TESTED = range(1, 9)
-_MODEL, _LAST_CALL, _LAST_SAMPLE, STATUS, _FAULTY, _HAS_BEGUN, _GOOD_FOR = range(FIRST_KEPT, FIRST_KEPT + 7)
-_SWITCHED_OFF = literal(float(Mode.SWITCHED_OFF))
-_BEGIN, _JUDGED, _FAULT, _WAIT, _MOVE, _END = 30, 31, 800, 810, 850, 900
-_IS_BEGUN, _IS_CANDIDATE, _NOT_GOOD = "1.", "2.", "-1."
-"""Of start readings: believed, or good so far, but not yet for long enough; of the time for which all are good."""
+_MODEL, _LAST_CALL, STATUS = range(FIRST_KEPT, FIRST_KEPT + 3)
+_FIRST_LABEL, _LAST_LABEL = 1000, 9999
+_BEGUN, _CALLED, _END = 10, 11, 900
+_NO_READING = literal(1e10)
+"""Beyond what any reading can be."""
+_PART = 33
+"""Local variable for part of a long product."""
 
 
 @dataclass(frozen=True)
 class MacroVariables:
-    """Numbers of the common variables of a model."""
+    """Numbers of the variables of a model."""
 
-    #: readings, z and tests: Per input; per input and state; per output, for the sign test (volatile)
-    readings: dict[str, int]
-    z: dict[str, int]
-    tests: dict[str, int]
-    off: int  #: Not 0: no correction is wanted (volatile)
-    test_left: int  #: A sign test may go on for so long [s] (volatile)
-    starts: dict[str, int]  #: Per input that is a rise (kept)
-    levels: dict[tuple[str, float], int]  #: Memory (kept)
-    #: aims and corrections: Per output [um] (kept)
-    aims: dict[str, int]
-    corrections: dict[str, int]
+    readings: dict[str, int]  #: Per input (common, volatile)
+    tests: dict[str, int]  #: Per output, for the sign test (common, volatile)
+    off: int  #: Not 0: no correction is wanted (common, volatile)
+    program: dict[str, int]  #: Of the guarded program, by their names
+    last_volatile: int
+    last_kept: int
+
+
+class _MacroText(Language):
+    """Expressions of custom macro B; brackets group, codes and flags are numbers."""
+
+    def __init__(self, numbers: Mapping[str, int]) -> None:
+        super().__init__({}, "", "", "", "", "", "", "", {})
+        object.__setattr__(self, "numbers", numbers)
+
+    numbers: Mapping[str, int]
+
+    def name(self, variable: Variable) -> str:
+        return f"#{self.numbers[variable.name]}"
+
+    def real(self, value: float) -> str:
+        return literal(value)
+
+    def flag(self, value: bool) -> str:
+        return "1." if value else "0."
+
+    def code(self, value: int) -> str:
+        return f"{value}."
+
+    def text(self, of: Expression) -> str:
+        """A real number, a code or a flag that is no condition."""
+        return self.expression(of).replace("(", "[").replace(")", "]").replace(" ", "")
+
+
+class _Blocks:
+    """Statements of a program as blocks."""
+
+    _OPPOSITE: Mapping[str, str] = {"<": "GE", "<=": "GT", ">": "LE", ">=": "LT", "==": "NE"}
+    _SIGNS: Mapping[str, str] = {"<": "LT", "<=": "LE", ">": "GT", ">=": "GE", "==": "EQ"}
+
+    def __init__(self, numbers: Mapping[str, int]) -> None:
+        self._language = _MacroText(numbers)
+        self._label = _FIRST_LABEL - 1
+
+    def lines(self, body: Sequence[Statement]) -> Iterator[str]:
+        for one in body:
+            if isinstance(one, Remark):
+                yield from remarks(one.text)
+            elif isinstance(one, If):
+                yield from self._branches(one)
+            else:
+                yield from self._assigned(one)
+
+    def _assigned(self, one: Assign) -> Iterator[str]:
+        to = self._language.name(one.to)
+        if one.to.kind == "flag" and not isinstance(one.value, Variable | Flag):
+            otherwise = self._next()
+            yield f"{to}=0."
+            yield from self._jumps(one.value, otherwise, when=False)
+            yield f"{to}=1."
+            yield f"N{otherwise}"
+            return
+        block = f"{to}={self._language.text(one.value)}"
+        if len(block) <= LONGEST_BLOCK:
+            yield block
+            return
+        if not isinstance(one.value, Operation) or one.value.sign != "+":
+            raise ExportRefusedError(
+                f"a block of {len(block)} characters",
+                expected=f"at most {LONGEST_BLOCK}",
+                where="FANUC custom macro B",
+                advice="compute the correction outside the control (target c or python)",
+            )
+        # a sum plus a long product
+        part, factor = "", one.value.right
+        factors: list[Expression] = []
+        while isinstance(factor, Operation) and factor.sign == "*":
+            factors.insert(0, factor.right)
+            factor = factor.left
+        for of in [factor, *factors]:
+            text = self._language.text(of)
+            if len(f"#{_PART}={part}*{text}") > LONGEST_BLOCK:
+                yield f"#{_PART}={part}"
+                part = f"#{_PART}"
+            part = f"{part}*{text}" if part else text
+        yield f"#{_PART}={part}"
+        yield f"{to}={self._language.text(one.value.left)}+#{_PART}"
+
+    def _branches(self, one: If) -> Iterator[str]:
+        if not any(isinstance(inner, Assign | If) for inner in (*one.then, *one.otherwise)):
+            return
+        short = self._short(one)
+        if short:
+            yield short
+            return
+        otherwise = self._next()
+        yield from self._jumps(one.condition, otherwise, when=False)
+        yield from self.lines(one.then)
+        if one.otherwise:
+            end = self._next()
+            yield f"GOTO{end}"
+            yield f"N{otherwise}"
+            yield from self.lines(one.otherwise)
+            otherwise = end
+        yield f"N{otherwise}"
+
+    def _short(self, one: If) -> str:
+        """IF … THEN in one block; empty: it is more than that."""
+        if len(one.then) != 1 or one.otherwise or not isinstance(one.then[0], Assign):
+            return ""
+        inner, condition = one.then[0], one.condition
+        is_condition = inner.to.kind == "flag" and not isinstance(inner.value, Variable | Flag)
+        if is_condition or not isinstance(condition, Operation) or condition.sign not in self._SIGNS:
+            return ""
+        block = f"IF[{self._compared(condition, self._SIGNS)}]THEN{next(iter(self._assigned(inner)))}"
+        return block if len(block) <= LONGEST_BLOCK else ""
+
+    def _jumps(self, condition: Expression, to: int, *, when: bool) -> Iterator[str]:
+        """To a label if the condition is as said."""
+        if isinstance(condition, Not):
+            yield from self._jumps(condition.of, to, when=not when)
+        elif isinstance(condition, Operation) and condition.sign in ("and", "or"):
+            if (condition.sign == "or") == when:
+                yield from self._jumps(condition.left, to, when=when)
+                yield from self._jumps(condition.right, to, when=when)
+            else:
+                past = self._next()
+                yield from self._jumps(condition.left, past, when=not when)
+                yield from self._jumps(condition.right, to, when=when)
+                yield f"N{past}"
+        elif isinstance(condition, Operation):
+            yield f"IF[{self._compared(condition, self._SIGNS if when else self._OPPOSITE)}]GOTO{to}"
+        else:
+            yield f"IF[{self._language.text(condition)}{'NE' if when else 'EQ'}0.]GOTO{to}"
+
+    def _compared(self, of: Operation, signs: Mapping[str, str]) -> str:
+        return f"{self._language.text(of.left)}{signs[of.sign]}{self._language.text(of.right)}"
+
+    def _next(self) -> int:
+        self._label += 1
+        if self._label > _LAST_LABEL:
+            raise ExportRefusedError(
+                f"a program of more than {_LAST_LABEL - _FIRST_LABEL} branches",
+                expected="fewer sensors or fallbacks",
+                where="FANUC custom macro B",
+                advice="choose fewer sensors, or compute the correction outside the control (target c or python)",
+            )
+        return self._label
 
 
 def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """``O9100.nc``."""
     names = macro_variables(model)
     left_out = list(left_out_of_macro(model))
-    first, tests, corrections = model.outputs[0].name, list(names.tests.values()), list(names.corrections.values())
+    program, tests = names.program, list(names.tests.values())
+    kinds = {"rise": "has_start", "absolute": "has_memory"}
+    begins_anew = [f"{kinds[item.reference]}_{k}" for k, item in enumerate(model.inputs, 1)]
+    corrections = [program[f"correction_{k}"] for k in range(1, len(model.outputs) + 1)]
     _, open_limits = decided_limits(model)
     return Exported(
         files={FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
         install=(
             "Check in the manual of the control: custom macro B is there; common variables "
-            f"#{TIME}-#{names.test_left} and #{FIRST_KEPT}-#{max(names.corrections.values())} "
+            f"#{TIME}-#{names.last_volatile} and #{FIRST_KEPT}-#{names.last_kept} "
             f"are there, free, and those from #{FIRST_KEPT} outlive power-off; literals may have {SIGNIFICANT_DIGITS} "
             "digits; G10 L2 P0 is the external work offset; comments of capital letters stand in ( ).",
             f"Let FOCAS (cnc_wrmacro) or the PMC write #{TIME} = time of the readings [s], a clock that runs on, and "
@@ -231,23 +364,25 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "variables of the caller). It asks the control for G20 or G21 and writes inches or mm; G90 and G91 "
             "are as before afterwards, and are not touched where they are something else (lathes, G-code system A). "
             "Programs O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
-            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, and "
-            f"#{_FAULTY} which reading is bad.",
+            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more "
+            "a fallback; "
+            + ", ".join(f"#{program[f'sensor_{k}']} of {plain(item.name)}" for k, item in enumerate(model.inputs, 1))
+            + ": 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range.",
             f"After {LONGEST_PAUSE_S / 60.0:g} min without a call (the control was off) no reading is believed at "
             f"once, as after a bad one: before the first cut of a day call the program {LEAST_GOOD_SAMPLES + 2} times, "
             f"{max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES):g} s apart or more.",
-            f"Set #{_HAS_BEGUN} = 0 to take new start readings at a cold start; it is 2 until all readings have been "
-            f"good for {model.guard.recover_after_s:g} s, then 1.",
+            "At a cold start set to 0 "
+            + ", ".join(f"#{program[name]}" for name in begins_anew)
+            + ": start readings and memory are taken anew.",
         ),
         sign_test=sign_test(
             model,
-            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{names.tests[first]} ... = 0; call "
-            f"G65 P{PROGRAM} once a second until #{names.corrections[first]} ... are 0. In MDI, command the axis to a "
+            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{tests[0]} ... = 0; call "
+            f"G65 P{PROGRAM} once a second until #{corrections[0]} ... are 0. In MDI, command the axis to a "
             "place in the work coordinate system. No sensor is needed.",
             lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
             lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
-            f"Set #{names.tests[first]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set "
-            f"#{names.off} = 0.",
+            f"Set #{tests[0]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set #{names.off} = 0.",
         ),
         silently=(
             "The external work offset is overwritten: whatever else was in it is gone.",
@@ -262,23 +397,19 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
 
 
 def macro_variables(model: ModelFile) -> MacroVariables:
-    """Which common variables the program of a model uses."""
-    volatile = iter(range(TIME + 1, 10_000))
-    kept = iter(range(_GOOD_FOR + 1, 10_000))
-    taus = sorted({(state.source, state.tau_s) for state in model.states})
-    variables = [*(item.name for item in model.inputs), *(state.name for state in model.states)]
-    names = MacroVariables(
-        readings={item.name: next(volatile) for item in model.inputs},
-        z={name: next(volatile) for name in variables},
-        tests={output.name: next(volatile) for output in model.outputs},
-        off=next(volatile),
-        test_left=next(volatile),
-        starts={item.name: next(kept) for item in model.inputs if item.reference == "rise"},
-        levels={key: next(kept) for key in taus},
-        aims={output.name: next(kept) for output in model.outputs},
-        corrections={output.name: next(kept) for output in model.outputs},
-    )
-    for used, last in ((names.test_left, LAST_VOLATILE), (max(names.corrections.values()), LAST_KEPT)):
+    """Which variables the program of a model uses."""
+    program = _guarded(model)
+    local, volatile, kept = iter(range(1, _GROUP_3)), iter(range(TIME + 1, 10_000)), iter(range(STATUS + 1, 10_000))
+    readings = {item.name: next(volatile) for item in model.inputs}
+    tests = {output.name: next(volatile) for output in model.outputs}
+    off = next(volatile)
+    numbers = {"mode": STATUS}
+    for one in program.variables:
+        is_kept = one.place in ("output", "kept", "retained")
+        if one.name not in numbers:
+            numbers[one.name] = next(kept) if is_kept else next(local, 0) or next(volatile)
+    last_volatile, last_kept = max(off, next(volatile) - 1), next(kept) - 1
+    for used, last in ((last_volatile, LAST_VOLATILE), (last_kept, LAST_KEPT)):
         if used > last:
             raise ExportRefusedError(
                 f"the model needs common variables up to #{used}",
@@ -286,7 +417,12 @@ def macro_variables(model: ModelFile) -> MacroVariables:
                 where="FANUC custom macro B",
                 advice="choose fewer sensors, or compute the correction outside the control (target c or python)",
             )
-    return names
+    return MacroVariables(readings, tests, off, numbers, last_volatile, last_kept)
+
+
+def _guarded(model: ModelFile) -> Program:
+    """The program of an axis that is always ready, on a control that is never told of a restart."""
+    return guarded_program(macro_model(model)).with_flags({"is_ready": True, "is_restart": False})
 
 
 def _unit(model: ModelFile, name: str) -> str:
@@ -294,7 +430,6 @@ def _unit(model: ModelFile, name: str) -> str:
 
 
 def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *, is_sign_verified: bool) -> str:
-    limits, _ = decided_limits(model)
     axes = _axes(model)
     lines = ["%", f"O{PROGRAM}(THERMAL CORRECTION)"]
     for line in heading(model, is_sign_verified=is_sign_verified):
@@ -304,25 +439,15 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
     lines += remarks(f"NO. {TIME} - time of the readings in s, a clock that runs on")
     for item in model.inputs:
         lines += remarks(f"NO. {names.readings[item.name]} - {item.name} in {item.unit}")
-    for output in model.outputs:
-        lines += remarks(f"NO. {names.corrections[output.name]} - correction for {output.name} in um")
+    for k, output in enumerate(model.outputs, 1):
+        correction = names.program[f"correction_{k}"]
+        lines += remarks(f"NO. {correction} - correction for {output.name} in um")
         lines += remarks(f"NO. {names.tests[output.name]} - sign test of {output.name}, not 0 commands so much in um")
     lines += remarks(f"NO. {names.off} - not 0 switches off, the correction goes to zero")
     lines += [f"IF[#{TIME}EQ#0]GOTO{_END}", *offset_asked(axes.values())]
-    lines += _begun(model, names)
-    lines += _kept_checked(model, names)
-    lines += remarks("after a pause, or a clock put back, nothing is believed at once")
-    lines += [f"#{_FAULTY}=0.", f"IF[#{_DT}LT0.]GOTO{_FAULT}", f"IF[#{_DT}GT{literal(LONGEST_PAUSE_S)}]GOTO{_FAULT}"]
-    for k, item in enumerate(model.inputs, 1):
-        lines += _checked(model, item, k, names)
-    lines += _remembered(model, names)
-    for output in model.outputs:
-        lines += _aimed(output, limits[output.name], names)
-    lines += _faulted(model, names)
-    written = {axes[name]: variable for name, variable in names.corrections.items()}
-    lines += _tested(limits, names, longest_test_s(model))
-    for k, output in enumerate(model.outputs):
-        lines += _moved(output, axes[output.name], limits[output.name], names, _FIRST_TESTED + k)
+    program = _guarded(model)
+    lines += [*_begun(model, program, names), *_called(model, names), *_Blocks(names.program).lines(program.body)]
+    written = {axes[output.name]: names.program[f"correction_{k}"] for k, output in enumerate(model.outputs, 1)}
     lines += [*offset_written(written), f"N{_END}", "M99", "%"]
     return "\n".join(lines) + "\n"
 
@@ -341,171 +466,38 @@ def _axes(model: ModelFile) -> dict[str, str]:
     return axes
 
 
-def _begun(model: ModelFile, names: MacroVariables) -> Iterator[str]:
+def _begun(model: ModelFile, program: Program, names: MacroVariables) -> Iterator[str]:
     number = literal(float(int(kept_sha256(model)[:6], 16)))
-    yield f"IF[#{_MODEL}EQ{number}]GOTO10"
+    yield f"IF[#{_MODEL}EQ{number}]GOTO{_BEGUN}"
     yield from remarks("first call of this model")
     yield f"#{_MODEL}={number}"
     yield f"#{_LAST_CALL}=#{TIME}"
-    yield f"#{_HAS_BEGUN}=0."
-    yield f"#{_GOOD_FOR}={_NOT_GOOD}"
-    yield f"#{names.test_left}=0."
-    yield from (f"#{kept}=0." for of in (names.aims, names.corrections) for kept in of.values())
-    yield "N10"
-    yield f"#{_DT}=#{TIME}-#{_LAST_CALL}"
+    for one in program.variables:
+        if one.place in ("output", "kept", "retained"):
+            yield f"#{names.program[one.name]}={literal(one.initial)}"
+    yield f"N{_BEGUN}"
+
+
+def _called(model: ModelFile, names: MacroVariables) -> Iterator[str]:
+    """From the common variables to the inputs of the program."""
+    dt, readings = names.program["dt_s"], [names.program[f"reading_{k}"] for k in range(1, len(model.inputs) + 1)]
+    yield f"#{dt}=#{TIME}-#{_LAST_CALL}"
     yield f"#{_LAST_CALL}=#{TIME}"
-    yield f"#{_SLEWED}=#{_DT}"
-    yield f"IF[#{_SLEWED}LT0.]THEN#{_SLEWED}=0."
-    yield f"IF[#{_SLEWED}GT{literal(LONGEST_S)}]THEN#{_SLEWED}=0."
-    yield f"IF[#{STATUS}EQ{literal(float(Mode.TEST))}]THEN#{names.test_left}=#{names.test_left}-#{_SLEWED}"
-    yield f"IF[#{_SLEWED}GT{literal(LONGEST_STEP_S)}]THEN#{_SLEWED}={literal(LONGEST_STEP_S)}"
-
-
-def _kept_checked(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    """A start that is no reading begins all anew."""
-    for item in (item for item in model.inputs if item.reference == "rise"):
-        start, low, high = names.starts[item.name], item.reading_min, item.reading_max
-        yield f"IF[#{start}LT{literal(-LARGEST_NUMBER if low is None else low)}]THEN#{_HAS_BEGUN}=0."
-        yield f"IF[#{start}GT{literal(LARGEST_NUMBER if high is None else high)}]THEN#{_HAS_BEGUN}=0."
-
-
-def _checked(model: ModelFile, item: Input, k: int, names: MacroVariables) -> Iterator[str]:
-    """Jumps to the fault, or leaves x in the variable of z."""
-    reading, x = names.readings[item.name], names.z[item.name]
-    yield from remarks(item.name)
-    yield f"#{_FAULTY}={literal(float(k))}"
-    yield f"IF[#{reading}EQ#0]GOTO{_FAULT}"
-    yield f"IF[ABS[#{reading}]GT{literal(LARGEST_NUMBER)}]GOTO{_FAULT}"
-    for code in model.guard.break_codes if item.unit == "degC" else ():
-        yield f"IF[ABS[#{reading}{minus(code)}]LE{literal(CODE_SLACK * abs(code))}]GOTO{_FAULT}"
-    if item.reading_min is not None:
-        yield f"IF[#{reading}LT{literal(item.reading_min)}]GOTO{_FAULT}"
-    if item.reading_max is not None:
-        yield f"IF[#{reading}GT{literal(item.reading_max)}]GOTO{_FAULT}"
-    if item.reference == "absolute":
-        yield f"#{x}=#{reading}"
-    else:
-        yield f"#{x}=0."
-        yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]THEN#{x}=#{reading}-#{names.starts[item.name]}"
-    if model.guard.outside_valid_range == "fault":
-        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
-        yield f"IF[#{x}LT{literal(item.valid_min - slack)}]GOTO{_FAULT}"
-        yield f"IF[#{x}GT{literal(item.valid_max + slack)}]GOTO{_FAULT}"
-    yield from limited(x, literal(item.valid_min), literal(item.valid_max))
-
-
-def _remembered(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    """All sensors are good: start readings and memory once they have been so for long enough, z."""
-    yield from remarks("start readings")
-    yield f"#{_FAULTY}=0."
-    rises = [item for item in model.inputs if item.reference == "rise"]
-    yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]GOTO{_BEGIN}"
-    yield f"IF[#{_HAS_BEGUN}NE{_IS_CANDIDATE}]THEN#{_GOOD_FOR}={_NOT_GOOD}"
-    for item in rises:
-        yield f"#{_CHANGE}=ABS[#{names.readings[item.name]}-#{names.starts[item.name]}]"
-        yield f"IF[#{_CHANGE}GT{literal(item.valid_max - item.valid_min)}]THEN#{_GOOD_FOR}={_NOT_GOOD}"
-    yield f"N{_BEGIN}"
-    most = literal(model.guard.recover_after_s / LEAST_GOOD_SAMPLES)
-    yield f"IF[#{_DT}GT{most}]THEN#{_DT}={most}"
-    yield f"#{_GOOD_FOR}=#{_GOOD_FOR}+#{_DT}"
-    yield f"IF[#{_GOOD_FOR}GE#{_DT}]GOTO{_JUDGED}"
-    yield f"#{_GOOD_FOR}=0."
-    yield f"IF[#{_HAS_BEGUN}EQ{_IS_BEGUN}]GOTO{_JUDGED}"
-    for item in rises:
-        yield f"#{names.starts[item.name]}=#{names.readings[item.name]}"
-        yield f"#{names.z[item.name]}=0."
-        yield from limited(names.z[item.name], literal(item.valid_min), literal(item.valid_max))
-    yield from (f"#{level}=#{names.z[source]}" for (source, _), level in names.levels.items())
-    yield f"#{_LAST_SAMPLE}=#{TIME}"
-    yield f"#{_HAS_BEGUN}={_IS_CANDIDATE}"
-    yield f"N{_JUDGED}"
-    yield f"IF[#{_GOOD_FOR}LT{literal(model.guard.recover_after_s)}]GOTO{_WAIT}"
-    yield f"#{STATUS}={literal(float(Mode.MODEL))}"
-    yield f"#{_HAS_BEGUN}={_IS_BEGUN}"
-    for item in rises:
-        yield f"#{names.z[item.name]}=#{names.readings[item.name]}-#{names.starts[item.name]}"
-        yield from limited(names.z[item.name], literal(item.valid_min), literal(item.valid_max))
-    yield from remarks("memory")
-    yield f"#{_SINCE}=#{TIME}-#{_LAST_SAMPLE}"
-    yield f"IF[#{_SINCE}LT0.]THEN#{_SINCE}=0."
-    yield f"IF[#{_SINCE}GT{literal(LONGEST_S)}]THEN#{_SINCE}={literal(LONGEST_S)}"
-    yield f"#{_LAST_SAMPLE}=#{TIME}"
-    ranges = {item.name: (item.valid_min, item.valid_max) for item in model.inputs}
-    for (source, tau_s), level in names.levels.items():
-        low, high = ranges[source]
-        slack = RANGE_SLACK * (high - low)
-        yield f"IF[#{level}LT{literal(low - slack)}]THEN#{level}=#{names.z[source]}"
-        yield f"IF[#{level}GT{literal(high + slack)}]THEN#{level}=#{names.z[source]}"
-        yield f"#{_PRODUCT}=#{_SINCE}/[{literal(tau_s)}+#{_SINCE}]"
-        yield f"#{level}=#{level}+#{_PRODUCT}*[#{names.z[source]}-#{level}]"
-    for state in model.states:
-        level = names.levels[state.source, state.tau_s]
-        yield f"#{names.z[state.name]}=[#{level}{minus(state.centre)}]/{literal(state.scale)}"
-    for item in model.inputs:
-        z = names.z[item.name]
-        if (item.centre, item.scale) != (0.0, 1.0):
-            yield f"#{z}=[#{z}{minus(item.centre)}]/{literal(item.scale)}"
-
-
-def _aimed(output: Output, limits: DecidedLimits, names: MacroVariables) -> Iterator[str]:
-    yield from remarks(f"displacement {output.name}")
-    yield f"#{_TOTAL}={literal(output.intercept)}"
-    for term in output.terms:
-        factors = [names.z[name] for name, power in term.powers.items() for _ in range(power)]
-        yield from product(_PRODUCT, term.coefficient, factors)
-        yield f"#{_TOTAL}=#{_TOTAL}+#{_PRODUCT}"
-    aim, clamp, band = names.aims[output.name], literal(limits.clamp_um), limits.dead_band_um
-    if not is_turned(output):
-        yield f"#{_TOTAL}=-#{_TOTAL}"
-    yield from limited(_TOTAL, f"-{clamp}", clamp)
-    if band == 0.0:
-        yield f"#{aim}=#{_TOTAL}"
-    else:
-        yield f"#{_CHANGE}=ABS[#{_TOTAL}-#{aim}]"
-        yield f"IF[#{_CHANGE}GE{literal(band)}]THEN#{aim}=#{_TOTAL}"
-
-
-def _faulted(model: ModelFile, names: MacroVariables) -> Iterator[str]:
-    is_ramped = model.guard.last_resort == "ramp-to-zero"
-    yield f"GOTO{_MOVE}"
-    yield f"N{_FAULT}"
-    yield f"#{_GOOD_FOR}={_NOT_GOOD}"
-    yield f"N{_WAIT}"
-    yield from remarks("not all are good - the aim goes to zero" if is_ramped else "not all are good - the aim stays")
-    yield f"#{STATUS}={literal(float(Mode.RAMP_TO_ZERO if is_ramped else Mode.HOLD))}"
-    if is_ramped:
-        yield from (f"#{aim}=0." for aim in names.aims.values())
-    yield f"N{_MOVE}"
-
-
-def _tested(limits: Mapping[str, DecidedLimits], names: MacroVariables, longest_s: float) -> Iterator[str]:
-    """What is commanded by hand, 0 if nothing is."""
-    yield from remarks("switched off")
+    for given, reading in zip(names.readings.values(), readings, strict=True):
+        yield f"#{reading}=#{given}"
+        yield f"IF[#{given}EQ#0]THEN#{reading}={_NO_READING}"
+    for k, test in enumerate(names.tests.values(), 1):
+        yield f"#{names.program[f'test_um_{k}']}=#{test}"
+        yield f"IF[#{test}EQ#0]THEN#{names.program[f'test_um_{k}']}=0."
+    yield f"#{names.program['is_wanted']}=1."
     yield f"IF[#{names.off}EQ#0]THEN#{names.off}=0."
-    yield f"IF[#{names.off}NE0.]THEN#{STATUS}={_SWITCHED_OFF}"
-    yield from remarks("sign test - only after all were 0, and not for ever, else to zero")
-    yield f"#{_IS_TEST}=0."
-    for k, (name, test) in enumerate(names.tests.items(), _FIRST_TESTED):
-        clamp = literal(limits[name].clamp_um)
-        yield f"#{k}=0."
-        yield f"IF[#{test}NE#0]THEN#{k}=#{test}"
-        yield f"IF[ABS[#{k}]GT{literal(LARGEST_NUMBER)}]THEN#{k}=0."
-        yield f"IF[#{k}NE0.]THEN#{_IS_TEST}=1."
-        yield from limited(k, f"-{clamp}", clamp)
-    left = names.test_left
-    yield f"IF[#{_IS_TEST}EQ0.]THEN#{left}={literal(longest_s)}"
-    yield f"IF[#{left}EQ#0]THEN#{left}=0."
-    yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={_SWITCHED_OFF}"
-    yield f"IF[#{left}LE0.]THEN#{_IS_TEST}=0."
-    yield f"IF[#{_IS_TEST}EQ1.]THEN#{STATUS}={literal(float(Mode.TEST))}"
-
-
-def _moved(output: Output, axis: str, limits: DecidedLimits, names: MacroVariables, tested: int) -> Iterator[str]:
-    aim, now = names.aims[output.name], names.corrections[output.name]
-    yield from remarks(f"axis {axis} - no faster than {limits.slew_um_per_s:g} um/s")
-    yield f"#{_CHANGE}={literal(limits.slew_um_per_s)}*#{_SLEWED}"
-    yield f"#{_TOTAL}=#{aim}"
-    yield f"IF[#{STATUS}EQ{_SWITCHED_OFF}]THEN#{_TOTAL}=0."
-    yield f"IF[#{_IS_TEST}EQ1.]THEN#{_TOTAL}=#{tested}"
-    yield from limited(_TOTAL, f"[#{now}-#{_CHANGE}]", f"[#{now}+#{_CHANGE}]")
-    yield f"#{now}=#{_TOTAL}"
+    yield f"IF[#{names.off}NE0.]THEN#{names.program['is_wanted']}=0."
+    yield from remarks("after a pause, or a clock put back, nothing is believed at once")
+    yield f"IF[#{dt}GT{literal(LONGEST_S)}]THEN#{dt}={literal(LONGEST_S)}"
+    yield f"IF[#{dt}LT0.]GOTO{_CALLED + 1}"
+    yield f"IF[#{dt}LE{literal(LONGEST_PAUSE_S)}]GOTO{_CALLED}"
+    yield f"N{_CALLED + 1}"
+    yield f"IF[#{dt}LT0.]THEN#{dt}={literal(SAMPLE_S)}"
+    yield from (f"#{reading}={_NO_READING}" for reading in readings)
+    yield f"#{names.program['is_first']}=1."
+    yield f"N{_CALLED}"

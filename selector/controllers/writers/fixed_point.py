@@ -1,49 +1,43 @@
-"""C99 in whole numbers, for processors and PLC ladders without floating point: the text of the program."""
+"""A guarded program in whole numbers, for processors and PLC ladders without floating point.
+
+The statements are those of every other program (`selector.controllers.program`); here are the units of their literals
+(ms, counts, nm, um), the steps that whole numbers take otherwise, and what all that costs at most.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 
-from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import (
-    LONGEST_S,
-    LONGEST_STEP_S,
-    SAMPLE_S,
-    DecidedLimits,
-    Mode,
-    SensorCode,
-    decided_limits,
-    is_turned,
-    longest_test_s,
-    valid_positions_m,
-)
-from selector.controllers.model_file import ModelFile, Output, PositionPart
-from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import ExportRefusedError, heading
+from selector.controllers.guard.decided import LARGEST_NUMBER, DecidedLimits, decided_limits
+from selector.controllers.model_file import Input, ModelFile, Output, State, Term
+from selector.controllers.program.language import Call, Code, Expression, Kind, Place, Variable, Writing, plain
+from selector.controllers.program.numbers import Numbers
+from selector.controllers.program.statements import NO_READING
+from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.fixed_point_numbers import (
     FRACTION_BITS,
     LARGEST_INT32,
+    MS,
+    ONE,
     STATE_STEPS,
-    Fixed,
     Normalised,
-    Polynomial,
     counts_of,
     fixed,
+    normalised_input,
+    normalised_state,
+    polynomial,
     position_um,
-)
-from selector.controllers.writers.fixed_point_sensor import (
-    INT_NAME,
-    MISSING,
-    kept_lines,
-    long_literal,
-    milliseconds,
-    nanometres,
-    sensor_lines,
+    tau_ms,
 )
 from selector.findings import Finding
+
+INT_NAME = "thermal_correction_i"
+MISSING = -(2**31)
+"""A reading or position that is not there."""
 
 TOOLS = {
     "shifted": """\
@@ -51,12 +45,6 @@ static int64_t shifted(int64_t value, int bits)
 {
     int64_t half = ((int64_t)1 << bits) >> 1;
     return value >= 0 ? (value + half) >> bits : -((-value + half) >> bits);
-}
-""",
-    "limited": """\
-static int64_t limited(int64_t value, int64_t low, int64_t high)
-{
-    return value < low ? low : value > high ? high : value;
 }
 """,
     "scaled": """\
@@ -87,357 +75,149 @@ static int64_t filled(int64_t level, int64_t target, int64_t dt, int64_t tau)
     return level;
 }
 """,
-    "slope_left": """\
-/* nm/m that nm leave over um of the axis */
-static int64_t slope_left(int64_t nm, int64_t um, int64_t most)
-{
-    return um > 0 ? limited(nm * 1000000 / um, 0, most) : 0;
-}
-""",
-    "moved": """\
-/* no faster than slew [pm/s]; what is less than 1 nm waits for the next call */
-static int32_t moved(int32_t now, int32_t aim, int64_t slew, int32_t dt, int32_t *rest)
-{
-    int64_t allowed = slew * dt + *rest;
-    int64_t most = allowed / 1000000;
-    *rest = (int32_t)(allowed % 1000000);
-    return (int32_t)limited(aim, now - most, now + most);
-}
-""",
 }
 
 
 _LARGEST_SLEW_PM_PER_S = 10**14
-_PM = 10**6
+_PM, _FASTEST = 10**6, 2**33  # no two readings differ by more counts, in a minute or ever
+_OF_UNITS = {"s": ("ms", 1000.0), "um": ("nm", 1000.0), "um/m": ("nm/m", 1000.0), "m": ("um", 1e6)}
+_UNIT = re.compile(r"\[(s|um|um/m|m)\]")
 
 
-class Source:
-    """The text of one model."""
+class _Whole(Writing):
+    """Variables in whole units: their names and what is said of them, too."""
+
+    def __init__(self, numbers: _WholeNumbers) -> None:
+        super().__init__()
+        self._numbers = numbers
+
+    def variable(
+        self, name: str, kind: Kind = "real", place: Place = "temporary", about: str = "", initial: float = 0.0
+    ) -> Variable:
+        """As it is asked for in seconds, micrometres and metres."""
+        if kind == "real":
+            found = _UNIT.search(about)
+            if found:
+                unit, factor = _OF_UNITS[found[1]]
+                about, initial = about.replace(found[0], f"[{unit}]"), initial * factor
+            if name.startswith("reading_"):
+                about = self._numbers.about_reading(int(name.removeprefix("reading_")))
+            if name.startswith(("reading_", "position_")):
+                about += "; smallest, largest number = missing"
+            if place == "input" and initial >= NO_READING:
+                initial = float(MISSING)
+            name = re.sub(r"_s$", "_ms", name).replace("test_um_", "test_nm_")
+        return super().variable(name, kind, place, about, float(round(initial)))
+
+
+class _WholeNumbers(Numbers):
+    """Milliseconds, counts of a sensor, nanometres, micrometres of a position; memory in steps of 2^-30 counts."""
 
     def __init__(self, model: ModelFile) -> None:
         self.fixed = fixed(model)
-        self._model = model
-        self._limits, _ = decided_limits(model)
-        self._index = {item.name: k for k, item in enumerate(model.inputs, 1)}
-        self._axes = {axis: k for k, axis in enumerate(axes_of(model), 1)}
-        self._parts = {o.position.axis: o.position for o in model.outputs if o.position is not None}
-        self._levels = {key: k for k, key in enumerate(self.fixed.taus_ms, 1)}
-        self._v = {name: f"v_{k}" for k, name in enumerate(self.fixed.variables, 1)}
-        for output in model.outputs:
-            _check_limits(output, self._limits[output.name])
+        self._inputs = model.inputs
+        self._variables: dict[str, Normalised] = {}
 
-    def header(self) -> list[str]:
-        """Lines of the header file."""
-        lines = [f"#ifndef {INT_NAME.upper()}_H", f"#define {INT_NAME.upper()}_H", "", "#include <stdint.h>", ""]
-        lines.append(f"typedef struct {INT_NAME} {{")
-        for title, members in self._members().items():
-            lines.append(f"    /* {title} */")
-            lines += [
-                f"    {kind} {name};" + (f" /* {plain(about)} */" if about else "") for kind, name, _, about in members
-            ]
-        lines += [f"}} {INT_NAME};", "", "/* Once, before the first call. */", f"void {INT_NAME}_init({INT_NAME} *m);"]
-        lines += ["/* Every cycle, after the inputs are set. */", f"void {INT_NAME}_step({INT_NAME} *m);", "", "#endif"]
-        return lines
+    def writing(self) -> Writing:
+        return _Whole(self)
 
-    def body(self) -> list[str]:
-        """Lines of the source file."""
-        lines = [f"void {INT_NAME}_init({INT_NAME} *m)", "{"]
-        lines += [f"    m->{name} = {initial};" for of in self._members().values() for _, name, initial, _ in of]
-        lines += ["}", ""]
-        for item in self._model.inputs:
-            taus = {k: self.fixed.taus_ms[key] for key, k in self._levels.items() if key[0] == item.name}
-            own = sensor_lines(self.fixed.inputs[item.name], self._model.guard, self._index[item.name], taus)
-            lines += [*own, ""]
-        lines += [*self._aimed(), "", *self._restarted(), "", *self._stepped()]
-        text = "\n".join(lines)
-        # a static function that nobody calls is a warning
-        tools = [tool for name, tool in TOOLS.items() if f"{name}(" in text]
-        return [f'#include "{INT_NAME}.h"', "", *tools, *lines]
+    def about_reading(self, k: int) -> str:
+        """What the k-th reading is (from 1)."""
+        counted = self.fixed.inputs[self._inputs[k - 1].name]
+        return f"{counted.item.name}: {counts_of(counted)}"
 
-    def _members(self) -> dict[str, list[tuple[str, str, str, str]]]:
-        """Title → (type, name, initial value, what it is)."""
-        n, w = "int32_t", "int64_t"
-        inputs = [(n, "dt_ms", "0", "time since the last call [ms]; the sum must be the true time")]
-        outputs, kept, retained = [], [], []
-        for name, k in self._index.items():
-            counted = self.fixed.inputs[name]
-            inputs.append(
-                (n, f"reading_{k}", MISSING, f"{name}: {counts_of(counted)}; smallest, largest number = missing")
-            )
-            retained.append((n, f"has_memory_{k}", "0", ""))
-            kept += [(n, f"x_{k}", "0", ""), (n, f"since_ms_{k}", "0", "")]
-            kept += [(n, f"good_ms_{k}", "-1", ""), (n, f"is_new_{k}", "1", "")]
-            if counted.item.reference == "rise":
-                retained.append((n, f"start_{k}", "0", f"start reading of {name} [counts]"))
-                retained.append((n, f"has_start_{k}", "0", ""))
-            if counted.item.rate_limit_per_min is not None:
-                kept += [(n, f"{of}_{k}", "0", "") for of in ("anchor", "has_anchor", "anchor_age_ms")]
-        for axis, k in self._axes.items():
-            reference = str(position_um(self._parts[axis].reference_m))
-            inputs.append(
-                (n, f"position_{k}", MISSING, f"position of axis {axis} [um]; smallest, largest number = missing")
-            )
-            outputs.append((n, f"axis_{k}", str(int(SensorCode.MISSING)), f"{axis}: 0 ok, 1 limited, 3 missing"))
-            kept.append((n, f"at_{k}", reference, ""))
-        inputs += [(n, "is_ready", "1", "drives on, axis referenced"), (n, "is_wanted", "1", "the operator's switch")]
-        inputs.append((n, "is_restart", "0", "not 0 in the first call after the control was off"))
-        inputs.append((n, "standstill_ms", "0", "with is_restart: off for so long [ms]"))
-        for k, output in enumerate(self._model.outputs, 1):
-            inputs.append((n, f"test_nm_{k}", "0", f"sign test of {output.name}: not 0 commands so much [nm]"))
-            outputs.append((n, f"correction_{k}", "0", f"to be added to the axis for {output.name} [nm]"))
-            outputs.append((n, f"k0_{k}", "0", "the same at the reference position [nm]"))
-            kept += [(n, f"aim_{k}", "0", ""), (n, f"rest_{k}", "0", "")]
-            if output.position is not None:
-                outputs.append((n, f"slope_{k}", "0", "and its slope [nm/m]"))
-                kept += [(n, f"{of}_{k}", "0", "") for of in ("slope_aim", "slope_rest", "is_back", "back_rest")]
-                kept.append((n, f"where_{k}", str(position_um(output.position.reference_m)), ""))
-        outputs.append((n, "mode", "0", "0 off, 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test"))
-        outputs += [
-            (n, f"sensor_{k}", str(int(SensorCode.MISSING)), f"{name}: 0 ok, 1 limited, 2 recovering, 3 missing, "
-             "4 break code, 5 out of limits, 6 jump, 8 range" if k == 1 else name)
-            for name, k in self._index.items()
-        ]  # fmt: skip
-        retained += [
-            (w, f"level_{k}", "0", f"memory of {source} over {tau:g} s, 2^-{FRACTION_BITS} counts")
-            for (source, tau), k in self._levels.items()
-        ]
-        kept.append((n, "is_first", "1", ""))
-        kept += [(n, name, "0", "") for name in ("was_restart", "since_ms", "held_ms", "test_left_ms")]
-        kept.append((n, "follows", str(int(Mode.HOLD)), ""))
-        titles = ("inputs", "outputs", "to be kept when the control is off", "state")
-        return dict(zip(titles, (inputs, outputs, retained, kept), strict=True))
+    def seconds(self, value: float) -> Expression:
+        # upwards, so that six samples of a sixth are enough
+        return Code(min(math.ceil(round(value * MS, 6)), LARGEST_INT32))
 
-    def _aimed(self) -> Iterator[str]:
-        yield "/* the model */"
-        yield f"static void aimed({INT_NAME} *m)"
-        yield "{"
-        yield "    int64_t sum, p, own, change;"
-        yield f"    int64_t {', '.join(self._v.values())};"
-        for name, v in self.fixed.variables.items():
-            yield f"    {self._v[name]} = {self._normalised(name, v)}; /* {plain(name)} */"
-        unused = [v for name, v in self._v.items() if not self._is_used(name)]
-        yield from (f"    (void){v};" for v in unused)
-        yield "    p = own = change = 0;"
-        for k, output in enumerate(self._model.outputs, 1):
-            limits = self._limits[output.name]
-            clamp, band = nanometres(limits.clamp_um), nanometres(limits.dead_band_um)
-            yield f"    /* displacement {plain(output.name)} */"
-            yield from self._sum(self.fixed.own[output.name])
-            sign = "" if is_turned(output) else "-"
-            yield f"    own = limited({sign}own, -{clamp}, {clamp});"
-            if band > 0:
-                yield f"    change = own - m->aim_{k};"
-                yield f"    if (change >= {band} || change <= -{band})"
-            yield f"    {'    ' if band > 0 else ''}m->aim_{k} = (int32_t)own;"
-            if output.position is not None:
-                yield from self._sum(self.fixed.slopes[output.name])
-                yield "    /* the straight line keeps the clamp at the far end of the axis, too */"
-                yield f"    change = slope_left({clamp} - (m->aim_{k} < 0 ? -(int64_t)m->aim_{k} : m->aim_{k}),"
-                yield f"        {position_um(limits.reach_m)}, {nanometres(limits.slope_clamp_um_per_m)});"
-                yield f"    m->slope_aim_{k} = (int32_t)limited({sign}own, -change, change);"
-        yield "    (void)p;"
-        yield "    (void)change;"
-        yield "}"
+    def um(self, value: float) -> Expression:
+        return Code(round(Fraction(value) * 1000))
 
-    def _normalised(self, name: str, v: Normalised) -> str:
-        if name in self._index:
-            x = f"(int64_t)m->x_{self._index[name]}"
+    def metres(self, value: float) -> Expression:
+        return Code(position_um(value))
+
+    def reading(self, item: Input, value: float, up: int = 0) -> Expression:
+        counts = Fraction(value) * self.fixed.inputs[item.name].per_unit
+        whole = math.ceil(counts) if up > 0 else math.floor(counts) if up < 0 else round(counts)
+        return Code(max(1 - LARGEST_INT32, min(whole, LARGEST_INT32 - 1)))
+
+    def is_given(self, of: Expression) -> Expression:
+        return (of >= Code(-LARGEST_INT32)) & (of <= Code(LARGEST_INT32 - 1))
+
+    def is_number(self, of: Expression) -> Expression:
+        return (of >= self.um(-LARGEST_NUMBER)) & (of <= self.um(LARGEST_NUMBER))
+
+    def is_level(self, level: Expression, item: Input) -> Expression:
+        counted = self.fixed.inputs[item.name]
+        return (level >= Code(counted.low * ONE)) & (level <= Code(counted.high * ONE))
+
+    def largest_change(self, item: Input, rate_per_min: float, seconds: Expression) -> Expression:
+        per_min = min(round(Fraction(rate_per_min) * self.fixed.inputs[item.name].per_unit), _FASTEST)
+        return Code(per_min) * seconds / Code(60 * MS)
+
+    def along(self, slope: Expression, way: Expression) -> Expression:
+        return Call("scaled", (slope * way,))
+
+    def left_over(self, length: Expression, reach_m: float) -> Expression:
+        return length * Code(_PM) / Code(max(position_um(reach_m), 1))
+
+    def remembered(
+        self, w: Writing, level: Variable, x: Variable, since: Variable, tau_s: float, is_gap: Expression
+    ) -> None:
+        step = (level, self.begun(x), since, Code(tau_ms("a sensor", tau_s)))
+        with w.when(is_gap):
+            w.assign(level, Call("filled", step))
+        with w.otherwise():
+            w.assign(level, Call("followed", step))
+
+    def begun(self, x: Variable) -> Expression:
+        return x * Code(ONE)
+
+    def scaled(self, w: Writing, z: Variable, of: Input | State, x: Variable, source: Input) -> None:
+        counted = self.fixed.inputs[source.name]
+        now: Expression = x
+        if isinstance(of, Input):
+            v = normalised_input(of, counted)
         else:
-            state = next(state for state in self._model.states if state.name == name)
-            bits = FRACTION_BITS - STATE_STEPS.bit_length() + 1
-            x = f"shifted(m->level_{self._levels[state.source, state.tau_s]}, {bits})"
-        return f"shifted({x} * {long_literal(v.gain)} + {long_literal(v.offset)}, {v.shift})"
+            v = normalised_state(of, counted)
+            now = Call("shifted", (x, Code(FRACTION_BITS - STATE_STEPS.bit_length() + 1)))
+        self._variables[of.name] = v
+        w.assign(z, Call("shifted", (now * Code(v.gain) + Code(v.offset), Code(v.shift))))
 
-    def _is_used(self, name: str) -> bool:
-        polynomials = (*self.fixed.own.values(), *self.fixed.slopes.values())
-        return any(name in factors for p in polynomials for _, factors in p.terms)
-
-    def _sum(self, of: Polynomial) -> Iterator[str]:
-        yield f"    sum = {long_literal(of.constant)};"
+    def polynomial(
+        self, w: Writing, total: Variable, intercept: float, terms: Sequence[Term], z: Mapping[str, Variable]
+    ) -> None:
+        of, sum_ = polynomial("an output", intercept, terms, self._variables), w.variable("sum")
+        w.assign(sum_, Code(of.constant))
         for coefficient, factors in of.terms:
-            product = self._v[factors[0]]
+            product: Expression = z[factors[0]]
             if len(factors) > 1:
-                yield f"    p = {product};"
-                yield from (f"    p = shifted(p * {self._v[name]}, {FRACTION_BITS});" for name in factors[1:])
-                product = "p"
-            yield f"    sum += {long_literal(coefficient)} * {product};"
-        yield f"    own = shifted(sum, {of.shift});"
+                p = w.variable("product")
+                w.assign(p, product)
+                for name in factors[1:]:
+                    w.assign(p, Call("shifted", (p * z[name], Code(FRACTION_BITS))))
+                product = p
+            w.assign(sum_, sum_ + Code(coefficient) * product)
+        w.assign(total, Call("shifted", (sum_, Code(of.shift))))
 
-    def _stepped(self) -> Iterator[str]:
-        guard = self._model.guard
-        believed = " && ".join(f"m->sensor_{k} <= {SensorCode.LIMITED:d}" for k in self._index.values())
-        yield f"void {INT_NAME}_step({INT_NAME} *m)"
-        yield "{"
-        yield f"    int32_t dt = m->dt_ms > 0 && m->dt_ms <= {milliseconds(LONGEST_S)} ? m->dt_ms : 0;"
-        yield f"    int32_t slewed = (int32_t)limited(dt, 0, {milliseconds(LONGEST_STEP_S)}), is_test = 0;"
-        if self._axes:
-            yield f"    int32_t {', '.join(f'back_{k} = 0' for k in self._axes.values())};"
-        yield "    if (m->is_restart && !m->was_restart)"
-        yield "        restarted(m);"
-        yield "    m->was_restart = m->is_restart;"
-        yield "    if (m->is_first) { /* what was kept is dropped where it cannot be */"
-        for name, k in self._index.items():
-            levels = [level for (source, _), level in self._levels.items() if source == name]
-            yield from (f"        {line}" for line in kept_lines(self.fixed.inputs[name], k, levels))
-        yield "    }"
-        for axis, k in self._axes.items():
-            low, high = (position_um(at) for at in valid_positions_m(self._model)[axis])
-            ok, limited, missing = (int(SensorCode[name]) for name in ("OK", "LIMITED", "MISSING"))
-            yield f"    if (m->position_{k} != {MISSING} && m->position_{k} != {LARGEST_INT32}) {{"
-            yield f"        back_{k} = m->axis_{k} == {missing};"
-            yield f"        m->at_{k} = m->position_{k};"
-            yield f"        m->axis_{k} = m->at_{k} < {low} || m->at_{k} > {high} ? {limited} : {ok};"
-            yield "    } else {"
-            yield f"        m->axis_{k} = {missing};"
-            yield "    }"
-        yield f"    m->since_ms = (int32_t)limited((int64_t)m->since_ms + dt, 0, {milliseconds(LONGEST_S)});"
-        yield f"    if (m->is_first || m->since_ms >= {milliseconds(SAMPLE_S)}) {{"
-        yield f"        if (m->mode == {Mode.TEST:d})"
-        yield "            m->test_left_ms = m->test_left_ms > m->since_ms ? m->test_left_ms - m->since_ms : 0;"
-        yield from (f"        sensor_{k}(m);" for k in self._index.values())
-        otherwise = Mode.RAMP_TO_ZERO if guard.last_resort == "ramp-to-zero" else Mode.HOLD
-        yield f"        m->follows = {believed}"
-        yield f"            ? {Mode.MODEL:d} : {otherwise:d};"
-        if guard.last_resort == "hold" and guard.hold_at_most_s is not None:
-            yield f"        m->held_ms = m->follows == {Mode.MODEL:d} ? 0 :"
-            yield f"            (int32_t)limited((int64_t)m->held_ms + m->since_ms, 0, {milliseconds(LONGEST_S)});"
-            yield f"        if (m->held_ms > {milliseconds(guard.hold_at_most_s)})"
-            yield f"            m->follows = {Mode.RAMP_TO_ZERO:d};"
-        yield f"        if (m->follows == {Mode.MODEL:d})"
-        yield "            aimed(m);"
-        yield f"        if (m->follows == {Mode.RAMP_TO_ZERO:d}) {{"
-        for k, output in enumerate(self._model.outputs, 1):
-            yield f"            m->aim_{k} = 0;"
-            if output.position is not None:
-                yield f"            m->slope_aim_{k} = 0;"
-        yield "        }"
-        yield "        m->is_first = 0;"
-        yield "        m->since_ms = 0;"
-        yield "    }"
-        yield "    m->mode = m->follows;"
-        yield "    if (!m->is_wanted)"
-        yield f"        m->mode = {Mode.SWITCHED_OFF:d};"
-        yield "    /* sign test: only after all were 0 while ready, and not for ever; else to zero */"
-        for k in range(1, len(self._model.outputs) + 1):
-            yield f"    is_test = is_test || (m->test_nm_{k} != 0 && !({_is_none(k)}));"
-        yield "    if (!is_test)"
-        yield f"        m->test_left_ms = {milliseconds(longest_test_s(self._model))};"
-        yield "    else"
-        yield f"        m->mode = m->test_left_ms > 0 ? {Mode.TEST:d} : {Mode.SWITCHED_OFF:d};"
-        yield "    if (!m->is_ready) {"
-        yield f"        m->mode = {Mode.OFF:d};"
-        yield "        m->test_left_ms = 0;"
-        yield "    }"
-        for k, output in enumerate(self._model.outputs, 1):
-            yield from self._moved(k, output)
-        yield "}"
-
-    def _restarted(self) -> Iterator[str]:
-        """Memory goes on, the correction begins at zero; start readings are kept or not, as the guard says."""
-        guard, longest = self._model.guard, milliseconds(LONGEST_S)
-        yield f"static void restarted({INT_NAME} *m)"
-        yield "{"
-        yield f"    int32_t off = (int32_t)limited(m->standstill_ms, 0, {longest});"
-        for name, k in self._index.items():
-            item = self.fixed.inputs[name].item
-            yield f"    m->since_ms_{k} = (int32_t)limited((int64_t)m->since_ms_{k} + off, 0, {longest});"
-            yield f"    m->good_ms_{k} = -1;"
-            yield f"    m->is_new_{k} = 1;"
-            if item.rate_limit_per_min is not None:
-                yield f"    m->has_anchor_{k} = 0;"
-            for flag in [f"has_memory_{k}"] + ([f"has_start_{k}"] if item.reference == "rise" else []):
-                if guard.restart == "new-start":
-                    yield f"    m->{flag} = 0;"
-                elif guard.new_start_after_s is not None:
-                    yield f"    m->{flag} = off > {milliseconds(guard.new_start_after_s)} ? 0 : m->{flag};"
-        yield "    m->is_first = 1;"
-        yield "    m->since_ms = m->held_ms = m->test_left_ms = 0;"
-        yield f"    m->follows = {Mode.HOLD:d};"
-        for k, output in enumerate(self._model.outputs, 1):
-            yield from (f"    m->{name}_{k} = 0;" for name in ("aim", *_moving(output)))
-            if output.position is not None:
-                yield f"    m->slope_aim_{k} = 0;"
-        yield "}"
-
-    def _moved(self, k: int, output: Output) -> Iterator[str]:
-        limits, part = self._limits[output.name], output.position
-        clamp = nanometres(limits.clamp_um)
-        yield f"    /* correction of {plain(output.name)}: no faster than the slew limit */"
-        yield f"    if (m->mode == {Mode.OFF:d}) {{"
-        yield from (f"        m->{name}_{k} = 0;" for name in _moving(output))
-        yield "    } else {"
-        if part is not None:
-            axis = self._axes[part.axis]
-            at = f"limited(m->at_{axis}, {position_um(part.valid_min_m)}, {position_um(part.valid_max_m)})"
-            yield f"        int32_t where = (int32_t){at}, whole;"
-            yield "        /* the correction moves with the axis, unless its position was lost */"
-            yield f"        if (back_{axis})"
-            yield f"            m->is_back_{k} = 1;"
-            yield "        else"
-            yield f"            m->correction_{k} = (int32_t)limited(m->correction_{k} + scaled((int64_t)m->slope_{k} *"
-            yield f"                ((int64_t)where - m->where_{k})), -{clamp}, {clamp});"
-            yield f"        m->where_{k} = where;"
-        test = f"{_is_none(k)} ? 0 : (int32_t)limited(m->test_nm_{k}, -{clamp}, {clamp})"
-        yield from self._towards(f"k0_{k}", f"aim_{k}", test, f"rest_{k}", limits.own_slew_um_per_s)
-        if part is None:
-            yield f"        m->correction_{k} = m->k0_{k};"
-        else:
-            slew = limits.slope_slew_um_per_m_s
-            yield from self._towards(f"slope_{k}", f"slope_aim_{k}", "0", f"slope_rest_{k}", slew)
-            yield f"        whole = (int32_t)limited(m->k0_{k} + scaled((int64_t)m->slope_{k} *"
-            yield f"            ((int64_t)where - {position_um(part.reference_m)})), -{clamp}, {clamp});"
-            yield f"        m->correction_{k} = !m->is_back_{k} ? whole : moved(m->correction_{k}, whole,"
-            yield f"            {_slew_pm(limits.slew_um_per_s)}LL, slewed, &m->back_rest_{k});"
-            yield f"        m->is_back_{k} = m->correction_{k} != whole;"
-        yield "    }"
-
-    @staticmethod
-    def _towards(now: str, aim: str, test: str, rest: str, slew_um_per_s: float) -> Iterator[str]:
-        yield f"        m->{now} = moved(m->{now}, m->mode == {Mode.SWITCHED_OFF:d} ? 0"
-        yield f"            : m->mode != {Mode.TEST:d} ? m->{aim} : {test},"
-        yield f"            {_slew_pm(slew_um_per_s)}LL, slewed, &m->{rest});"
+    def towards(self, w: Writing, now: Variable, to: Variable, rest: Variable, slewed: Variable, slew: float) -> None:
+        most, reach = w.variable("most"), w.variable("reach")
+        pm_per_s = min(max(1, round(Fraction(slew) * _PM)), _LARGEST_SLEW_PM_PER_S)
+        w.assign(most, Code(pm_per_s) * slewed + rest)
+        w.assign(reach, most / Code(_PM))
+        w.assign(rest, most - reach * Code(_PM))
+        w.limit(to, now - reach, now + reach)
+        w.assign(now, to)
 
 
-def _is_none(k: int) -> str:
-    """Nothing is commanded for the k-th output."""
-    return f"m->test_nm_{k} == {MISSING} || m->test_nm_{k} == {LARGEST_INT32}"
+def whole_numbers(model: ModelFile) -> Numbers:
+    """In which numbers a fixed-point program of a model calculates.
 
-
-def _moving(output: Output) -> tuple[str, ...]:
-    """What is 0 while the axis is not ready."""
-    own = ("correction", "k0", "rest")
-    return own if output.position is None else (*own, "slope", "slope_rest", "is_back", "back_rest")
-
-
-def _slew_pm(um: float) -> int:
-    return min(max(1, round(Fraction(um) * _PM)), _LARGEST_SLEW_PM_PER_S)
-
-
-def _places_m(part: PositionPart) -> tuple[float, ...]:
-    return part.valid_min_m, part.valid_max_m, part.reference_m
-
-
-def _check_limits(output: Output, limits: DecidedLimits) -> None:
-    for what, value in (("clamp", limits.clamp_um), ("slope clamp", limits.slope_clamp_um_per_m)):
-        if nanometres(value) > LARGEST_INT32:
-            raise ExportRefusedError(
-                f"{what} of {output.name}: {value:g} um",
-                expected=f"at most {LARGEST_INT32 / 1000:.0f} um (or um/m): 32 bits of nm",
-                where="fixed-point export, guard.limits",
-                advice="decide on a smaller limit in guard.limits of the model file",
-            )
-    part = output.position
-    if part is not None and max(abs(position_um(at)) for at in _places_m(part)) > 10**9:
-        raise ExportRefusedError(
-            f"positions of {output.name} reach beyond 1000 m",
-            expected="positions in um that fit into 32 bits",
-            where="fixed-point export, position",
-            advice="correct the positions of the position-dependent part",
-        )
-
-
-def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, str]:
-    """``thermal_correction_i.h`` and ``.c``."""
+    Raises
+    ------
+    ExportRefusedError
+        The model does not fit into 64 bits, or takes touch-offs.
+    """
     if model.adaptation is not None:
         raise ExportRefusedError(
             "it cannot take touch-offs",
@@ -445,12 +225,49 @@ def fixed_point_files(model: ModelFile, *, is_sign_verified: bool) -> dict[str, 
             where="fixed-point export, adaptation",
             advice="use the double- or single-precision program, or export the model without its adaptation",
         )
-    source = Source(model)
-    head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *_about(model, source.fixed)]]
-    return {
-        f"{INT_NAME}.h": "\n".join(["/*", *head, " */", *source.header()]) + "\n",
-        f"{INT_NAME}.c": "\n".join(["/*", *head, " */", *source.body()]) + "\n",
-    }
+    limits, _ = decided_limits(model)
+    for output in model.outputs:
+        _check_limits(output, limits[output.name])
+    return _WholeNumbers(model)
+
+
+def about_whole_numbers(model: ModelFile) -> Iterator[str]:
+    """Units and bounds, to stand at the head of the program."""
+    numbers = fixed(model)
+    yield "Whole numbers only. Times in ms (their sum has to be the true time), corrections in nm, slopes in nm/m,"
+    yield "positions in um."
+    for counted in numbers.inputs.values():
+        item = counted.item
+        yield plain(f"{item.name}: {counts_of(counted)}, valid {counted.low} ... {counted.high} counts")
+    for (source, tau_s), whole_ms in numbers.taus_ms.items():
+        yield plain(f"memory of {source} over {tau_s:g} s: {whole_ms} ms, resolution 2^-{FRACTION_BITS} counts")
+    own = fixed_point_bound_um(model, is_counted=True)
+    for name, bound in fixed_point_bound_um(model).items():
+        yield plain(f"Largest difference to the float64 model inside the valid ranges: {name} {_above(bound)} um,")
+        yield f"  {_above(own[name])} um of it for readings that are whole counts."
+    yield "No intermediate value passes 63 bits; proven for all readings when this file was written."
+
+
+def _check_limits(output: Output, limits: DecidedLimits) -> None:
+    for what, value in (("clamp", limits.clamp_um), ("slope clamp", limits.slope_clamp_um_per_m)):
+        if round(value * 1000.0) > LARGEST_INT32:
+            raise ExportRefusedError(
+                f"{what} of {output.name}: {value:g} um",
+                expected=f"at most {LARGEST_INT32 / 1000:.0f} um (or um/m): 32 bits of nm",
+                where="fixed-point export, guard.limits",
+                advice="decide on a smaller limit in guard.limits of the model file",
+            )
+    part = output.position
+    if (
+        part is not None
+        and max(abs(position_um(at)) for at in (part.valid_min_m, part.valid_max_m, part.reference_m)) > 10**9
+    ):
+        raise ExportRefusedError(
+            f"positions of {output.name} reach beyond 1000 m",
+            expected="positions in um that fit into 32 bits",
+            where="fixed-point export, position",
+            advice="correct the positions of the position-dependent part",
+        )
 
 
 def fixed_point_bound_um(model: ModelFile, *, is_counted: bool = False) -> dict[str, float]:
@@ -468,7 +285,7 @@ def fixed_point_bound_um(model: ModelFile, *, is_counted: bool = False) -> dict[
 
 
 def fixed_point_findings(model: ModelFile) -> tuple[Finding, ...]:
-    """The bound per output, and what of the guard the fixed-point program does not have."""
+    """The bound per output."""
     counted = fixed_point_bound_um(model, is_counted=True)
     found = [
         FINDINGS.finding(
@@ -479,41 +296,7 @@ def fixed_point_findings(model: ModelFile) -> tuple[Finding, ...]:
         )
         for name, bound in fixed_point_bound_um(model).items()
     ]
-    left_out = list(_left_out(model))
-    if left_out:
-        found.append(
-            FINDINGS.finding(
-                "guard-reduced",
-                f"The fixed-point program has a smaller guard than the model file asks for: {'; '.join(left_out)}.",
-                evidence={"left_out": left_out},
-                suggestion="use the double- or single-precision program where the processor has floating point",
-            )
-        )
     return tuple(found)
-
-
-def _left_out(model: ModelFile) -> Iterator[str]:
-    guard = model.guard
-    if model.fallbacks and guard.on_fault == "fallback":
-        yield f"no fallback models, with a bad sensor it does '{guard.without_fallback}'"
-    if guard.stuck_after_s is not None:
-        yield "a sensor that stands still is not found"
-
-
-def _about(model: ModelFile, numbers: Fixed) -> Iterator[str]:
-    yield "Whole numbers only. Times in ms, corrections in nm, slopes in nm/m, positions in um."
-    for counted in numbers.inputs.values():
-        item = counted.item
-        yield plain(f"{item.name}: {counts_of(counted)}, valid {counted.low} ... {counted.high} counts")
-    for (source, tau_s), tau_ms in numbers.taus_ms.items():
-        yield plain(f"memory of {source} over {tau_s:g} s: {tau_ms} ms, resolution 2^-{FRACTION_BITS} counts")
-    for name, bound in fixed_point_bound_um(model).items():
-        own = fixed_point_bound_um(model, is_counted=True)[name]
-        yield plain(f"Largest difference to the float64 model inside the valid ranges: {name} {_above(bound)} um,")
-        yield f"  {_above(own)} um of it for readings that are whole counts."
-    yield "No intermediate value passes 63 bits; proven for all readings when this file was written."
-    for line in _left_out(model):
-        yield plain(f"Left out: {line}.")
 
 
 def _above(bound_um: float) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
+from selector.controllers.evaluator import Equations
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.controllers.writers.exported import ExportRefusedError
 
@@ -128,27 +129,42 @@ class Fixed:
 
 
 def fixed(model: ModelFile) -> Fixed:
-    """The model in whole numbers (its fallbacks are left out)."""
+    """The model in whole numbers, and what they cost it or any of its fallbacks at most."""
     inputs = {item.name: _counted(item) for item in model.inputs}
-    taus = sorted({(state.source, state.tau_s) for state in model.states})
-    taus_ms = {key: _tau_ms(*key) for key in taus}
-    variables = {}
-    for item in model.inputs:
-        counted = inputs[item.name]
-        error = Error(_FLOAT_COUNTS, Fraction(1) + _FLOAT_COUNTS)
-        variables[item.name] = _normalised(item, counted, 1, error)
-    for state in model.states:
-        counted = inputs[state.source]
-        error = _level_error(counted, taus_ms[state.source, state.tau_s], state.tau_s)
-        variables[state.name] = _normalised(state, counted, STATE_STEPS, error)
-    own = {o.name: _polynomial(o.name, o.intercept, o.terms, variables) for o in model.outputs}
+    everything: list[Equations] = [model, *(model.fallbacks if model.guard.on_fault == "fallback" else ())]
+    taus = sorted({(state.source, state.tau_s) for of in everything for state in of.states})
+    taus_ms = {key: tau_ms(*key) for key in taus}
+    parts = [_equations(of, inputs) for of in everything]
+    variables, own, slopes, errors = parts[0]
+    for *_, others in parts[1:]:
+        errors = {name: error.larger(others[name]) for name, error in errors.items()}
+    return Fixed(inputs, taus_ms, variables, own, slopes, errors)
+
+
+def _equations(
+    of: Equations, inputs: Mapping[str, Counted]
+) -> tuple[dict[str, Normalised], dict[str, Polynomial], dict[str, Polynomial], dict[str, Error]]:
+    variables = {item.name: normalised_input(item, inputs[item.name]) for item in of.inputs}
+    variables |= {state.name: normalised_state(state, inputs[state.source]) for state in of.states}
+    own = {o.name: polynomial(o.name, o.intercept, o.terms, variables) for o in of.outputs}
     slopes = {
-        o.name: _polynomial(o.name, o.position.intercept, o.position.terms, variables)
-        for o in model.outputs
+        o.name: polynomial(o.name, o.position.intercept, o.position.terms, variables)
+        for o in of.outputs
         if o.position is not None
     }
-    errors = {o.name: _correction_error(o, own[o.name], slopes.get(o.name)) for o in model.outputs}
-    return Fixed(inputs, taus_ms, variables, own, slopes, errors)
+    errors = {o.name: _correction_error(o, own[o.name], slopes.get(o.name)) for o in of.outputs}
+    return variables, own, slopes, errors
+
+
+def normalised_input(item: Input, counted: Counted) -> Normalised:
+    """An input of a model or a fallback."""
+    return _normalised(item, counted, 1, Error(_FLOAT_COUNTS, Fraction(1) + _FLOAT_COUNTS))
+
+
+def normalised_state(state: State, counted: Counted) -> Normalised:
+    """A memory of a model or a fallback."""
+    error = _level_error(counted, tau_ms(state.source, state.tau_s), state.tau_s)
+    return _normalised(state, counted, STATE_STEPS, error)
 
 
 def shifted(value: int, shift: int) -> int:
@@ -181,29 +197,30 @@ def _counted(item: Input) -> Counted:
     return Counted(item, per_unit, low, high)
 
 
-def _tau_ms(source: str, tau_s: float) -> int:
-    tau_ms = max(1, round(Fraction(tau_s) * MS))
-    if tau_ms > LONGEST_TAU_MS:
+def tau_ms(source: str, tau_s: float) -> int:
+    """A time constant in whole milliseconds."""
+    whole_ms = max(1, round(Fraction(tau_s) * MS))
+    if whole_ms > LONGEST_TAU_MS:
         raise ExportRefusedError(
             f"memory of {source} over {tau_s:g} s",
             expected=f"at most {LONGEST_TAU_MS / MS:g} s, so that products of times fit into 64 bits",
             where="fixed-point export, states",
             advice="export double precision, or leave this memory out of the model",
         )
-    return tau_ms
+    return whole_ms
 
 
-def _level_error(counted: Counted, tau_ms: int, tau_s: float) -> Error:
+def _level_error(counted: Counted, whole_ms: int, tau_s: float) -> Error:
     """Of memory as the model reads it, in counts.
 
     With gain g = dt/(tau + dt) an error e becomes (1 − g)·e + ρ: at most ρ/g, largest at the shortest step of 1 s.
     ρ: half a step of 2^-30; of float64 eight roundings of the largest level. Another tau: |x − level| is at most the
     width of the range, and its share |Δtau|/tau is lost. What the model reads is rounded to a step of STATE_STEPS.
     """
-    times = Fraction(tau_ms + MS, MS)
+    times = Fraction(whole_ms + MS, MS)
     of_steps = times / 2 / ONE
     of_float = times * 8 * max(counted.largest, 1) / 2**53
-    of_tau = (counted.high - counted.low) * abs(tau_ms - Fraction(tau_s) * MS) / tau_ms
+    of_tau = (counted.high - counted.low) * abs(whole_ms - Fraction(tau_s) * MS) / whole_ms
     inside = _up(of_steps + of_float + of_tau + Fraction(1, 2 * STATE_STEPS) + _FLOAT_COUNTS)
     return Error(inside, inside + 1)
 
@@ -236,9 +253,7 @@ def _normalised(of: Input | State, counted: Counted, steps: int, error_counts: E
     return Normalised(gain, offset, shift, radius / per_unit / Fraction(of.scale), ends, total, error)
 
 
-def _polynomial(
-    output: str, intercept: float, terms: Iterable[Term], variables: Mapping[str, Normalised]
-) -> Polynomial:
+def polynomial(output: str, intercept: float, terms: Iterable[Term], variables: Mapping[str, Normalised]) -> Polynomial:
     """In nm: coefficients times 1000, with as many bits below 1 nm as 64 bits leave."""
     products = [_product(term, variables) for term in terms]
     constant = Fraction(intercept) * 1000

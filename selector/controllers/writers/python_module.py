@@ -4,28 +4,13 @@ from __future__ import annotations
 
 from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
+from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Language, Program, Variable, plain
+from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.exported import Exported, heading, sign_test
 
 MODULE_NAME = "thermal_correction"
 CLASS = "ThermalCorrection"
-
-
-class _Python(Language):
-    def __init__(self) -> None:
-        place = "self."
-        super().__init__(
-            signs={},
-            negation="not ",
-            assignment="{to} = {value}",
-            condition="if {condition}:",
-            otherwise="else:",
-            end="",
-            nothing="pass",
-            remark="# {text}",
-            prefixes={"input": place, "output": place, "kept": place, "retained": place},
-        )
 
 
 def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
@@ -62,7 +47,7 @@ def python_files(model: ModelFile, *, is_sign_verified: bool = False) -> dict[st
 
 
 def _class(program: Program) -> list[str]:
-    language = _Python()
+    language = PythonText()
     lines = [
         "",
         "",
@@ -77,11 +62,5 @@ def _class(program: Program) -> list[str]:
         for one in program.variables:
             if one.place == place:
                 about = f"  # {plain(one.about)}" if one.about else ""
-                lines.append(f"        self.{one.name} = {_initial(one)}{about}")
+                lines.append(f"        self.{one.name} = {language.initial(one)}{about}")
     return [*lines, "", "    def step(self):", *language.lines(program.body, 2)]
-
-
-def _initial(variable: Variable) -> str:
-    if variable.kind == "flag":
-        return str(bool(variable.initial))
-    return str(int(variable.initial)) if variable.kind == "code" else repr(float(variable.initial))

@@ -22,22 +22,21 @@ from selector.controllers.replay.compiled import (
     linuxcnc_version,
     python_answers,
 )
-from selector.controllers.replay.macro_b_executed import macro_b_called_at_most_once_a_second
+from selector.controllers.replay.macro_b_executed import macro_b_answers, macro_corrections_um
 from selector.controllers.replay.parts import (
     Answers,
     Execution,
     Part,
     Rows,
     at_most,
-    macro_corrections_um,
+    in_counts,
+    in_single_um,
     reference_answers,
-    rounding_um,
     straight_line_um,
     tenths_um,
     unguarded_um,
     units_in_single_um,
     whole_numbers_um,
-    without_fallbacks,
 )
 from selector.controllers.replay.structured_text_executed import (
     drive_answers,
@@ -53,8 +52,8 @@ from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
-from selector.controllers.writers.fanuc import LITERAL_ROUNDOFF, fanuc_export
-from selector.controllers.writers.fixed_point_sensor import INT_NAME as FIXED_POINT_NAME
+from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.fixed_point import INT_NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
@@ -118,6 +117,7 @@ def _line_of_sinumerik(model: ModelFile, rows: Rows, _whole: Answers, main: Answ
 
 _ST_FILE, _SCL_FILE, _BLOCK_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU"
 _SMALLER = "its guard is smaller"
+_SINGLE = "it calculates in single precision"
 _NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"
 _BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _alone(tcpou_answers), parser_name)
 
@@ -131,16 +131,16 @@ TARGETS: Mapping[str, Target] = {
                 f"{SINGLE_NAME}.c",
                 _alone(partial(c_answers, precision="float", name=SINGLE_NAME)),
                 _cc,
-                allowed_um=rounding_um,
-                is_single=True,
+                in_single_um,
+                lacks=_SINGLE,
             ),
             Part(
                 f"{FIXED_POINT_NAME}.c",
                 _alone(fixed_point_answers),
                 _cc,
-                lambda model, rows, _whole, _main: reference_answers(without_fallbacks(model), rows).correction_um,
+                lambda model, rows, _whole, _main: reference_answers(model, in_counts(model, rows)).correction_um,
                 whole_numbers_um,
-                _SMALLER,
+                "its readings are whole counts, and one that changes by less stands still",
             ),
         ),
         not_always=(f"{SINGLE_NAME}.[ch]", f"{FIXED_POINT_NAME}.[ch]"),
@@ -156,7 +156,7 @@ TARGETS: Mapping[str, Target] = {
         "Siemens SINUMERIK 840D sl",
         sinumerik_export,
         (
-            Part(_SCL_FILE, _alone(scl_answers), parser_name, allowed_um=rounding_um, is_single=True),
+            Part(_SCL_FILE, _alone(scl_answers), parser_name, in_single_um, lacks=_SINGLE),
             Part(SETTING_DATA, setting_data_answers, parser_name, _line_of_sinumerik, units_in_single_um, _NO_CLAMP),
         ),
     ),
@@ -172,10 +172,10 @@ TARGETS: Mapping[str, Target] = {
         (
             Part(
                 MACRO_FILE,
-                _alone(macro_b_called_at_most_once_a_second),
+                _alone(macro_b_answers),
                 _own("macro B"),
                 lambda model, rows, _whole, _main: macro_corrections_um(model, rows),
-                partial(rounding_um, roundoff=LITERAL_ROUNDOFF),
+                at_most(1e-9),
                 _SMALLER,
             ),
         ),

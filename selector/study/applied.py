@@ -1,4 +1,4 @@
-"""A model applied to the recordings of a command: what is compared, and what is told of it."""
+"""A model applied to recordings as they were read: what is compared, and what is told of it."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 
-from selector.cli.shared.finding_table import FINDINGS
 from selector.controllers.application import (
     Application,
     apply_model,
     displacement_starts,
+    known_starts,
+    sensor_starts,
     without_displacement_faults,
 )
 from selector.controllers.finding_table import SENSOR_LOOKS_BROKEN
 from selector.controllers.model_file import ModelFile
 from selector.findings import Finding, Where
-from selector.models.design import datum_of
 from selector.readers import Reading
 from selector.recording import Recording
+from selector.study.finding_table import FINDINGS
 
 
 def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]:
@@ -26,11 +27,10 @@ def applied(model: ModelFile, reading: Reading) -> tuple[Application, Recording]
     of its displacement.
     """
     compared, quality = without_displacement_faults(model, reading.recording)
-    rises = [item.name for item in model.inputs if item.reference == "rise" and item.name in compared.names]
-    levels = datum_of(compared, rises, (), "rise").levels
-    application = apply_model(model, compared, start_readings=_only(levels, rises))
+    starts = sensor_starts(model, compared)
+    application = apply_model(model, compared, start_readings=known_starts(starts))
     told = [finding for finding in quality if not any(_says_the_same(other, finding) for other in application.findings)]
-    of_starts = (*_without_start(levels, rises), *_not_zeroed(displacement_starts(model, compared)))
+    of_starts = (*_without_start(starts), *_not_zeroed(displacement_starts(model, compared)))
     findings = (*reading.findings, *told, *of_starts, *application.findings)
     return dataclasses.replace(application, findings=findings), compared
 
@@ -45,18 +45,11 @@ def _says_the_same(said: Finding, finding: Finding) -> bool:
     return a.from_s <= b.to_s and b.from_s <= a.to_s
 
 
-def _only(levels: Mapping[str, Mapping[str, float]], names: list[str]) -> dict[str, dict[str, float]]:
-    return {
-        run: {name: level for name, level in found.items() if name in names and math.isfinite(level)}
-        for run, found in levels.items()
-    }
-
-
-def _without_start(levels: Mapping[str, Mapping[str, float]], rises: list[str]) -> Iterator[Finding]:
+def _without_start(starts: Mapping[str, Mapping[str, float]]) -> Iterator[Finding]:
     """Sensors that have no reading at the start of a run: their rise counts from a later time."""
-    for run, found in levels.items():
-        for name in rises:
-            if not math.isfinite(found.get(name, math.nan)):
+    for run, found in starts.items():
+        for name, level in found.items():
+            if not math.isfinite(level):
                 yield FINDINGS.finding(
                     "start-missing",
                     f"{name} has no reading at the start of run {run}; its rise counts from its first reading, and the "

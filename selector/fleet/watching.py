@@ -1,0 +1,188 @@
+"""Are the models of a fleet still true? Each is applied to the recordings that came after it was made."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from selector.adaptation.still_true import FEWEST_KNOWN, Chart, charted
+from selector.controllers.application import Accuracy
+from selector.controllers.model_file import read_model
+from selector.errors import InputError
+from selector.fleet.fleet_file import Fleet
+from selector.fleet.places import local_paths
+from selector.fleet.running import read_answer
+from selector.readers import Reading, read
+from selector.readers.files import recording_files
+from selector.study.applied import applied
+from selector.study.asked import overrides_of
+from selector.study.inputs import sha256_of
+from selector.study.study_file import Study
+
+RUNS_BETWEEN_ALARMS = 3000.0
+"""Of a machine, in the mean, as long as nothing changes: eight years with a recording a day."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Watched(_Part):
+    """One response of a machine in the runs that came after its model."""
+
+    runs: int  #: That have the displacement and a prediction
+    rmse_um: float | None  #: In these runs
+    expected_um: float | None  #: On unseen runs, when the model was made
+    alarm: Literal["mean", "spread"] | None  #: What has changed: the mean error of a run, or how large its errors are
+    since: str | None  #: The run from which on it is so, as far as the errors tell
+    mean_um: float | None  #: Mean error since then, else of all these runs; recorded minus predicted
+    highest: float | None  #: The cumulative sum at its highest, in standard deviations; None: too few runs proved it
+    limit: float | None  #: Beyond which there is an alarm
+
+
+class WatchedMachine(_Part):
+    """One machine."""
+
+    status: Literal["quiet", "alarm", "nothing-new", "not-judged", "no-model", "failed"]
+    error: str | None = None  #: Why it failed, or could not be judged
+    key: str | None = None  #: Of the answer whose model is watched
+    runs: tuple[str, ...] = ()  #: New ones, oldest first
+    responses: dict[str, Watched] = Field(default_factory=dict)
+    findings: tuple[dict[str, Any], ...] = ()  #: Sensors that look broken, readings beyond the valid range …
+
+    @property
+    def in_short(self) -> str:
+        """For a line of progress."""
+        return f"{self.status}: {self.error or f'{len(self.runs)} new runs'}"
+
+
+class FleetWatch(_Part):
+    """What `selector fleet watch --json` prints."""
+
+    schema_: Annotated[Literal["selector.fleet-watch/1"], Field(alias="schema")] = "selector.fleet-watch/1"
+    alarms: int
+    machines: dict[str, WatchedMachine]
+
+
+def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None) -> FleetWatch:
+    """Every machine's model on the recordings that it was not made of.
+
+    Raises ResultError: the fleet was never run.
+    """
+    answers = read_answer(fleet.results).machines
+    found: dict[str, WatchedMachine] = {}
+    for name, study in fleet.studies.items():
+        answer = answers.get(name)
+        if answer is None or answer.status == "failed" or answer.key is None:
+            found[name] = WatchedMachine(status="no-model", error=None if answer is None else answer.error)
+        else:
+            try:
+                found[name] = _watched(study, fleet.results / answer.key, answer.key)
+            except InputError as error:
+                found[name] = WatchedMachine(status="failed", error=str(error), key=answer.key)
+        if tell is not None:
+            tell(name, found[name], len(found), len(fleet.studies))
+    return FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)
+
+
+def _watched(study: Study, place: Path, key: str) -> WatchedMachine:
+    model = read_model(place / "model.json")
+    known = set(model.provenance.data_sha256.values())
+    with tempfile.TemporaryDirectory() as folder:
+        files = recording_files(local_paths(study.recordings.runs, Path(folder, "runs")))
+        new = [file for file in files.files if sha256_of(file) not in known]
+        if not new:
+            return WatchedMachine(status="nothing-new", key=key)
+        named = [study.recordings.machine] if study.recordings.machine else []
+        machine = local_paths(named, Path(folder, "machine"))[0] if named else files.machine
+        reading = read(new, machine=machine, overrides=overrides_of(study))
+        application, _ = applied(model, reading)
+    runs = _by_age(reading)
+    proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
+    responses = {}
+    for output in model.outputs:
+        accuracies = [(run, application.per_run[run][output.name]) for run in runs]
+        responses[output.name] = _response(proved.get(output.name, {}), accuracies, len(model.outputs))
+    judged = [one for one in responses.values() if one.highest is not None]
+    alarm = any(one.alarm for one in responses.values())
+    return WatchedMachine(
+        status="alarm" if alarm else "quiet" if judged else "not-judged",
+        error=None if judged else _not_judged(responses),
+        key=key,
+        runs=tuple(runs),
+        responses=responses,
+        findings=tuple(one.as_dict() for one in application.findings if one.level != "info"),
+    )
+
+
+def _by_age(reading: Reading) -> list[str]:
+    """Runs as they were recorded, by their clock where each has one; else as they are named."""
+    starts = {run.name: run.start for run in reading.runs}
+    names = list(reading.recording.runs)
+    if any(starts.get(name) is None for name in names):
+        return names
+    return sorted(names, key=lambda name: str(starts[name]))
+
+
+def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n_responses: int) -> Watched:
+    seen = [(run, one) for run, one in runs if one.rmse_um is not None and one.mean_um is not None]
+    of_proof = [
+        one
+        for one in proved.get("per_run", {}).values()
+        if one.get("heldout_rmse_um") and one.get("heldout_mean_um") is not None
+    ]
+    weights = [one.n_samples for _, one in seen]
+    rmse = _mean([one.rmse_um**2 for _, one in seen if one.rmse_um is not None], weights)
+    means = [one.mean_um for _, one in seen if one.mean_um is not None]
+    plain = Watched(
+        runs=len(seen),
+        rmse_um=None if rmse is None else math.sqrt(rmse),
+        expected_um=proved.get("heldout_rmse_um"),
+        alarm=None,
+        since=None,
+        mean_um=_mean(means, weights),
+        highest=None,
+        limit=None,
+    )
+    if len(of_proof) < FEWEST_KNOWN or not seen:
+        return plain
+    # three sums for every response: mean up, mean down, size up
+    apart = 3.0 * n_responses * RUNS_BETWEEN_ALARMS
+    mean = charted(np.array([one["heldout_mean_um"] for one in of_proof]), np.array(means), apart, is_two_sided=True)
+    size = charted(
+        np.log([one["heldout_rmse_um"] for one in of_proof]),
+        np.log([one.rmse_um or np.finfo(float).tiny for _, one in seen]),
+        apart,
+        is_two_sided=False,
+    )
+    return plain.model_copy(update=_told(mean, size, [run for run, _ in seen], means, weights))
+
+
+def _told(
+    mean: Chart, size: Chart, runs: Sequence[str], means: Sequence[float], weights: Sequence[int]
+) -> dict[str, Any]:
+    """The chart that tells: a shift makes errors larger, too, so that of the mean goes first."""
+    goes_first = mean.alarm_at is not None or (size.alarm_at is None and mean.highest >= size.highest)
+    first, kind = (mean, "mean") if goes_first else (size, "spread")
+    told: dict[str, Any] = {"highest": first.highest, "limit": first.limit}
+    if first.changed_at is not None:
+        at = first.changed_at
+        told |= {"alarm": kind, "since": runs[at], "mean_um": _mean(means[at:], weights[at:])}
+    return told
+
+
+def _mean(values: Sequence[float], weights: Sequence[int]) -> float | None:
+    return float(np.average(values, weights=weights)) if len(values) else None
+
+
+def _not_judged(responses: Mapping[str, Watched]) -> str:
+    if not any(one.runs for one in responses.values()):
+        return "no displacement in the new recordings that could be compared: record it now and then, or probe"
+    return f"the model was proved on fewer than {FEWEST_KNOWN} runs: what its errors usually are is not known"

@@ -1,0 +1,99 @@
+"""Are the models of a fleet still true: quiet while nothing changes, and told where, since when and by how much."""
+
+import json
+
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.errors import ResultError
+from selector.fleet import Processes, read_fleet, run_fleet, watch_fleet
+from tests.fleet.machines import fleet_file, machine
+
+PROVED, ALL = 6, 18
+
+
+@pytest.fixture
+def watched(tmp_path):
+    """A machine whose model was made of six runs, twelve more of the same machine, and one without a model."""
+    machine(tmp_path / "m", 1, n_runs=PROVED)
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\nnone = "nowhere"\n'))
+    assert run_fleet(fleet, Processes(1)).done == 1
+    assert watch_fleet(fleet).machines["m"].status == "nothing-new"
+    machine(tmp_path / "m", 1, n_runs=ALL)
+    return fleet
+
+
+def changed(fleet, change, since):
+    """The later recordings, changed from a run on."""
+    for number in range(since, ALL + 1):
+        path = fleet.place.parent / "m" / f"r{number}.csv"
+        table = pd.read_csv(path)
+        change(table)
+        table.to_csv(path, index=False)
+
+
+def test_it_is_quiet_while_the_machine_stays_as_it_was(watched):
+    found = watch_fleet(watched)
+    one = found.machines["m"]
+    assert (found.alarms, one.status, found.machines["none"].status) == (0, "quiet", "no-model")
+    assert one.runs == tuple(f"r{number}" for number in range(PROVED + 1, ALL + 1))
+    z = one.responses["Z"]
+    assert (z.runs, z.alarm, z.since) == (12, None, None)
+    assert z.highest < z.limit
+    # the noise of the gauge, 0.2 µm, and little else
+    assert z.rmse_um == pytest.approx(z.expected_um, rel=0.5)
+
+
+def test_a_shift_is_told_with_its_first_run_and_its_size(watched):
+    def shifted(table):
+        # a gauge that gives way while the machine warms up: 1.5 µm after the start
+        table["Z [um]"] -= 1.5 * (table["t [s]"] > 0)
+
+    changed(watched, shifted, 11)
+    z = watch_fleet(watched).machines["m"].responses["Z"]
+    assert z.alarm == "mean"
+    # the sum may begin a run or two before a change
+    assert z.since in {"r9", "r10", "r11"}
+    assert z.mean_um == pytest.approx(-1.5, abs=0.5)
+
+
+def test_errors_that_grow_to_both_sides_are_told(watched):
+    def scattered(table):
+        table["Z [um]"] += 1.5 * (-1.0) ** (table.index // 3)
+
+    changed(watched, scattered, 11)
+    found = watch_fleet(watched)
+    assert found.machines["m"].responses["Z"].alarm == "spread"
+    assert found.alarms == 1
+
+
+def test_a_dead_sensor_is_among_the_findings(watched):
+    sensor = run_fleet(watched, Processes(1)).machines["m"].sensors[0]
+    machine(watched.place.parent / "m", 1, n_runs=ALL)
+    for number in range(ALL + 1, ALL + 3):
+        path = watched.place.parent / "m" / f"r{number}.csv"
+        table = pd.read_csv(watched.place.parent / "m" / "r1.csv")
+        table[f"{sensor} [degC]"] = -9999.0
+        table.to_csv(path, index=False)
+    one = watch_fleet(watched).machines["m"]
+    assert one.runs == (f"r{ALL + 1}", f"r{ALL + 2}")
+    assert one.status == "not-judged"
+    assert any(finding["where"].get("channel") == sensor for finding in one.findings)
+
+
+def test_the_command_prints_the_contract_and_a_page(watched, capsys, tmp_path):
+    page = tmp_path / "watch.html"
+    assert exit_status(["fleet", "watch", str(watched.place), "--json", "--out", str(page)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["schema"] == "selector.fleet-watch/1"
+    assert told["machines"]["m"]["responses"]["Z"]["runs"] == 12
+    assert "as before" in page.read_text(encoding="utf-8")
+    assert exit_status(["fleet", "watch", str(watched.place)]) == 0
+    assert "1 as before" in capsys.readouterr().out
+
+
+def test_a_fleet_that_was_never_run_has_nothing_to_watch(tmp_path):
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"'))
+    with pytest.raises(ResultError, match="run the fleet first"):
+        watch_fleet(fleet)
