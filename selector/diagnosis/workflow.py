@@ -12,7 +12,7 @@ import numpy as np
 from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.effect import Effect, Quantity, Variant
+from selector.diagnosis.effects.effect import Effect, Quantity
 from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
@@ -70,7 +70,6 @@ def diagnosis(
     seed: int = 0,
     false_alarm: float = 0.02,
     effects: Sequence[Effect] | None = None,
-    through_model: Mapping[str, Mapping[str, Sequence[Variant]]] | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """What the simulation left out, where, how sure that is, and what putting it in gains.
@@ -85,15 +84,13 @@ def diagnosis(
         Family-wise probability of naming an effect where there is none.
     effects : sequence of Effect, optional
         Default: the whole catalogue.
-    through_model : mapping, optional
-        Response → effect id → shapes that a runnable model gave.
     progress : callable, optional
         Told step by step.
 
     Raises InputError if the comparison is no basis for an answer.
     """
     known = tuple(effects if effects is not None else catalogue())
-    asked = _Asked(seed, false_alarm, known, through_model or {}, progress or (lambda done, total, text: None))
+    asked = _Asked(seed, false_alarm, known, progress or (lambda done, total, text: None))
     state = _State(comparison, asked)
     for stage in _STAGES:
         if state.answer is None:
@@ -112,7 +109,6 @@ class _Asked:
     seed: int
     false_alarm: float
     effects: tuple[Effect, ...]
-    through_model: Mapping[str, Mapping[str, Sequence[Variant]]]
     say: Progress
 
 
@@ -194,7 +190,7 @@ def _tested(state: _State) -> _State:
     untested: dict[str, dict[str, str]] = {}
     for k, name in enumerate(comparison.responses):
         state.say(k, f"shapes of all effects in {name}")
-        benches[name], untested[name] = bench_of(comparison, name, asked.effects, asked.through_model.get(name))
+        benches[name], untested[name] = bench_of(comparison, name, asked.effects)
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = beside_discrepancy(comparison, found)

@@ -121,6 +121,8 @@ def _largest(matrix: Any) -> float:
 
 def _by_step(times_s: Vector, ends_s: Vector) -> list[Vector]:
     """Increasing times by the step that they are in; what rounding puts behind the last end is in the last step."""
+    if len(ends_s) == 1:
+        return [times_s]
     return np.split(times_s, np.searchsorted(times_s, ends_s[:-1], "right"))
 
 
