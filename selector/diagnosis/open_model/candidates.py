@@ -48,12 +48,14 @@ class Candidate:
     is_idle: bool  #: Whether it hardly acts on unseen rows
 
 
-def candidates(fitted: Refitted, through: ThroughModel) -> list[Candidate]:
+def candidates(fitted: Refitted, through: ThroughModel, of_first: Mapping[str, float] | None = None) -> list[Candidate]:
     """Every way of `through` to change the model, the largest gain first; the best of them weighed by what each leaves.
+
+    Shares are those of what recalibration left, of which `of_first` is still there, response by response.
 
     At first what changes from sample to sample is the noise: what is left of a response that lacks an effect is none.
     """
-    problem = _Problem(fitted)
+    problem = _Problem(fitted, of_first or dict.fromkeys(fitted.comparison.responses, 1.0))
     quick = {name: quick_noise(fitted.comparison, name) for name in problem.names}
     start = _Weighed(problem, quick, {name: float(problem.fit[name].sum()) for name in problem.names})
     ways = through.columns.items()
@@ -92,7 +94,8 @@ def chosen(found: Sequence[Candidate], false_alarm: float, without: Collection[s
 class _Problem:
     """Linear least squares of parameters and one effect: all responses, held by nameplates."""
 
-    def __init__(self, fitted: Refitted) -> None:
+    def __init__(self, fitted: Refitted, of_first: Mapping[str, float]) -> None:
+        self.of_first = of_first
         self.comparison = comparison = fitted.comparison
         self.names = comparison.responses
         self.rest = {name: comparison.difference(name) for name in self.names}
@@ -177,7 +180,7 @@ class _Weighed:
             gain=float(gains.sum()),
             p_value=1.0,
             main=of.names[main],
-            share=float(np.max(1.0 - after / before)),
+            share=float(np.max((1.0 - after / before) * [min(of.of_first[name], 1.0) for name in of.names])),
             carried=1.0 - unseen[1] / unseen[0],
             unseen=unseen[1],
             is_idle=unseen[2] < _IDLE**2 * float(np.sum(squares(changed, of.fit))),

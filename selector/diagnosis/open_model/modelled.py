@@ -86,7 +86,7 @@ _RUIN = 1.1
 """Times the unseen mean squares that an effect may leave which is borne out in one response."""
 _NEARLY_ALL = 0.8
 """Of the way from the simulation as given to the noise."""
-_CARRIES = 0.5
+_CARRIES = 0.15
 """Of the unseen misfit: names that carry less are none where structure is left."""
 _SUSPECTED = 0.5
 """What is left of the confidence in a name that unseen rows could not bear out."""
@@ -179,7 +179,8 @@ def diagnosis_of_model(
         part = _part(say, 0.4 + 0.15 * len(put), 0.55 + 0.15 * len(put))
         now = put[-1].refit if put else first
         shown = through_model(model, now, progress=part(0.0, 0.5))
-        found = candidates(now, shown)
+        left, mismatch = _squares(now.comparison), _squares(first.comparison)
+        found = candidates(now, shown, {name: left[name] / max(mismatch[name], 1e-300) for name in left})
         through, stood = (shown, found) if through is None else (through, stood)
         there = {one.best.switch.id for one in put}
         step = None
