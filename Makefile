@@ -1,6 +1,6 @@
-# The two doors of the project. Each sets up everything it needs; nothing has to be done before.
+# The two doors of the project. Each sets up what it needs, and says so; nothing has to be done before.
 #
-#   make demo    the patent's example and a placement study on a shipped recording; ends with the path of a report
+#   make demo    a study on a real spindle, and the patent's example; ends with the path of a report
 #   make test    every check there is; ends with one line that says that all of them passed
 #
 # Another interpreter:  make test PYTHON=python3.13
@@ -14,7 +14,10 @@ TESTS   ?=
 
 VENV  := .venv
 BIN   := $(VENV)/bin
+# what the program needs, and what its tests and pages need beside it
+BASE  := $(VENV)/.base
 STAMP := $(VENV)/.installed
+PIP   := $(BIN)/python .ci/install.py
 
 # The tests run in several processes already; a thread pool in each of them only makes them wait for each other.
 # Every process that they start would compile the package again if its bytecode were not kept.
@@ -24,7 +27,7 @@ PYTEST := $(TEST_ENVIRONMENT) $(BIN)/python -m pytest -n $(WORKERS) --maxprocess
 
 .PHONY: demo test setup lint types layers pytest reference docs constraints clean
 
-demo: $(STAMP)
+demo: $(BASE)
 	@$(BIN)/selector demo
 
 # One after the other, so that `make -j` does not mix their output; the first failure stops the rest.
@@ -59,25 +62,30 @@ reference: $(STAMP)
 
 # The documentation as a site in build/docs; warnings are errors. Open build/docs/index.html, no server is needed.
 docs: $(STAMP)
+	@echo "building the documentation: pages, notebooks, reference of Python; about a minute"
 	@$(BIN)/python -m docs.make_site
 	@echo "open build/docs/index.html"
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt
+$(BASE): pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "no Python 3.11 or newer found; install one, or say make PYTHON=/path/to/python" >&2; exit 2; }
-	@echo "setting up $(VENV) with $(PYTHON) (once; minutes on a slow line)"
+	@echo "setting up $(VENV) with $(PYTHON), once"
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[test,docs,formats,fmu,fleet]"
+	@$(PIP) -e .
+	@touch $@
+
+$(STAMP): $(BASE)
+	@$(PIP) -e ".[test,docs]"
 	@# the grammar of Structured Text is built from C: without a compiler its tests skip
-	@$(BIN)/python -m pip install --disable-pip-version-check --quiet -c constraints.txt -e ".[controls]" 2>/dev/null \
+	@$(PIP) -e ".[controls]" >/dev/null 2>&1 \
 	  || echo "no C compiler, or no Python headers: exported Structured Text will not be executed"
 	@touch $@
 
 # Newest versions that pyproject.toml allows, tried in a fresh environment: read the result, run the tests, commit it.
 constraints:
 	@$(PYTHON) -m venv .venv-newest
-	@.venv-newest/bin/python -m pip install --disable-pip-version-check --quiet ".[test,docs,formats,fmu,fleet,controls]"
+	@.venv-newest/bin/python -m pip install --disable-pip-version-check --quiet ".[test,docs,controls]"
 	@{ sed '/^[^#]/,$$d' constraints.txt; .venv-newest/bin/python -m pip freeze | grep -E '^[A-Za-z0-9._-]+==' | grep -v '^selector=='; } \
 	  > constraints.new
 	@mv constraints.new constraints.txt

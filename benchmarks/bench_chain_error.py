@@ -20,12 +20,12 @@ from selector.physics.vibration.structure.source import excitation
 from selector.physics.vibration.structure.structure import (
     Structure,
     receptance,
-    receptance_by_modes,
     receptances,
     structure_modes,
 )
 from selector.physics.vibration.vibration_model import VibrationModel, vibration_model
 from selector.physics.vibration.vibration_summary import judged_frequencies_hz
+from tests.physics.vibration.modal_sum import receptance_by_modes
 
 Vector = NDArray[np.float64]
 

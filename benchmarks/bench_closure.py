@@ -20,11 +20,10 @@ from scipy.spatial.distance import squareform
 from selector.sensors import (
     lambda_axis,
     lambda_cut,
-    max_min_composition,
     similarity_from_cross_products,
     transitive_closure,
-    transitive_closure_by_squaring,
 )
+from tests.sensors.by_definition import max_min_composition, transitive_closure_by_squaring
 
 
 def random_correlation(n_sensors: int, seed: int = 0) -> np.ndarray:

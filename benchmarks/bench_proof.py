@@ -17,10 +17,11 @@ from pathlib import Path
 
 from selector.atomic_file import folder_written_whole
 from selector.cli.shared.showing import json_text
-from selector.proof.results import cases_csv, line_of, proof_account, row_texts, score_object, tables
+from selector.proof.results import by_answerer, cases_csv, line_of, proof_account, row_texts, score_object
 from selector.proof.rivals import rivals
 from selector.proof.runner import TOOL, Answerer, Outcome, answer_of_selector, outcomes, questions
 from selector.proof.scenarios import scenarios
+from selector.proof.scoring import score_table, scores
 from selector.telling.page import account_page
 
 PORTION = 40
@@ -49,9 +50,9 @@ def main() -> None:
             break
         found += outcomes(asked[at : at + PORTION], answerers, n_jobs=options.jobs, progress=say)
     seconds = time.perf_counter() - started
-    for name, rows in tables(found).items():
+    for name, part in by_answerer(found).items():
         print(f"\n{name}")
-        for row in rows:
+        for row in score_table(scores(part)):
             score, measured, interval, n, bar, goal, met = row_texts(row)
             print(f"  {score:66s} {measured:>9s}  {interval:>21s}  n={n:>4s}  {bar:>8s} {goal:>8s}  {met}")
     own = sum(one.answerer == TOOL for one in found)

@@ -35,11 +35,14 @@ def write_whole(path: Path, content: bytes) -> None:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
+        is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         raise OptionError(
             f"the file cannot be written: {error.strerror or error}",
             expected="a path in an existing folder where you may write",
             where=str(path),
-            advice="give another output path, or close the program that has the file open",
+            advice="free some space, or write to another disk"
+            if is_full
+            else "give another output path, or close the program that has the file open",
         ) from error
 
 

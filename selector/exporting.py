@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -108,7 +109,10 @@ def export_model(
     """
     model, folder, options = Path(model), Path(folder), options or ExportOptions()
     if target not in TARGETS:
-        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice="choose one")
+        meant = [name for name, one in TARGETS.items() if target and target.lower() in one.title.lower()]
+        near = (meant or difflib.get_close_matches(target.lower(), TARGETS, n=1))[:1]
+        advice = f"did you mean {near[0]}?" if near else "choose one"
+        raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice=advice)
     chosen = TARGETS[target]
     require_writable_folder(folder, "--out")
     usable, of_model = usable_model(model)

@@ -72,6 +72,10 @@ class Kind:
         return (self.level,) if isinstance(self.level, str) else self.level
 
 
+known_kinds: dict[str, Kind] = {}
+"""The kinds of all rooms that were imported, by id."""
+
+
 class Kinds(dict[str, Kind]):
     """The kinds of finding that one room of the package can make, by id."""
 
@@ -88,6 +92,7 @@ class Kinds(dict[str, Kind]):
             id_, levels, title = re.fullmatch(r"([a-z0-9-]+) \[([a-z, ]+)\] (.+)", head).groups()  # type: ignore[union-attr]
             several: Any = tuple(levels.split(", "))
             kinds[id_] = Kind(several[0] if len(several) == 1 else several, title, advice)
+        known_kinds.update(kinds)
         return kinds
 
     def finding(

@@ -7,6 +7,7 @@ from pathlib import Path
 from selector.errors import InputError
 
 _PACKAGE = Path(__file__).parent
+_ROOTS = (_PACKAGE / "_fixtures", _PACKAGE.parent / "fixtures")
 
 
 def shipped(name: str) -> Path:
@@ -17,9 +18,8 @@ def shipped(name: str) -> Path:
     InputError
         There is no such folder in either place; the message lists those that there are.
     """
-    roots = (_PACKAGE / "_fixtures", _PACKAGE.parent / "fixtures")
-    known = sorted({m.parent.name for root in roots if root.is_dir() for m in root.glob("*/machine.toml")})
-    for root in roots:
+    known = sorted({m.parent.name for root in _ROOTS if root.is_dir() for m in root.glob("*/machine.toml")})
+    for root in _ROOTS:
         if name in known and (root / name).is_dir():
             return root / name
     raise InputError(
@@ -28,3 +28,8 @@ def shipped(name: str) -> Path:
         where="shipped recordings",
         advice="correct the name, or install the package again",
     )
+
+
+def shipped_models(kind: str) -> tuple[Path, ...]:
+    """The shipped model files of a kind of simulation, e.g. ``"thermal"``, by name; none if there are none."""
+    return next((found for root in _ROOTS if (found := tuple(sorted((root / kind).glob("*.toml"))))), ())

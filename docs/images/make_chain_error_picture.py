@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
+from chain_error_map import Kind, chain_error_map, two_member_ratio
 from make_pictures import HEIGHT_PX, ROOT, WIDTH_PX, photograph
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
@@ -19,7 +20,7 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from selector.figures import style
-from selector.physics.vibration.chains import Kind, Link, chain_error_map, chain_links, two_member_ratio
+from selector.physics.vibration.chains import Link, chain_links
 from selector.physics.vibration.model_file import read_model_file
 from selector.physics.vibration.vibration_model import vibration_model
 

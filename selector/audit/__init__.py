@@ -7,16 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.audit.checks import (
-    closure_lines,
-    effect_lines,
-    group_lines,
-    model_lines,
-    r2_lines,
-    representative_lines,
-    similarity_lines,
-    symbol_lines,
-)
+from selector.audit import checks
 from selector.audit.printed import SENSORS, AuditLine, audit_table_text
 from selector.errors import ReadError
 from selector.shipped import shipped
@@ -38,14 +29,14 @@ def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
     matrix = np.column_stack(list(rises.values()))
     z, y, z_second = table["Z"], table["Y"], table["Z_embodiment2"]
     return (
-        *similarity_lines(matrix),
-        *closure_lines(),
-        *group_lines(),
-        *representative_lines(matrix, z, y),
-        *r2_lines(rises, {"Z": z, "Y": y}),
-        *model_lines(rises, z, y, z_second),
-        *symbol_lines(rises, z),
-        *effect_lines(rises),
+        *checks.similarity_lines(matrix),
+        *checks.closure_lines(),
+        *checks.group_lines(),
+        *checks.representative_lines(matrix, z, y),
+        *checks.r2_lines(rises, {"Z": z, "Y": y}),
+        *checks.model_lines(rises, z, y, z_second),
+        *checks.symbol_lines(rises, z),
+        *checks.effect_lines(rises),
     )
 
 

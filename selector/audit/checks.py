@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ from selector.sensors.groups import LambdaStep, lambda_axis, lambda_cut, transit
 from selector.types import Vector
 
 _PAIR = "R² and adjusted R²"
-_MODELS = "models"
+_of_pair, _of_models = partial(judged, _PAIR), partial(judged, "models")
 
 
 def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> list[AuditLine]:
@@ -43,8 +44,7 @@ def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> li
         for position, (label, printed) in enumerate((("R²", pair.r2), ("adjusted R²", pair.adjusted_r2))):
             values = {name: both[position] for name, both in found.items()}
             lines.append(
-                judged(
-                    _PAIR,
+                _of_pair(
                     f"{label} of {sensors}",
                     f"{printed:.4f}",
                     ", ".join(f"{value:.4f} ({name})" for name, value in values.items()),
@@ -58,8 +58,7 @@ def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> li
     with_products = [fewest_samples(three, len(m.terms) - 1) for m in (Z_THREE_SENSORS, Y_THREE_SENSORS)]
     return [
         *lines,
-        judged(
-            _PAIR,
+        _of_pair(
             "(b) what adding ΔT5 does to adjusted R²",
             f'it "falls" to {three.adjusted_r2}',
             f"it rises from {two.adjusted_r2} to {three.adjusted_r2}",
@@ -98,8 +97,7 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
         for term, text, ours in zip(model.terms, model.printed, found, strict=True):
             decimals = len(text.split(".")[1])
             lines.append(
-                judged(
-                    _MODELS,
+                _of_models(
                     f"{model.name}: {'·'.join(f'Δ{name}' for name in term) or 'constant'}",
                     text.replace("-", "−"),
                     f"{ours:.{decimals}f}".replace("-", "−"),
@@ -113,8 +111,7 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
     )
     return [
         *lines,
-        judged(
-            _MODELS,
+        _of_models(
             "both models of Z from the recording that gives both models of Y",
             ", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
             ", ".join(f"{value:.4f}".replace("-", "−") for value in joint),
@@ -157,8 +154,7 @@ def _coefficients(columns: NDArray[np.float64], response: Vector) -> Vector:
 def _m_is_observations(pair: PrintedPair) -> AuditLine:
     p = len(pair.sensors)
     with_sensors = 1 - (8 - 1) / (8 - p - 1) * (1 - pair.r2)
-    return judged(
-        _PAIR,
+    return _of_pair(
         "(c) m is the number of temperature variables",
         f"m variables x_j, j = 1…m; adjusted R² {pair.adjusted_r2}",
         f"{with_sensors:.4f} with m = 8",
@@ -173,8 +169,7 @@ def _at_rest() -> AuditLine:
         f"{m.name} {m.printed[0].replace('-', '−')} µm"
         for m in (Z_TWO_SENSORS, Y_TWO_SENSORS, Z_THREE_SENSORS, Y_THREE_SENSORS)
     )
-    return judged(
-        _MODELS,
+    return _of_models(
         "displacement at rest, all rises 0",
         "0 (gauges are set to zero at the start)",
         constants,
@@ -186,10 +181,9 @@ def _at_rest() -> AuditLine:
 def similarity_lines(rises: NDArray[np.float64]) -> list[AuditLine]:
     """R against the correlations of the reconstructed recording, `rises` of shape (n_samples, 8) [K]; P eq. 1."""
     found = np.asarray(np.corrcoef(rises, rowvar=False), dtype=np.float64)
-    section = "similarity matrix R"
+    told = partial(judged, "similarity matrix R")
     lines = [
-        judged(
-            section,
+        told(
             f"r({a + 1},{b + 1}) and r({b + 1},{a + 1})",
             _twice(SIMILARITY, a, b),
             f"{found[a, b]:.4f}",
@@ -201,17 +195,15 @@ def similarity_lines(rises: NDArray[np.float64]) -> list[AuditLine]:
     smallest = float(np.linalg.eigvalsh(SIMILARITY)[0])
     return [
         *lines,
-        judged(section, "diagonal", "1.0000 eight times", "1", bool((np.diag(SIMILARITY) == 1).all()), "r(i,i) = 1"),
-        judged(
-            section,
+        told("diagonal", "1.0000 eight times", "1", bool((np.diag(SIMILARITY) == 1).all()), "r(i,i) = 1"),
+        told(
             "symmetry",
             "28 pairs, each printed twice",
             f"{int((SIMILARITY != SIMILARITY.T).sum() // 2)} pairs differ",
             bool((SIMILARITY == SIMILARITY.T).all()),
             "a correlation matrix is symmetric",
         ),
-        judged(
-            section,
+        told(
             "R is a correlation matrix",
             "implied",
             f"smallest eigenvalue {smallest:.1e}",
@@ -257,7 +249,7 @@ def closure_lines() -> list[AuditLine]:
 
 def group_lines() -> list[AuditLine]:
     """The groups, and every other level at which they could have been cut; contradiction (a)."""
-    section = "groups"
+    told = partial(judged, "groups")
     partition = lambda_cut(SIMILARITY, LEVEL, SENSORS)
     steps = list(lambda_axis(SIMILARITY, SENSORS))
     here = next(step for step in steps if step.low < LEVEL <= step.high)
@@ -265,8 +257,7 @@ def group_lines() -> list[AuditLine]:
     apart = [step for step in steps if _keeps_apart(step)]
     coarsest = apart[-1]
     return [
-        judged(
-            section,
+        told(
             "(a) number of groups at λ = 0.995",
             f"{GROUPS_CLAIMED} groups",
             f"{len(partition.groups)} groups: {_listed(partition.groups)}",
@@ -274,16 +265,14 @@ def group_lines() -> list[AuditLine]:
             "counted in the printed cut itself: its rows have only "
             f"{len(set(CUT_ROWS))} different patterns. Every λ in ({here.low:.4f}, {here.high:.4f}] cuts the same",
         ),
-        judged(
-            section,
+        told(
             "(a) three groups with 1, 3 and 5 apart, at any λ",
             "one representative from each of 3 groups",
             "; ".join(f"({s.low:.4f}, {s.high:.4f}]: {_listed(s.partition.groups)}" for s in threes) or "no such λ",
             any(_keeps_apart(step) for step in threes),
             "the only levels with three groups keep 3 and 5 together",
         ),
-        judged(
-            section,
+        told(
             "(a) λ at which 1, 3 and 5 are apart",
             f"{LEVEL}",
             f"λ > {coarsest.low:.4f}; first in ({coarsest.low:.4f}, {coarsest.high:.4f}] with "
@@ -291,8 +280,7 @@ def group_lines() -> list[AuditLine]:
             _keeps_apart(here),
             f"r(3,5) = {SIMILARITY[2, 4]:.4f} links 3 and 5 directly up to that level",
         ),
-        judged(
-            section,
+        told(
             "combinations left after screening",
             "2^p − 1",
             f"{2 ** len(REPRESENTATIVES) - 1} instead of {2 ** len(SENSORS) - 1} (of 37 sensors: {2**37 - 1:,})",
@@ -359,7 +347,7 @@ CLAIMED_PERCENT = (80.0, 90.0)
 
 def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
     """The claim "80–90 % less" against the printed micrometres, and the other printed effects; rises [K]."""
-    section = "effects"
+    told, open_line = partial(judged, "effects"), partial(AuditLine, "effects")
     low, high = CLAIMED_PERCENT
     lines = []
     for item, before, after in (
@@ -375,14 +363,11 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
         micrometres = f"{before:g} → {'–'.join(f'{value:g}' for value in after)} µm"
         if "oil" in item:
             worse = less[-1] < low
-            lines.append(
-                judged(section, item, micrometres, ours, worse, "less than compensation reaches, as the patent says")
-            )
+            lines.append(told(item, micrometres, ours, worse, "less than compensation reaches, as the patent says"))
             continue
         holds = low <= less[0] and less[-1] <= high + 1e-9
         lines.append(
-            judged(
-                section,
+            told(
                 item,
                 f"{micrometres}, {low:g}–{high:g} % less",
                 ours,
@@ -394,24 +379,21 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
     return [
         *lines,
         *_reach_lines(),
-        AuditLine(
-            section,
+        open_line(
             "Y, largest",
             "56 µm",
             f"at most {_reach(Y_TWO_SENSORS):.1f} µm for the mean of both gauges",
             "cannot be checked",
             "the printed model is for the mean; one gauge may reach 56 µm, and the patent speaks of 25–56 µm",
         ),
-        AuditLine(
-            section,
+        open_line(
             "Z, mean, oil cooler alone",
             "65 µm",
             "40 µm in the background section",
             "cannot be checked",
             "65 µm is said of the warm phase, 40 µm of the whole curve; neither curve is printed",
         ),
-        judged(
-            section,
+        told(
             "error after compensation against R² 0.9989",
             "6–8 µm on average",
             f"R² 0.9989 leaves at most {residual:.1f} µm rms",
@@ -419,16 +401,14 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
             "values between 0 and 100 µm have a standard deviation of at most 50 µm, and R² leaves √(1 − R²) of it. "
             "R² speaks of the data that it was fitted to; on the next run the error is several times larger",
         ),
-        AuditLine(
-            section,
+        open_line(
             "X stays within 5 µm",
             "5 µm",
             "no model and no data of X",
             "cannot be checked",
             "plausible for a machine that is symmetric about its YZ plane",
         ),
-        AuditLine(
-            section,
+        open_line(
             "protocol",
             "1500 → 3000 r/min in steps, feed 2000 mm/min, 6–8 h; bearings rise 6–10 K",
             f"bearings of the reconstruction rise {rises['T1'].max():.1f} and {rises['T3'].max():.1f} K",
@@ -440,39 +420,35 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
 
 def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
     """Symbols that are used for other things than they are defined as, contradiction (c); rises [K], z [µm]."""
-    section = "symbols"
+    told = partial(judged, "symbols")
     columns = np.column_stack([np.ones(len(z)), rises["T1"], rises["T3"]])
     fitted = columns @ np.linalg.lstsq(columns, z, rcond=None)[0]
     sst, ssr, sse = (float(v @ v) for v in (z - z.mean(), fitted - z.mean(), z - fitted))
     penalty = (len(z) - 1) / (len(z) - columns.shape[1])
     two_ways = 1 - penalty * sse / sst, 1 - penalty * (1 - ssr / sst)
     return [
-        judged(
-            section,
+        told(
             "(c) SST",
             '"residual sum of squares SST", which never changes',
             "SST = Σ(y − ȳ)² is the total sum of squares",
             False,
             "the definition under eq. 2; the total never changes, the residual sum does",
         ),
-        judged(
-            section,
+        told(
             "(c) SSE",
             '"corrected sum of squares SSE", which never grows',
             "SSE = Σ(y − ŷ)² is the residual sum of squares",
             False,
             "the definition under eq. 2; the two names are exchanged in the text, the formulas are right",
         ),
-        judged(
-            section,
+        told(
             "(c) R²",
             '"ratio of the regression sum SSR to the residual sum SST"',
             "R² = SSR/SST, the share of the total",
             False,
             "a ratio to the residual sum would not be confined to [0, 1]",
         ),
-        judged(
-            section,
+        told(
             "SSE = SST − SSR",
             "an identity",
             f"{sse:.4f} = {sst:.4f} − {ssr:.4f}",
@@ -480,16 +456,14 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
             "two-sensor fit of Z on the reconstruction; without an intercept the identity fails, and adjusted R² "
             "needs another definition",
         ),
-        judged(
-            section,
+        told(
             "eq. 2: 1 − (m−1)/(m−p−1)·SSE/SST = 1 − (m−1)/(m−p−1)·(1 − R²)",
             "an identity",
             f"{two_ways[0]:.10f} and {two_ways[1]:.10f}",
             bool(np.isclose(*two_ways, rtol=0, atol=1e-10)),
             "the same fit, with m observations and p regressors beside the intercept",
         ),
-        judged(
-            section,
+        told(
             "(c) ȳ",
             "mean of the measured x_i",
             "mean of the measured y_i",
@@ -500,7 +474,7 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
 
 
 def _reach_lines() -> list[AuditLine]:
-    lines = []
+    lines, told = [], partial(judged, "effects")
     for item, printed_um, model in (
         ("Z, largest", 100.0, Z_TWO_SENSORS),
         ("Z, mean of the warm phase", 80.0, Z_TWO_SENSORS),
@@ -508,8 +482,7 @@ def _reach_lines() -> list[AuditLine]:
     ):
         reach = _reach(model)
         lines.append(
-            judged(
-                "effects",
+            told(
                 f"{item}, with bearings that rise 6–10 K",
                 f"{printed_um:g} µm",
                 f"at most {reach:.1f} µm",

@@ -14,7 +14,7 @@ from selector.cli.shared import showing
 from selector.cli.shared.asked.adaptation import Asked
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import RecordingError
 
@@ -37,7 +37,9 @@ Out = Annotated[
 
 
 @with_source
-def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: AsJson = False) -> None:
+def adapt(
+    source: Source, model: Model, asked: Asked, out: Out = None, everything: Everything = False, as_json: AsJson = False
+) -> None:
     """Keeps a model true with touch-offs: readings of the true displacement now and then, while the machine runs.
 
     Drift of offset and gain and the noise of the readings are learnt from these runs, each run judged with what the
@@ -78,7 +80,7 @@ def adapt(source: Source, model: Model, asked: Asked, out: Out = None, as_json: 
     if as_json:
         showing.print_json(account.data)
     else:
-        showing.show_answer(console, account, found.findings)
+        showing.show_answer(console, account, found.findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
 

@@ -12,7 +12,7 @@ import typer
 from selector.atomic_file import refuse_to_replace_input
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.findings import Finding
 
@@ -30,6 +30,7 @@ def apply(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the predicted displacement of every sample.")
     ] = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Applies an exported model to other recordings and compares it with the displacement recorded there.
@@ -54,7 +55,7 @@ def apply(
         showing.print_json(application.as_dict())
     console = showing.screen(as_json)
     if not as_json:
-        _show(console, application)
+        _show(console, application, everything=everything)
     if out is not None:
         showing.show_written(console, out)
 
@@ -73,7 +74,7 @@ def _not_adapted(model: ModelFile) -> Iterator[Finding]:
         )
 
 
-def _show(console: Console, application: Application) -> None:
+def _show(console: Console, application: Application, *, everything: bool) -> None:
     rows: list[tuple[object, ...]] = []
     for run, outputs in application.per_run.items():
         rows += [(run, name, *_cells(accuracy)) for name, accuracy in outputs.items()]
@@ -85,7 +86,7 @@ def _show(console: Console, application: Application) -> None:
         "that have a prediction; without limits and guard of a control, which `selector export --replay` adds.",
         markup=False,
     )
-    showing.show_findings(console, application.findings)
+    showing.show_findings(console, application.findings, everything=everything)
 
 
 def _cells(accuracy: Accuracy) -> tuple[float | None, ...]:

@@ -12,7 +12,7 @@ from selector.atomic_file import folder_written_whole
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
 from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source
 
 
@@ -20,11 +20,12 @@ def demo(
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Where to write; the report is DIR/report.html.")
     ] = Path("selector-demo"),
+    everything: Everything = False,
 ) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.
 
-    First the eight-sensor example of patent CN1868666, on a reconstruction of its recording; then a placement study on
-    37 sensors of a simulated machining centre. Nothing here was measured on a real machine.
+    First a real spindle, recorded for 40 hours with 16 thermometers and five probes; then the eight-sensor example of
+    patent CN1868666, on a reconstruction of its recording, which was not measured.
     """
     from selector.audit import audit_patent
     from selector.selection import Options
@@ -33,31 +34,30 @@ def demo(
 
     console = showing.screen()
     studies = {
+        "spindle46": Options(responses=("X1", "Y1", "Z"), memory=True),
         "patent8": Options(responses=("Z", "Y"), level=0.995, must=("T1", "T3"), tolerance=0.001),
-        "vmc37": Options(responses=("Z", "Y"), memory=True),
     }
-    headings = {
-        "patent8": "Eight sensors of patent CN1868666 (RECONSTRUCTED recording), with the patent's own T1 and T3",
-        "vmc37": "Placement study on 37 sensors of a machining centre (SIMULATED recording)",
+    measured = shipped("spindle46")
+    sources = {
+        "spindle46": Source(runs=[measured / "tests.parquet"], machine=measured / "machine.toml"),
+        "patent8": Source(runs=[shipped("patent8")]),
     }
     selections, descriptions = [], []
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
-            with progress_bar() as progress:
-                selection, material = study(Source(runs=[shipped(name)]), options, progress)
-            console.rule(headings[name])
+            with progress_bar(spoken=True) as progress:
+                selection, material = study(sources[name], options, progress)
             account = selection_account(selection, material.description)
-            showing.show_answer(console, account, selection.findings)
+            showing.show_account(console, account, everything=everything)
+            showing.show_findings(console, selection.findings, everything=everything, most=1)
             (folder / name).mkdir()
             write_results(selection, account, material, folder / name)
             selections.append(selection)
             descriptions.append(material.description)
         verdicts = Counter(line.verdict for line in audit_patent())
-        console.rule("The patent's printed numbers")
-        console.print(", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()), markup=False)
-        console.print("`selector audit-patent` lists every one of them.", markup=False)
+        told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+        console.print(f"The patent's printed numbers: {told}; `selector audit-patent` lists them.", markup=False)
         write_report(selections, folder / "report.html", title="selector demo", description=descriptions)
-    console.rule()
     typer.echo(out / "report.html")
 
 

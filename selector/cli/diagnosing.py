@@ -13,7 +13,7 @@ from selector.cli.shared.diagnosed.answer import answered
 from selector.cli.shared.diagnosed.asked import Asked, asked_of, require_usable
 from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import AcceptChanges, StudyPath, hashes, opened_study, repeated_words, told_if_no_text
 
@@ -39,6 +39,7 @@ def diagnose(
     accept_changes: AcceptChanges = False,
     asked: Asked,
     out: Out = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Says what a simulation left out: where it differs from the recordings, which physics or fault of the data
@@ -76,13 +77,14 @@ def diagnose(
                 with told_if_no_text(console):
                     read = (answer.recorded, answer.simulated)
                     written += write_diagnosis_study(folder, out, source, asked, *read, opened)
+    beside = beside_recordings(answer.recorded.findings)
     if as_json:
         showing.print_json(found.as_dict())
+        showing.show_findings(console, beside)
     else:
         from selector.telling.diagnosed.account import diagnosis_account
 
-        showing.show_answer(console, diagnosis_account(found), found.findings)
-    showing.show_findings(console, beside_recordings(answer.recorded.findings))
+        showing.show_answer(console, diagnosis_account(found), (*found.findings, *beside), everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
         if opened is not None and opened.study.results:

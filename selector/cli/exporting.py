@@ -13,7 +13,7 @@ from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
 
 For = Annotated[
@@ -67,6 +67,7 @@ def export(
     invert: Inverts = None,
     sign_verified: SignVerified = False,
     tested: Tested = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Writes the program of a model for a control, guarded against broken sensors, and a commissioning sheet.
@@ -94,5 +95,5 @@ def export(
         showing.print_json(exported.as_dict())
         return
     console = showing.screen()
-    showing.show_answer(console, exported.sheet, exported.findings)
+    showing.show_answer(console, exported.sheet, exported.findings, everything=everything)
     showing.show_written(console, exported.folder, exported.files)

@@ -11,7 +11,7 @@ from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.asked.prediction import Asked
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def predict(
     source: Source,
     asked: Asked,
     out: Out = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Predicts the displacement in a duty cycle from heating and cooling tests, and how to correct it.
@@ -87,7 +88,7 @@ def predict(
     if as_json:
         showing.print_json(account.data)
     else:
-        showing.show_answer(console, account, prediction.findings)
+        showing.show_answer(console, account, prediction.findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
 

@@ -104,7 +104,6 @@ def prove(
     numbers = proof_cases.seeds(seeds if seeds is not None else "10000:10005" if exam else "0:5")
     runner.require_seeds(numbers, is_exam=exam)
     asked = runner.questions(chosen, proof_cases.strengths(strengths), numbers)
-    proof_cases.require_some(asked)
     for folder, option in ((out, "--out"), (write_cases, "--write-cases")):
         if folder is not None:
             require_writable_folder(folder, option)

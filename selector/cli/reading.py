@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from selector.atomic_file import folder_written_whole, refuse_to_overwrite, refuse_to_replace_input
 from selector.cli.shared import showing
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 
 class TableFormat(StrEnum):
@@ -33,6 +30,7 @@ def describe(
         Path | None, typer.Option("--write", metavar="M.toml", help="Write the machine file, for correction.")
     ] = None,
     force: Annotated[bool, typer.Option("--force", metavar="", help="Replace the machine file if it exists.")] = False,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Shows what was read, what was guessed and what is wrong with the recordings.
@@ -45,11 +43,15 @@ def describe(
     from selector.readers import guessed_clock, machine_of, write_machine_file
     from selector.readers.roles.repairs import proposed
     from selector.study.material import drift_of
+    from selector.telling.origin import description_account
 
     if write is not None:
         refuse_to_overwrite(write, force=force, option="--write")
-    reading = source.reading()
-    faults = inspect(reading.recording)
+    with progress_bar() as progress:
+        progress("reading", None)
+        reading = source.reading()
+        progress("looking for faults", None)
+        faults = inspect(reading.recording)
     findings = (*reading.findings, *faults)
     drift = drift_of(without_faults(reading.recording, faults))
     description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
@@ -64,7 +66,7 @@ def describe(
         showing.print_json(description)
     console = showing.screen(as_json)
     if not as_json:
-        _show(console, description)
+        showing.show_answer(console, description_account(description), findings, everything=everything)
     if write is not None:
         console.print(f"wrote {write}; correct it there and give it with --machine {write}", markup=False)
         if new:
@@ -89,7 +91,9 @@ def convert(
     from selector.quality.finding_table import SENSOR_BREAK
     from selector.readers import convert as converted
 
-    reading = source.reading()
+    with progress_bar() as progress:
+        progress("reading", None)
+        reading = source.reading()
     broken = tuple(finding for finding in inspect(reading.recording) if finding.id == SENSOR_BREAK)
     reading = replace(
         reading, recording=without_faults(reading.recording, broken), findings=(*reading.findings, *broken)
@@ -106,19 +110,3 @@ def convert(
     console = showing.screen()
     showing.show_findings(console, reading.findings)
     console.print(f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}", markup=False)
-
-
-def _show(console: Console, description: Mapping[str, Any]) -> None:
-    """Runs, channels, the way of reading, drift and the findings, for a person."""
-    from selector.telling.account import Captioned
-    from selector.telling.origin import drift_table, reading_tables
-
-    drift = drift_table(description)
-    for caption, one in [
-        *reading_tables(description, places=False),
-        *([("Drift after ISO 230-3", drift)] if drift else []),
-    ]:
-        showing.show_captioned(console, Captioned(caption, one))
-    findings = description["findings"]
-    console.print(f"{len(findings)} finding{'' if len(findings) == 1 else 's'}", markup=False)
-    showing.show_findings(console, findings)

@@ -14,8 +14,8 @@ import typer
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.asked.selection import Asked, Date, date_of
-from selector.cli.shared.progress import progress_bar
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.progress import Progress, progress_bar
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import (
     AcceptChanges,
@@ -31,7 +31,7 @@ from selector.cli.shared.studying import (
 
 if TYPE_CHECKING:
     from selector.selection import Selection
-    from selector.selection.options import Options, Progress
+    from selector.selection.options import Options
     from selector.study.material import Material
     from selector.telling.account import Account
 
@@ -53,13 +53,13 @@ def select(
     asked: Asked,
     out: Out = None,
     date: Date = None,
+    everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
     """Chooses the sensors to keep, fits one model per displacement and proves it on runs that it has not seen.
 
     Sensors are grouped by the correlation of their readings, one stands for each group, and sets of them are compared.
-    Everything is chosen anew inside every fold, so that the error which is reported is that of a day the model does
-    not know.
+    Everything is chosen anew inside every fold, so that the error shown is that of a day the model does not know.
     """
     from selector.telling.selected.account import selection_account
 
@@ -95,9 +95,10 @@ def select(
                     written += write_study_beside(folder, out, source, files, opened=opened, select=options, date=date)
     if as_json:
         showing.print_json(selection.as_dict())
+        showing.show_findings(console, material.beside)
     else:
-        showing.show_answer(console, account or tell(), selection.findings)
-    showing.show_findings(console, material.beside)
+        findings = (*selection.findings, *material.beside)
+        showing.show_answer(console, account or tell(), findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
     if opened is not None and opened.study.results:
@@ -119,12 +120,12 @@ def _results_folder(out: Path | None, opened: OpenedStudy | None) -> Iterator[Pa
 
 def study(source: Source, options: Options, progress: Progress) -> tuple[Selection, Material]:
     """Read, inspect and select; the result, and what it was made from."""
-    from selector.models.best_subsets.subsets import is_compiled
+    from selector.models.best_subsets.subsets import compile_search
     from selector.selection import select as selected
     from selector.study.material import material_of
 
-    if not is_compiled():
-        typer.echo("the first study compiles the search, which takes about half a minute, once", err=True)
+    progress("compiling the search, which takes a while only once", None)
+    compile_search()
     progress("reading", 0.0)
     material = material_of(source.runs, source.machine, source.overrides())
     selection = selected(

@@ -12,7 +12,7 @@ import typer
 
 from selector.cli.shared import showing
 from selector.cli.shared.progress import counted_progress
-from selector.cli.shared.showing import AsJson
+from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.simulation_files import (
     driven_destination,
     named,
@@ -51,10 +51,16 @@ def simulate_command(kind: SimulationKind) -> Callable[..., None]:
         "machine": MachineFile,
         "seed": Annotated[int | None, typer.Option("--seed", metavar="N", min=0, help=kind.seed_help)],
         "report": Annotated[Path | None, typer.Option("--report", metavar="REPORT.html", help=kind.report_help)],
+        "everything": Everything,
         "as_json": AsJson,
     }
     # None where nothing is said of these
-    defaults: dict[str, Any] = {"model": inspect.Parameter.empty, "out": inspect.Parameter.empty, "as_json": False}
+    defaults: dict[str, Any] = {
+        "model": inspect.Parameter.empty,
+        "out": inspect.Parameter.empty,
+        "as_json": False,
+        "everything": False,
+    }
     defaults |= {option.name: False for option in kind.options if option.kind is bool}
 
     def command(**given: Any) -> None:
@@ -88,6 +94,7 @@ def _simulate(
     machine: Path | None,
     seed: int | None,
     report: Path | None,
+    everything: bool,
     as_json: bool,
     asked: Mapping[str, Any],
 ) -> None:
@@ -134,14 +141,14 @@ def _simulate(
         if as_json:
             showing.print_json(told)
         else:
-            _show(account, told)
+            _show(account, told, everything)
     except KeyboardInterrupt:
         raise CancelledError("stopped after the simulation; its files were written") from None
 
 
-def _show(account: Account, summary: Mapping[str, Any]) -> None:
+def _show(account: Account, summary: Mapping[str, Any], everything: bool) -> None:
     console = showing.screen()
-    showing.show_answer(console, account, summary["findings"])
+    showing.show_answer(console, account, summary["findings"], everything=everything)
     *tables, machine_file = summary["files"]
     written = str(tables[0]) if len(tables) == 1 else f"{len(tables)} files to {tables[0].parent}"
     console.print(f"wrote {written}, and {machine_file}", markup=False, soft_wrap=True)

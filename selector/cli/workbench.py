@@ -40,9 +40,9 @@ def workbench(
     """
     from selector.workbench import serve
 
-    def opened(address: str) -> None:
+    def opened(address: str, opener: Path) -> None:
         typer.echo(f"The workbench is at {address}\nCtrl-C ends it.")
         if not no_browser:
-            webbrowser.open(address)
+            webbrowser.open(opener.as_uri())
 
     serve(files or (), machine=machine, folder=folder, port=port, when_ready=opened)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from selector.controllers.model_file import Input, ModelFile, Output
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
-from selector.models.design import datum_of
+from selector.models.design import Before, chain_before, datum_of, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.survey import duration
 from selector.recording import SENSOR_ROLES, Recording, RunSource
@@ -342,6 +342,7 @@ def apply_model(
     _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
     findings = list(other_sampling(model, recording))
     zeros = displacement_starts(model, recording)
+    follows = runs_before(recording, recording.runs) if model.states else {}
     per_run: dict[str, dict[str, Accuracy]] = {}
     added: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     tables: list[pd.DataFrame] = []
@@ -349,7 +350,7 @@ def apply_model(
     modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     for run in recording.runs:
         start, given = (start_readings or {}).get(run, {}), (displacement_start or {}).get(run, {})
-        predicted, about_run = _predictions(model, recording, run, start)
+        predicted, about_run = _predictions(model, recording, run, start, follows)
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
@@ -385,7 +386,7 @@ def write_predictions(application: Application, path: str | Path) -> None:
 
 
 def _predictions(
-    model: ModelFile, recording: Recording, run: str, start: Mapping[str, float]
+    model: ModelFile, recording: Recording, run: str, start: Mapping[str, float], follows: Mapping[str, Before]
 ) -> tuple[dict[str, Array], list[Finding]]:
     time_s = recording.time_s(run)
     names = [item.name for item in model.inputs]
@@ -396,6 +397,8 @@ def _predictions(
         axis: recording.values(run, [channel])[:, 0] for axis, channel in position_channels(model, recording).items()
     }
     predicted = evaluate(model, time_s, readings, starts, positions or None)
+    if chain := chain_before(follows, run, np.array([state.tau_s for state in model.states])):
+        predicted = _going_on(model, recording, chain, time_s, readings, starts, positions, predicted)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
     for name, values in predicted.items():
         missing = ~np.isfinite(values)
@@ -410,6 +413,35 @@ def _predictions(
                 )
             )
     return predicted, found
+
+
+def _going_on(
+    model: ModelFile,
+    recording: Recording,
+    chain: Sequence[Before],
+    time_s: Array,
+    readings: Mapping[str, Array],
+    starts: Mapping[str, float],
+    positions: Mapping[str, Array],
+    alone: Mapping[str, Array],
+) -> dict[str, Array]:
+    """The predictions with the memory of the runs before; rises have at the start what they have `alone`."""
+    names = list(readings)
+    times, parts = [], []
+    for earlier, later_s in chain:
+        table = recording.values(earlier, names)
+        times.append(recording.time_s(earlier) - later_s)
+        parts.append(usable_readings(model, earlier, times[-1], dict(zip(names, table.T, strict=True)))[0])
+    n = sum(map(len, times))
+    joined = {name: np.concatenate([*(part[name] for part in parts), readings[name]]) for name in names}
+    at = {axis: np.r_[np.full(n, values[0]), values] for axis, values in positions.items()}
+    whole = evaluate(model, np.concatenate([*times, time_s]), joined, starts, at or None)
+    predicted = {name: values[n:] for name, values in whole.items()}
+    for output in model.outputs:
+        known = np.flatnonzero(np.isfinite(predicted[output.name]))
+        if len(known) and output.reference == "rise":
+            predicted[output.name] = predicted[output.name] + (alone[output.name] - predicted[output.name])[known[0]]
+    return predicted
 
 
 def displacement_of(output: Output, recording: Recording, run: str) -> Array:

@@ -12,14 +12,16 @@ import numpy as np
 from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.effects.effect import Effect, Quantity, Variant
+from selector.diagnosis.effects.effect import Effect, Quantity
 from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
+from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
     input_fault_effect,
     is_far_above_noise,
+    is_recalibrated,
     is_small,
     named_effect,
     of_practical_size,
@@ -29,7 +31,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import Search, numbers, search, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, is_slow_in_one_run, numbers, search, unseen_rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
@@ -50,7 +52,7 @@ _SUSPECTED = 0.5
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 """Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 missing if structure is left beside them."""
-_LEAST_SURE, _QUARTER = 0.05, 0.25
+_LEAST_SURE, _QUARTER = 0.1, 0.25
 """Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it."""
 _MANY = 3
 """Names from which on any smooth misfit may have been put together from them."""
@@ -68,7 +70,6 @@ def diagnosis(
     seed: int = 0,
     false_alarm: float = 0.02,
     effects: Sequence[Effect] | None = None,
-    through_model: Mapping[str, Mapping[str, Sequence[Variant]]] | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """What the simulation left out, where, how sure that is, and what putting it in gains.
@@ -83,15 +84,13 @@ def diagnosis(
         Family-wise probability of naming an effect where there is none.
     effects : sequence of Effect, optional
         Default: the whole catalogue.
-    through_model : mapping, optional
-        Response → effect id → shapes that a runnable model gave.
     progress : callable, optional
         Told step by step.
 
     Raises InputError if the comparison is no basis for an answer.
     """
     known = tuple(effects if effects is not None else catalogue())
-    asked = _Asked(seed, false_alarm, known, through_model or {}, progress or (lambda done, total, text: None))
+    asked = _Asked(seed, false_alarm, known, progress or (lambda done, total, text: None))
     state = _State(comparison, asked)
     for stage in _STAGES:
         if state.answer is None:
@@ -110,7 +109,6 @@ class _Asked:
     seed: int
     false_alarm: float
     effects: tuple[Effect, ...]
-    through_model: Mapping[str, Mapping[str, Sequence[Variant]]]
     say: Progress
 
 
@@ -129,6 +127,7 @@ class _State:
     residuals: Mapping[str, Vector] = field(default_factory=dict)  #: Response → what is left [unit], (n_rows,)
     white: Mapping[str, Vector] = field(default_factory=dict)  #: The same behind the noise filter
     structures: Sequence[Structure] = ()  #: What nothing explains
+    small: frozenset[str] = frozenset()  #: Responses in which that is too little to matter
     effects: tuple[NamedEffect, ...] = ()
     also: tuple[NamedEffect, ...] = ()  #: Too small, or not borne out, beside structure that is nobody's
     verdict: Verdict = "nothing-missing"
@@ -191,9 +190,10 @@ def _tested(state: _State) -> _State:
     untested: dict[str, dict[str, str]] = {}
     for k, name in enumerate(comparison.responses):
         state.say(k, f"shapes of all effects in {name}")
-        benches[name], untested[name] = bench_of(comparison, name, asked.effects, asked.through_model.get(name))
+        benches[name], untested[name] = bench_of(comparison, name, asked.effects)
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
+    found = beside_discrepancy(comparison, found)
     found = not_ruinous(comparison, _worth_naming(comparison, found))
     found, also = of_practical_size(comparison, found)
     return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
@@ -233,12 +233,10 @@ def _looked_at_what_is_left(state: _State) -> _State:
     late = held_out_faults(comparison, found, asked.effects, false_alarm=asked.false_alarm, seed=asked.seed)
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
-    structures = [
-        one
-        for one in unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-        if not is_small(comparison, found, one.channel)
-    ]
-    return replace(state, late=late, residuals=residuals, white=white, structures=structures)
+    seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
+    structures = [one for one in seen if not is_small(comparison, found, one.channel, one.size)]
+    small = {one.channel for one in seen} - {one.channel for one in structures}
+    return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
 
 
 def _named(state: _State) -> _State:
@@ -282,8 +280,14 @@ def _named_clearly(state: _State) -> _State:
 
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
+    """Whether a name carries next to nothing to unseen rows, or is a slow fault in a record of one run."""
+    if effect.id == "data.stuck":
+        return False
+    of = found.named.get(effect.id, {})
+    if any(is_slow_in_one_run(found.benches[name], v) for name, v in of.items()):
+        return True
     gap = found.closed.get(effect.id)
-    if gap is None or gap.high is None or effect.id == "data.stuck":
+    if gap is None or gap.high is None or effect.share >= MOST_OF_IT:
         return False
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
@@ -303,7 +307,8 @@ def _named_by_whole_record(state: _State) -> _State:
     if state.effects or state.structures:
         return state
     comparison, benches = state.comparison, dict(state.search.benches)
-    again = {name: one for name, one in state.again.items() if _recalibration_holds(benches[name])}
+    right = [name for name in state.again if _recalibration_holds(benches[name]) and name not in state.search.wrong]
+    again = {name: state.again[name] for name in right}
     whole = whole_record_names(comparison, again)
     effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]
     effects += [input_fault_effect(comparison, fault) for fault in input_faults(comparison) if fault.sure]
@@ -320,8 +325,11 @@ def _recalibration_holds(bench: Bench) -> bool:
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
-    found = _only(state.search, {effect.id for effect in effects})
-    gains = any(one.matters and _recalibration_holds(found.benches[name]) for name, one in state.again.items())
+    found = state.search.only({effect.id for effect in effects})
+    gains = any(
+        (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
+        for name, one in state.again.items()
+    )
     return replace(state, effects=effects, search=found, verdict=_verdict(effects, state.structures, gains))
 
 
@@ -368,7 +376,7 @@ def _answered(state: _State) -> Diagnosis:
             *comparison.findings,
             *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
             *told_of_wandering(comparison, state.residuals, state.structures),
-            *(() if effects else told_of_small(comparison, found)),
+            *(() if effects else told_of_small(comparison, found, state.small)),
         ),
         seed=state.asked.seed,
     )
@@ -397,9 +405,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return _only(
-        found, {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes}
-    )
+    return found.only({id_ for id_ in worth if sizes[id_] >= _LEAST or not _refuted(comparison, found, id_)})
 
 
 def _part(found: Search, effect: NamedEffect) -> float:
@@ -410,11 +416,6 @@ def _part(found: Search, effect: NamedEffect) -> float:
         alone = bench.mean_square([])
         parts.append(float(np.var(course[bench.fitted])) / alone if alone > 0.0 else 0.0)
     return max(parts)
-
-
-def _only(found: Search, ids: set[str]) -> Search:
-    """The search with only some of the effects named."""
-    return replace(found, named={id_: of for id_, of in found.named.items() if id_ in ids})
 
 
 def _left(comparison: Comparison, found: Search, *, only_fitted: bool) -> tuple[dict[str, Vector], dict[str, Vector]]:
@@ -440,7 +441,8 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
     """
     if effect.share >= _MOST:
         return True
-    if found.misfit.get(effect.channel, 1.0) > 1.0 and not effect.suspected:
+    gap = found.closed.get(effect.id)
+    if found.misfit.get(effect.channel, 1.0) > 1.0 and (not effect.suspected or (gap and gap.value >= _QUARTER)):
         # structure is expected to be left there; the name has borne the marks of its size
         return True
     if effect.suspected or found.weights.get(effect.id, {effect.id: 1.0})[effect.id] < _DOUBTFUL:
@@ -455,7 +457,11 @@ def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """
     effect = named_effect(comparison, found, id_)
     is_lost = effect.share < _LEAST and _is_lost(effect, found)
-    return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
+    return _doubted(effect) if is_lost or _refuted(comparison, found, id_) else effect
+
+
+def _refuted(comparison: Comparison, found: Search, id_: str) -> bool:
+    return confirmation(comparison, found, id_).refutes
 
 
 def _is_lost(effect: NamedEffect, found: Search) -> bool:

@@ -82,7 +82,11 @@ class RunAxis:
         return {"tickvals": values, "ticktext": texts}
 
     def name_runs(self, drawn: go.Figure, seconds: float, xref: str = "x") -> None:
-        """Writes the names of the runs above the picture, and that a run is held out."""
+        """Writes the names of the runs above the picture, and that a run is held out.
+
+        Pictures over this axis are linked: what is dragged across one of them is marked in all.
+        """
+        drawn.update_layout(meta={"linked": True}, dragmode=False)
         room = self.end_s * _NAME_PX / _WIDTH_PX
         last = -np.inf
         for run, start, length, (_, rows) in zip(
@@ -93,10 +97,8 @@ class RunAxis:
             last = start
             is_held = bool(self._comparison.held_out[rows].all()) and length > 2 * room
             text = f"<b>{style.label(run, 18)}</b>" + (" (held out)" if is_held else "")
-            drawn.add_annotation(
-                text=text, x=start / seconds, xref=xref, xanchor="left", y=1.0, yref="paper", yanchor="bottom",
-                showarrow=False, font={"size": 12},
-            )  # fmt: skip
+            above = {"xref": xref, "xanchor": "left", "yref": "paper", "yanchor": "bottom"}
+            style.words(drawn, text, start / seconds, 1.0, **above)
 
 
 _BAR_PX = 28
@@ -165,18 +167,11 @@ def evidence(found: Diagnosis) -> go.Figure:
     for is_named, colour, text in ((True, style.CHOSEN, "named"), (False, style.BEFORE, "not named")):
         part = [one for one in shown if one.named == is_named]
         if part:
-            drawn.add_bar(
-                x=[max(one.gain, 0.0) for one in part],
-                y=[style.label(one.id, _LONGEST_ID) for one in part],
-                orientation="h",
-                name=text,
-                marker={"color": colour},
-                text=[p_words(one.p_value, " p = ").replace("<", "&lt;") for one in part],
-                textposition="outside",
-                cliponaxis=False,
-                customdata=[[style.label(one.channel), style.label(one.note, 60)] for one in part],
-                hovertemplate="%{y} in %{customdata[0]}: gain %{x:.3g}<br>%{customdata[1]}<extra></extra>",
-            )
+            hover = "%{y} in %{customdata[0]}: gain %{x:.3g}<br>%{customdata[1]}"
+            shares, rows = [max(one.gain, 0.0) for one in part], [style.label(one.id, _LONGEST_ID) for one in part]
+            told = [[style.label(one.channel), style.label(one.note, 60)] for one in part]
+            sure = [p_words(one.p_value, " p = ").replace("<", "&lt;") for one in part]
+            style.bars(drawn, shares, rows, colour, text, hover, customdata=told, text=sure, **style.TOLD_BARS)
     order = [style.label(one.id, _LONGEST_ID) for one in reversed(shown)]
     drawn.update_yaxes(categoryorder="array", categoryarray=order, showgrid=False)
     drawn.update_xaxes(title_text="gain on rows not fitted to [variances of the noise]", rangemode="tozero")
@@ -216,16 +211,12 @@ def next_runs(found: Diagnosis) -> go.Figure | None:
     title = f"The run that would tell best: {style.label(best.description, 90)}"
     drawn = style.figure(title, 100 + 38 * len(weighed))
     hours = [f"  {number_text((run.duration_s or 0.0) / 3600.0, 2)} h" if run.duration_s else "" for run in weighed]
-    drawn.add_bar(
-        x=[100.0 * (run.power or 0.0) for run in weighed],
-        y=[style.label(run.description, 60) for run in weighed],
-        orientation="h",
-        marker={"color": [style.CHOSEN if run is best else style.BEFORE for run in weighed]},
-        text=hours,
-        textposition="outside",
-        cliponaxis=False,
-        hovertemplate="%{x:.0f} %<extra></extra>",
+    chances, rows = (
+        [100.0 * (run.power or 0.0) for run in weighed],
+        [style.label(run.description, 60) for run in weighed],
     )
+    colours = [style.CHOSEN if run is best else style.BEFORE for run in weighed]
+    style.bars(drawn, chances, rows, colours, None, "%{x:.0f} %", text=hours, **style.TOLD_BARS)
     drawn.update_xaxes(title_text="chance that it tells them apart [%]", range=[0.0, 100.0])
     drawn.update_yaxes(showgrid=False)
     drawn.update_layout(bargap=0.4, margin={"r": 80}, showlegend=False)
@@ -246,11 +237,9 @@ def detectability(found: Diagnosis) -> go.Figure | None:
     )
     drawn = style.figure(title, 110 + 21 * len(rows))
     names = [style.label(f"{one.id} in {one.channel}", 44) for one, _ in rows]
-    drawn.add_scatter(
-        x=sizes, y=names, mode="markers", marker={"color": style.PREDICTED, "size": 9},
-        customdata=[_size(one) for one, _ in rows], hovertemplate="%{y}: %{customdata}<extra></extra>",
-    )  # fmt: skip
-    drawn.add_vline(x=1.0, line={"color": style.MUTED, "dash": "dot", "width": 1})
+    told = [_size(one) for one, _ in rows]
+    style.points(drawn, sizes, names, style.PREDICTED, None, "%{y}: %{customdata}", customdata=told)
+    style.rule(drawn, 1.0)
     low, high = float(np.log10(sizes.min() / 1.5)), float(np.log10(max(sizes.max(), 1.0) * 1.5))
     drawn.update_xaxes(
         type="log", range=[low, high],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import plotly.graph_objects as go
 
@@ -48,6 +50,21 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
     drawn = stacked(title, panels, end_s, marks)
     if program is not None and len(program.operations) > 1:
         _number_operations(drawn, program, seconds)
+    return drawn
+
+
+def drawn_cycle(steps: Sequence[tuple[float, float]]) -> go.Figure:
+    """A duty cycle with handles to be dragged: steps are minutes and speeds [r/min], in their order."""
+    ends = np.cumsum([0.0, *(minutes for minutes, _ in steps)])
+    speeds = [speed for _, speed in steps]
+    drawn = style.figure("", 300)
+    style.curve(drawn, ends, [*speeds, *speeds[-1:]], style.INK, width=2, line={"shape": "hv"}, showlegend=False)
+    for x, symbol, text in (((ends[1:] + ends[:-1]) / 2, "circle", "speed"), (ends[1:], "diamond", "end")):
+        look = {"size": 13, "marker": {"symbol": symbol}, "showlegend": False, "cliponaxis": False}
+        style.points(drawn, x, speeds, style.PREDICTED, None, f"{text}: %{{x:.4g}} min, %{{y:.5g}} r/min", **look)
+    drawn.update_layout(margin={"t": 16, "b": 48, "r": 24}, dragmode=False)
+    drawn.update_xaxes(title_text="time [min]", range=[0.0, 1.05 * float(ends[-1])])
+    drawn.update_yaxes(title_text="speed [r/min]", range=[0.0, 1.25 * max(*speeds, 1000.0)])
     return drawn
 
 
@@ -131,8 +148,5 @@ def _corrections(program: CorrectionProgram) -> str:
 
 def _number_operations(drawn: go.Figure, program: CorrectionProgram, seconds: float) -> None:
     for number, operation in enumerate(program.operations, start=1):
-        drawn.add_annotation(
-            text=f"operation {number}" if number == 1 else f"{number}", x=operation.start_s / seconds, xref="x",
-            xanchor="left", y=1.0, yref="paper", yanchor="bottom", showarrow=False,
-            font={"color": style.MUTED, "size": 11},
-        )  # fmt: skip
+        text, above = f"operation {number}" if number == 1 else f"{number}", {"yref": "paper", "yanchor": "bottom"}
+        style.words(drawn, text, operation.start_s / seconds, 1.0, style.MUTED, 11, xanchor="left", **above)

@@ -70,15 +70,10 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
     drawn.update_layout(margin={"b": 85}, legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
     first, end = level_span(tree.levels)
     for colour in _COLOURS:
-        drawn.add_scatter(mode="lines", line={"color": colour, "width": 2}, hoverinfo="skip", showlegend=False)
+        style.curve(drawn, [], [], colour, width=2, showlegend=False)
     for symbol, text in _MARKS:
-        drawn.add_scatter(
-            mode="markers",
-            name=text,
-            marker={"color": style.CHOSEN, "symbol": symbol, "size": 10, "line": {"width": 2, "color": style.CHOSEN}},
-            hovertemplate="%{text}<extra></extra>",
-            cliponaxis=False,
-        )
+        look = {"symbol": symbol, "line": {"width": 2, "color": style.CHOSEN}}
+        style.points(drawn, None, None, style.CHOSEN, text, "%{text}", size=10, marker=look, cliponaxis=False)
     drawn.update_xaxes(
         title_text="closure level t = λ at which groups merge [–]",
         range=[first, end + 0.02 * (end - first)],
@@ -137,10 +132,8 @@ def add_step_marks(drawn: go.Figure) -> None:
     """A band, a line and a text, which `step_changes` puts in their places."""
     over = {"yref": "paper", "y0": 0, "y1": 1, "xref": "x", "x0": 0, "x1": 0}
     drawn.add_shape(type="rect", **over, fillcolor=style.CHOSEN, opacity=0.15, line_width=0, layer="below")
-    drawn.add_shape(type="line", **over, line={"color": style.CHOSEN, "width": 2, "dash": "dash"})
-    drawn.add_annotation(
-        text="", x=0, y=1.0, yref="paper", yanchor="bottom", showarrow=False, font={"color": "#00664b", "size": 13}
-    )
+    style.rule(drawn, 0, style.CHOSEN, width=2, dash="dash", yref="paper")
+    style.words(drawn, "", 0, 1.0, "#00664b", 13, yref="paper", yanchor="bottom")
 
 
 def step_changes(cut: CutShown, first: float, end: float) -> Changes:
@@ -283,19 +276,10 @@ def lambda_scan(selection: Selection) -> go.Figure:
     steps = list(axis)
     at = [min(float(style.nines(step.high)), end) if step.high < 1 else end for step in steps]
     counts = [len(step.partition.members) for step in steps]
-    look = {"shape": "hv", "color": style.PREDICTED, "width": 2}
-    stairs = {"x": [*at, first], "y": [*counts, counts[-1]], "xaxis": "x", "yaxis": "y", "showlegend": False}
-    drawn.add_scatter(**stairs, mode="lines", line=look, hoverinfo="skip")
-    drawn.add_scatter(
-        x=at,
-        y=counts,
-        mode="markers",
-        marker={"color": style.PREDICTED, "size": 6},
-        text=[f"λ up to {style.level_text(s.high)}<br>{n} groups" for s, n in zip(steps, counts, strict=True)],
-        hovertemplate="%{text}<extra></extra>",
-        yaxis="y",
-        showlegend=False,
-    )
+    stairs = [*at, first], [*counts, counts[-1]]
+    style.curve(drawn, *stairs, style.PREDICTED, width=2, line={"shape": "hv"}, showlegend=False)
+    told = [f"λ up to {style.level_text(s.high)}<br>{n} groups" for s, n in zip(steps, counts, strict=True)]
+    style.points(drawn, at, counts, style.PREDICTED, None, "%{text}", size=6, text=told, showlegend=False)
     statistics = [
         (x, step.f.value, f"{count} groups<br>F = {step.f.value:.4g}")
         for x, step, count in zip(at, steps, counts, strict=True)
@@ -324,15 +308,6 @@ def lambda_scan(selection: Selection) -> go.Figure:
 
 
 def _panel(drawn: go.Figure, yaxis: str, points: list[tuple[float, float, str]]) -> None:
-    points = sorted(points)
-    drawn.add_scatter(
-        x=[x for x, _, _ in points],
-        y=[y for _, y, _ in points],
-        text=[text for _, _, text in points],
-        mode="lines+markers",
-        line={"color": "#b9b9b9", "width": 1},
-        marker={"color": style.PREDICTED, "size": 7},
-        hovertemplate="%{text}<extra></extra>",
-        yaxis=yaxis,
-        showlegend=False,
-    )
+    x, y, text = zip(*sorted(points), strict=True) if points else ((), (), ())
+    look = {"mode": "lines+markers", "line": {"color": "#b9b9b9", "width": 1}, "showlegend": False}
+    style.points(drawn, x, y, style.PREDICTED, None, "%{text}", size=7, text=text, yaxis=yaxis, **look)

@@ -46,9 +46,8 @@ def coefficient_intervals(selection: Selection, response: str) -> go.Figure:
         for term, value, half, vif in zip(model.terms, model.coefficients[1:], halves, model.vif, strict=True)
     ]
     height = 150 + max(100, 26 * len(terms))
-    return changed(
-        coefficients_picture(response, height, coefficients_title(response, terms)), coefficient_changes(terms)
-    )
+    drawn = coefficients_picture(height, coefficients_title(response, terms))
+    return changed(drawn, coefficient_changes(response, terms))
 
 
 def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
@@ -62,35 +61,28 @@ def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
     return f"{style.label(response)}: {len(which)} of {n} terms cannot be told from zero: {listed}"
 
 
-def coefficients_picture(response: str, height: int, title: str) -> go.Figure:
-    """The frame of the coefficients of one response; `coefficient_changes` fills it."""
+def coefficients_picture(height: int, title: str) -> go.Figure:
+    """The frame of the coefficients of a response; `coefficient_changes` fills it."""
     drawn = style.figure(title, height)
     for text, colour in (("coefficient, 95 % interval", style.PREDICTED), ("cannot be told from zero", style.MUTED)):
-        drawn.add_scatter(
-            error_x={"type": "data", "thickness": 2, "width": 5},
-            mode="markers",
-            name=text,
-            marker={"color": colour, "size": 9},
-            hovertemplate="%{x:.4g} ± %{error_x.array:.2g} µm<extra></extra>",
-        )
-    hover = "VIF %{x:.3g}<extra></extra>"
-    drawn.add_bar(orientation="h", xaxis="x2", textposition="auto", hovertemplate=hover, showlegend=False)
-    across = {"text": f"change of {style.label(response)} per standard deviation [µm]"}
+        half = {"error_x": {"type": "data", "thickness": 2, "width": 5}}
+        style.points(drawn, None, None, colour, text, "%{x:.4g} ± %{error_x.array:.2g} µm", **half)
+    style.bars(drawn, None, None, None, None, "VIF %{x:.3g}", xaxis="x2", textposition="auto", showlegend=False)
     drawn.update_layout(
         bargap=0.45,
-        xaxis={"domain": [0.0, 0.68], "title": across, "zeroline": True, "zerolinecolor": style.INK},
+        xaxis={"domain": [0.0, 0.68], "zeroline": True, "zerolinecolor": style.INK},
         xaxis2={"domain": [0.74, 1.0], "title": {"text": "VIF [–]"}, "type": "log"},
         yaxis={"showgrid": True},
     )
-    ends = {"xref": "x2", "x0": COLLINEAR_VIF, "x1": COLLINEAR_VIF, "yref": "paper", "y0": 0, "y1": 1}
-    drawn.add_shape(type="line", **ends, line={"color": style.RESIDUAL, "width": 1.5, "dash": "dot"})
+    style.rule(drawn, COLLINEAR_VIF, style.RESIDUAL, width=1.5, xref="x2", yref="paper")
     return drawn
 
 
-def coefficient_changes(terms: Sequence[TermShown]) -> Changes:
+def coefficient_changes(response: str, terms: Sequence[TermShown]) -> Changes:
     """Coefficients, intervals and VIF in the frame of `coefficients_picture`."""
     n = len(terms)
-    changes: dict[tuple[str | int, ...], object] = {}
+    across = f"change of {style.label(response)} per standard deviation [µm]"
+    changes: dict[tuple[str | int, ...], object] = {("layout", "xaxis", "title", "text"): across}
     for k, unsure in enumerate((False, True)):
         rows = [row for row, term in enumerate(terms) if term.is_unsure == unsure]
         changes["data", k, "x"] = [terms[row].value_um for row in rows]
@@ -115,7 +107,7 @@ def fault_table(selection: Selection) -> go.Figure:
     """What a fault of each sensor does to each prediction, as a table in colours."""
     responses, sensors = tuple(selection.models), selection.chosen
     height = 160 + 36 * max(len(sensors), 2)
-    drawn = faults_picture(responses, height, faults_title(selection.faults))
+    drawn = faults_picture(len(responses), height, faults_title(selection.faults))
     return changed(drawn, fault_changes(sensors, responses, selection.faults))
 
 
@@ -129,17 +121,16 @@ def faults_title(faults: Sequence[FaultGain]) -> str:
     )
 
 
-def faults_picture(responses: Sequence[str], height: int, title: str) -> go.Figure:
+def faults_picture(n_responses: int, height: int, title: str) -> go.Figure:
     """The frame of the faults of sensors; `fault_changes` fills it."""
     drawn = style.figure(title, height)
-    columns = [(response, text) for response in responses for _, text in _FAULTS]
+    columns = list(range(n_responses * len(_FAULTS)))
     drawn.add_heatmap(
-        x=list(range(len(columns))), zmin=0.0, colorscale=style.HARM_SCALE, showscale=False, xgap=2, ygap=2,
+        x=columns, zmin=0.0, colorscale=style.HARM_SCALE, showscale=False, xgap=2, ygap=2,
         texttemplate="%{text}", textfont={"size": 13}, hovertemplate="%{customdata}: %{z:.4g} µm<extra></extra>",
     )  # fmt: skip
-    shown = [f"{style.label(response, 12)} [µm]<br>{text}" for response, text in columns]
     bare = {"showgrid": False, "showline": False, "ticks": ""}
-    drawn.update_xaxes(tickvals=list(range(len(columns))), ticktext=shown, side="bottom", **bare)
+    drawn.update_xaxes(tickvals=columns, side="bottom", **bare)
     drawn.update_yaxes(**bare)
     return drawn
 
@@ -157,6 +148,7 @@ def fault_changes(sensors: Sequence[str], responses: Sequence[str], faults: Sequ
         ("data", 0, "zmax"): max(1e-9, *(value for row in z for value in row)),
         ("data", 0, "text"): [[number_text(value) for value in row] for row in z],
         ("data", 0, "customdata"): [[f"{name}, {text}" for _, _, text in columns] for name in names],
+        ("layout", "xaxis", "ticktext"): [f"{style.label(one, 12)} [µm]<br>{text}" for one, _, text in columns],
         ("layout", "yaxis", "range"): [n - 0.5, -0.5],
         ("layout", "yaxis", "tickvals"): list(range(n)),
         ("layout", "yaxis", "ticktext"): names,

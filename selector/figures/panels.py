@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -45,13 +45,17 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel: the title of its axis with the unit, its lines, its height [px], and a band of values that is shaded."""
+    """A panel: the title of its axis with the unit, its lines, its height [px], and a band of values that is shaded.
+
+    `spans_s`: stretches of time [s] that are shaded in this panel alone, and what stands at them.
+    """
 
     axis: str
     lines: Sequence[Line]
     height_px: int = 160
     band: tuple[float, float] | None = None
     least: float | None = None  #: A value that the axis shows in any case.
+    spans_s: Mapping[tuple[float, float], str] = field(default_factory=dict)
 
 
 def stacked(
@@ -96,34 +100,23 @@ def stacked(
             "exponentformat": "none",
         }
         if panel.band is not None:
-            drawn.add_shape(
-                type="rect", xref=f"x{key} domain", x0=0, x1=1, yref=f"y{key}", y0=panel.band[0], y1=panel.band[1],
-                fillcolor=style.CHOSEN, opacity=0.12, line={"width": 0}, layer="below",
-            )  # fmt: skip
-        for start, stop in spans_s:
-            drawn.add_shape(
-                type="rect", xref=f"x{key}", x0=start / seconds, x1=stop / seconds, yref=f"y{key} domain", y0=0, y1=1,
-                fillcolor=style.RESIDUAL, line={"width": 0}, layer="below",
-                opacity=_SPAN_OPACITY if stop - start > _NARROW * end_s else _NARROW_OPACITY,
-            )  # fmt: skip
+            style.zone(drawn, *panel.band, style.CHOSEN, 0.12, across=True, panel=key)
+        for (start, stop), text in [*((span, "") for span in spans_s), *panel.spans_s.items()]:
+            opacity = _SPAN_OPACITY if stop - start > _NARROW * end_s else _NARROW_OPACITY
+            style.zone(drawn, start / seconds, stop / seconds, style.RESIDUAL, opacity, panel=key)
+            if text:
+                place = {"xref": f"x{key}", "xanchor": "left", "yref": f"y{key} domain", "yanchor": "top"}
+                style.words(drawn, style.label(text), start / seconds, 1.0, style.RESIDUAL, 11, **place)
         for mark in marks_s:
-            drawn.add_shape(
-                type="line", xref=f"x{key}", x0=mark / seconds, x1=mark / seconds, yref=f"y{key} domain", y0=0, y1=1,
-                line={"color": style.MUTED, "width": 1, "dash": "dot"}, layer="below",
-            )  # fmt: skip
+            style.rule(drawn, mark / seconds, panel=key, layer="below")
         for line in panel.lines:
             at = shown_samples(line.time_s, line.values, line.steps)
-            look = {"color": line.colour, "width": line.width, "dash": line.dash}
-            drawn.add_scatter(
-                x=(line.time_s[at] / seconds).astype(np.float32),
-                y=line.values[at].astype(np.float32),
-                xaxis=f"x{key}",
+            hover = f"%{{x:.4g}} {unit}: %{{y:.5g}}<extra>{style.label(line.name)}</extra>"
+            style.curve(
+                drawn, line.time_s[at] / seconds, line.values[at], line.colour, style.label(line.name), hover,
+                width=line.width, dash=line.dash, line={"shape": "hv" if line.steps else "linear"}, xaxis=f"x{key}",
                 yaxis=f"y{key}",
-                mode="lines",
-                name=style.label(line.name),
-                line={**look, "shape": "hv" if line.steps else "linear"},
-                hovertemplate=f"%{{x:.4g}} {unit}: %{{y:.5g}}<extra>{style.label(line.name)}</extra>",
-            )
+            )  # fmt: skip
         _name_lines(drawn, panel, low * inside, height, inside)
     return drawn
 
@@ -164,8 +157,7 @@ def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int,
     order = sorted(range(len(named)), key=lambda k: ends[k])
     wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
     for k, at in zip(order, style.spaced(wanted, _LABEL_PX, height_px), strict=True):
-        drawn.add_annotation(
-            text=style.label(named[k].name, _LONGEST_NAME), font={"color": named[k].colour, "size": 12},
-            x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + at) / inside_px, yref="paper",
-            yanchor="middle", showarrow=False,
-        )  # fmt: skip
+        y = (floor_px + at) / inside_px
+        style.words(
+            drawn, style.label(named[k].name, _LONGEST_NAME), y=y, colour=named[k].colour, **style.BESIDE, yref="paper"
+        )

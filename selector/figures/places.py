@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -81,24 +82,15 @@ def machine_picture(
     shown = [style.label(name) for name in names]
     for axis, view, _, across in VIEWS:
         body = lines[:0] if view in photos else lines
-        drawn.add_scatter(
-            x=body[:, across], y=body[:, 2], xaxis=axis, mode="lines", line={"color": style.BEFORE, "width": 1},
-            hoverinfo="skip", showlegend=False,
-        )  # fmt: skip
-        at = {"x": points_m[:, across], "y": points_m[:, 2], "xaxis": axis, "showlegend": axis == "x"}
-        drawn.add_scatter(
-            **at, mode="markers", marker={"size": 9}, text=shown, hovertemplate="%{text}<extra></extra>",
-            name="sensor, coloured as its group (grey: alone)",
-        )  # fmt: skip
-        drawn.add_scatter(
-            **at,
-            mode="markers+text",
-            marker={"size": 17, "symbol": "circle-open", "color": style.INK, "line": {"width": 2.5}},
-            text=[f"<b>{style.label(name, longest)}</b>" for name in names],
-            textposition=_label_sides(points_m[:, [across, 2]], float((high - low).max())),
-            hoverinfo="skip",
-            name="kept",
-        )
+        style.curve(drawn, body[:, across], body[:, 2], style.BEFORE, width=1, xaxis=axis, showlegend=False)
+        x, z = points_m[:, across], points_m[:, 2]
+        common: dict[str, Any] = {"xaxis": axis, "showlegend": axis == "x"}
+        style.points(drawn, x, z, None, "sensor, coloured as its group (grey: alone)", "%{text}", text=shown, **common)
+        look = {"symbol": "circle-open", "line": {"width": 2.5}}
+        sides = _label_sides(points_m[:, [across, 2]], float((high - low).max()))
+        named = [f"<b>{style.label(name, longest)}</b>" for name in names]
+        beside: dict[str, Any] = {"mode": "markers+text", "text": named, "textposition": sides}
+        style.points(drawn, x, z, style.INK, "kept", size=17, marker=look, **beside, **common)
         if view in photos:
             drawn.add_layout_image(
                 source=photos[view], xref=axis, yref="y", x=float(low[across]), y=float(high[2]),

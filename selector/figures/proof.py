@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -38,7 +39,7 @@ def errors_per_run(selection: Selection, response: str) -> go.Figure:
         for part in selection.proof.per_response[response]
     ]
     title = run_errors_title(response, runs, KINDS[selection.proof.left_out])
-    return changed(run_errors_picture(response, runs, title), run_error_changes(runs))
+    return changed(run_errors_picture(runs, title), run_error_changes(response, runs))
 
 
 def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
@@ -52,36 +53,34 @@ def run_errors_title(response: str, runs: Sequence[RunError], kind: str) -> str:
     )
 
 
-def run_errors_picture(response: str, runs: Sequence[RunError], title: str) -> go.Figure:
+def run_errors_picture(runs: Sequence[RunError], title: str) -> go.Figure:
     """The frame for the errors of these runs; `run_error_changes` fills it."""
     n = len(runs)
     drawn = style.figure(title, _ROOM_PX + max(_LEAST_PX, _RUN_PX * n))
     rows = list(range(n))
     for name, colour, offset in _BARS:
-        hover, bar = f"{name}: %{{x:.4g}} µm<extra></extra>", {"orientation": "h", "offset": offset, "width": 0.38}
-        drawn.add_bar(y=rows, **bar, name=name, marker={"color": colour}, hovertemplate=hover)
-    drawn.add_scatter(
-        y=[row + 0.19 for row in rows],
-        mode="markers",
-        name="with the model, largest",
-        marker={"symbol": "diamond-open", "size": 9, "color": style.RESIDUAL, "line": {"width": 2}},
-        hovertemplate="with the model, largest: %{x:.4g} µm<extra></extra>",
-        visible=any(one.max_um is not None for one in runs),
+        style.bars(drawn, None, rows, colour, name, f"{name}: %{{x:.4g}} µm", offset=offset, width=0.38)
+    largest = "with the model, largest"
+    look = {"symbol": "diamond-open", "line": {"width": 2}}
+    is_known = any(one.max_um is not None for one in runs)
+    middles = [row + 0.19 for row in rows]
+    style.points(
+        drawn, None, middles, style.RESIDUAL, largest, f"{largest}: %{{x:.4g}} µm", marker=look, visible=is_known
     )
+    beside = {"xref": "paper", "xanchor": "left"}
     for row in rows:
-        drawn.add_annotation(text="", x=1.01, y=row, xref="paper", xanchor="left", showarrow=False)
-    drawn.add_annotation(
-        text="rms [µm]", x=1.01, y=1.0, xref="paper", yref="paper", xanchor="left", yanchor="bottom", showarrow=False
-    )
+        style.words(drawn, "", 1.01, row, **beside)
+    style.words(drawn, "rms [µm]", 1.01, 1.0, **beside, yref="paper", yanchor="bottom")
     drawn.update_layout(margin={"r": 120})
-    drawn.update_xaxes(title_text=f"error of {style.label(response)} [µm]", rangemode="tozero")
+    drawn.update_xaxes(rangemode="tozero")
     drawn.update_yaxes(**style.rows_of([style.label(one.name) for one in runs]))
     return drawn
 
 
-def run_error_changes(runs: Sequence[RunError]) -> Changes:
-    """The errors of the same runs in the frame of `run_errors_picture`."""
+def run_error_changes(response: str, runs: Sequence[RunError]) -> Changes:
+    """The errors of a response in the same runs, in the frame of `run_errors_picture`."""
     changes: dict[tuple[str | int, ...], object] = {
+        ("layout", "xaxis", "title", "text"): f"error of {style.label(response)} [µm]",
         ("data", 0, "x"): [one.before_rmse_um for one in runs],
         ("data", 1, "x"): [one.rmse_um for one in runs],
         ("data", 2, "x"): [one.max_um for one in runs],
@@ -93,9 +92,14 @@ def run_error_changes(runs: Sequence[RunError]) -> Changes:
 
 
 _FAMILIES = (
-    ("all", "best of all sensors", style.CHOSEN, "square"),
-    ("cut", "best of the representatives", style.PREDICTED, "circle"),
+    ("best of all sensors", style.CHOSEN, "square"),
+    ("best of the representatives", style.PREDICTED, "circle"),
 )
+_UNSEEN_INSIDE = "rgba(0,0,0,0)"
+
+
+def _ring(colour: str) -> dict[str, Any]:
+    return {"line": {"color": colour, "width": 3}}
 
 
 @dataclass(frozen=True)
@@ -106,52 +110,48 @@ class SetError:
     error_um: float
 
 
-def set_errors_picture(response: str, height: int) -> go.Figure:
+def set_errors_picture(height: int) -> go.Figure:
     """The frame for sets against their error; `set_error_changes` fills it. It has no title.
 
     A point of a line carries its sensors as ``customdata``, so that a click can take them.
     """
     drawn = style.figure("", height)
     drawn.update_layout(margin={"t": style.TITLE_MARGIN, "b": 60})
-    drawn.add_scatter(
-        mode="lines",
-        name="without compensation",
-        line={"color": style.BASELINES["none"], "width": 2, "dash": "dash"},
-        hoverinfo="skip",
-    )
-    for _, name, colour, symbol in _FAMILIES:
-        drawn.add_scatter(
-            mode="lines+markers",
-            name=name,
-            line={"color": colour, "width": 2},
-            marker={"size": 11, "symbol": symbol},
-            hovertemplate="%{text}<br>%{y:.4g} µm<extra></extra>",
-        )
-    drawn.add_scatter(
-        mode="markers",
-        name="shown here",
-        marker={"color": "rgba(0,0,0,0)", "size": 22, "line": {"color": style.RESIDUAL, "width": 3}},
-        hoverinfo="skip",
-    )
-    drawn.update_xaxes(title_text="sensors [–]", dtick=1, showgrid=False)
-    drawn.update_yaxes(title_text=f"error of {style.label(response)}, rms [µm]")
+    style.curve(drawn, [], [], style.BASELINES["none"], "without compensation", width=2, dash="dash")
+    for name, colour, symbol in _FAMILIES:
+        look = {"mode": "lines+markers", "marker": {"symbol": symbol}}
+        style.points(drawn, [], [], colour, name, "%{text}<br>%{y:.4g} µm", size=11, **look)
+    style.points(drawn, [], [], _UNSEEN_INSIDE, "shown here", size=22, marker=_ring(style.RESIDUAL))
+    style.curve(drawn, [], [], style.RESIDUAL, "target", width=2, dash="dot")
+    drawn.update_xaxes(title_text="number of sensors [–]", dtick=1, showgrid=False)
     return drawn
 
 
 def set_error_changes(
-    everywhere: Sequence[SetError], cut: Sequence[SetError], taken: SetError, before_um: float
+    response: str,
+    everywhere: Sequence[SetError],
+    cut: Sequence[SetError],
+    taken: SetError,
+    before_um: float,
+    target_um: float | None = None,
 ) -> Changes:
     """The sets in the frame of `set_errors_picture`: the best of each size among all sensors, and among those of a cut.
 
-    The set that is `taken` gets a ring; `before_um` is the error without any sensor.
+    The set that is `taken` gets a ring; `before_um` is the error without any sensor, `target_um` the one that is to be
+    reached, if any.
     """
     last = max(len(one.sensors) for one in (*everywhere, *cut, taken)) + 0.5
-    values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um]
+    wanted = [] if target_um is None else [target_um]
+    values = [one.error_um for one in (*everywhere, *cut, taken)] + [before_um, *wanted]
     changes: dict[tuple[str | int, ...], object] = {
         ("data", 0, "x"): [0.5, last],
         ("data", 0, "y"): [before_um, before_um],
         ("data", 3, "x"): [len(taken.sensors)],
         ("data", 3, "y"): [taken.error_um],
+        ("data", 4, "x"): [0.5, last],
+        ("data", 4, "y"): 2 * wanted,
+        ("data", 4, "showlegend"): bool(wanted),
+        ("layout", "yaxis", "title", "text"): f"error of {style.label(response)}, rms [µm]",
         ("layout", "xaxis", "range"): [0.5, last],
     }
     for k, sets in enumerate((everywhere, cut), start=1):
@@ -205,50 +205,22 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     dashes = _DASHES | {way: _OTHER_DASHES[i % len(_OTHER_DASHES)] for i, way in enumerate(others)}
     for way, value in ways.items():
         text = _WAYS.get(way) or f"the same procedure, {way.removeprefix('chosen, ')}"
-        drawn.add_scatter(
-            x=[0.5, last],
-            y=[value, value],
-            mode="lines",
-            line={"color": style.BASELINES.get(way, style.OTHER_BASELINE), "width": 2, "dash": dashes[way]},
-            name=f"{text}: {number_text(value)} µm",
-            hoverinfo="name",
-        )
-    drawn.add_scatter(
-        x=[x for x, _, _ in single],
-        y=[y for _, y, _ in single],
-        mode="markers",
-        name=f"single {_UNSEEN[proof.left_out].split()[1]}",
-        marker={"color": style.MUTED, "size": 5, "opacity": 0.6},
-        text=[style.label(name) for _, _, name in single],
-        hovertemplate="%{text}: %{y:.3g} µm<extra></extra>",
-    )
-    drawn.add_scatter(
-        x=sizes,
-        y=error,
-        error_y={"type": "data", "array": spread, "thickness": 1.5, "width": 5},
-        mode="lines+markers",
-        name=f"{BEST_OF_SIZE}, ± standard error",
-        line={"color": style.PREDICTED, "width": 2},
-        marker={"size": 8},
-        hovertemplate="%{x} sensors: %{y:.3g} µm<extra></extra>",
-    )
+        colour, named = style.BASELINES.get(way, style.OTHER_BASELINE), f"{text}: {number_text(value)} µm"
+        style.curve(drawn, [0.5, last], [value, value], colour, named, "%{fullData.name}", width=2, dash=dashes[way])
+    x, y, names = zip(*single, strict=True) if single else ((), (), ())
+    apart = f"single {_UNSEEN[proof.left_out].split()[1]}"
+    told = {"text": [style.label(one) for one in names], "marker": {"opacity": 0.6}}
+    style.points(drawn, x, y, style.MUTED, apart, "%{text}: %{y:.3g} µm", size=5, **told)
+    best = f"{BEST_OF_SIZE}, ± standard error"
+    bars = {"mode": "lines+markers", "error_y": {"type": "data", "array": spread, "thickness": 1.5, "width": 5}}
+    style.points(drawn, sizes, error, style.PREDICTED, best, "%{x} sensors: %{y:.3g} µm", size=8, **bars)
     fixed = selection.fixed_set_errors_um(response)
-    drawn.add_scatter(
-        x=list(fixed),
-        y=list(fixed.values()),
-        mode="markers",
-        name=f"{FIXED_SET}, best of that size",
-        marker={"color": style.CHOSEN, "size": 11, "symbol": "line-ew-open", "line": {"width": 2.5}},
-        hovertemplate="%{x} sensors, " + FIXED_SET + ": %{y:.3g} µm<extra></extra>",
-    )
-    drawn.add_scatter(
-        x=[size],
-        y=[achieved],
-        mode="markers",
-        name=f"{PROCEDURE}: {number_text(achieved)} µm",
-        marker={"color": "rgba(0,0,0,0)", "size": 20, "line": {"color": style.CHOSEN, "width": 3}, "symbol": "circle"},
-        hovertemplate=f"{PROCEDURE}: %{{y:.3g}} µm<extra></extra>",
-    )
+    look = {"symbol": "line-ew-open", "line": {"width": 2.5}}
+    hover = "%{x} sensors, " + FIXED_SET + ": %{y:.3g} µm"
+    fixed_best = f"{FIXED_SET}, best of that size"
+    style.points(drawn, [*fixed], [*fixed.values()], style.CHOSEN, fixed_best, hover, size=11, marker=look)
+    ring, named = _ring(style.CHOSEN), f"{PROCEDURE}: {number_text(achieved)} µm"
+    style.points(drawn, [size], [achieved], _UNSEEN_INSIDE, named, f"{PROCEDURE}: %{{y:.3g}} µm", size=20, marker=ring)
     values = [
         value for value in (*error, achieved, *ways.values(), *fixed.values(), *(y for _, y, _ in single)) if value > 0
     ]

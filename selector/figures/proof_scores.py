@@ -94,19 +94,10 @@ def power_by_effect(
         colour = _STRENGTH_COLOURS[min(k, len(_STRENGTH_COLOURS) - 1)]
         at = [(i, found[name][d_prime]) for i, name in enumerate(names) if d_prime in found[name]]
         offset = 0.22 * (k - (len(strengths) - 1) / 2)
-        drawn.add_scatter(
-            x=[share.value for _, share in at],
-            y=[i + offset for i, _ in at],
-            error_x=_interval([share for _, share in at], thickness=1.2, width=0),
-            mode="markers",
-            name=f"d′ = {d_prime:g}",
-            marker={"color": colour, "size": 9},
-            hovertemplate=f"d′ = {d_prime:g}: %{{x:.0%}}<extra></extra>",
-        )
-        drawn.add_scatter(
-            x=[oracle[d_prime]] * 2, y=[-0.6, len(names) - 0.4], mode="lines", showlegend=False, hoverinfo="skip",
-            line={"color": colour, "width": 1, "dash": "dot"},
-        )  # fmt: skip
+        half, name = _interval([share for _, share in at], thickness=1.2, width=0), f"d′ = {d_prime:g}"
+        shares, rows = [share.value for _, share in at], [i + offset for i, _ in at]
+        style.points(drawn, shares, rows, colour, name, f"{name}: %{{x:.0%}}", error_x=half)
+        style.rule(drawn, oracle[d_prime], colour)
     drawn.update_xaxes(title_text="share found [–]", range=[-0.02, 1.02], tickformat=".0%")
     drawn.update_yaxes(
         tickvals=list(range(len(names))), ticktext=[style.label(name, _LONGEST_ID) for name in names],
@@ -118,21 +109,12 @@ def power_by_effect(
 def reliability(confidence: Sequence[float], right: Sequence[Share], counts: Sequence[int], error: float) -> go.Figure:
     """The share of named effects that is right against the confidence with which they were named."""
     drawn = style.figure(f"Confidence and truth differ by {number_text(error)} on average", 430)
-    drawn.add_scatter(
-        x=[0.0, 1.0], y=[0.0, 1.0], mode="lines", name="as sure as right", hoverinfo="skip",
-        line={"color": style.MUTED, "dash": "dash"},
-    )  # fmt: skip
-    drawn.add_scatter(
-        x=list(confidence),
-        y=[share.value for share in right],
-        error_y=_interval(right),
-        mode="lines+markers",
-        name="named effects",
-        line={"color": style.PREDICTED},
-        marker={"size": [6 + 4 * math.log10(max(n, 1)) for n in counts]},
-        customdata=list(counts),
-        hovertemplate="%{customdata} effects, mean confidence %{x:.2f}: %{y:.0%} right<extra></extra>",
-    )
+    style.curve(drawn, [0.0, 1.0], [0.0, 1.0], style.MUTED, "as sure as right", dash="dash")
+    hover = "%{customdata} effects, mean confidence %{x:.2f}: %{y:.0%} right"
+    sizes = [6 + 4 * math.log10(max(n, 1)) for n in counts]
+    more = {"mode": "lines+markers", "error_y": _interval(right), "customdata": list(counts)}
+    shares = [share.value for share in right]
+    style.points(drawn, list(confidence), shares, style.PREDICTED, "named effects", hover, size=sizes, **more)
     drawn.update_xaxes(title_text="confidence [–]", range=[0.0, 1.02])
     drawn.update_yaxes(title_text="share that is right [–]", range=[0.0, 1.02])
     return drawn
@@ -153,7 +135,7 @@ def gap_closed(shares: Mapping[str, Sequence[float]]) -> go.Figure:
             marker={"color": style.PREDICTED if k == 0 else style.MUTED, "size": 3}, hoverinfo="x",
         )  # fmt: skip
     for at, colour in ((0.0, style.MUTED), (1.0, style.CHOSEN)):
-        drawn.add_shape(type="line", x0=at, x1=at, yref="paper", y0=0, y1=1, line={"color": colour, "dash": "dot"})
+        style.rule(drawn, at, colour, width=2)
     drawn.update_xaxes(title_text="share of the gap closed [–]; 0 = recalibrated, 1 = oracle", range=[-1.05, 1.55])
     drawn.update_yaxes(autorange="reversed", ticks="")
     return drawn
@@ -174,12 +156,9 @@ def answerers_compared(
         (-0.38, found, f"right name, or in a set, at d′ = {strength:g}", style.CHOSEN),
         (0.0, false_on_clean, "any false name on clean cases", style.RESIDUAL),
     ):
-        hover, bar = f"{text}: %{{x:.1%}}<extra></extra>", {"orientation": "h", "offset": offset, "width": 0.36}
-        drawn.add_bar(
-            x=[shares[name].value for name in names], y=list(range(len(names))), **bar, name=text,
-            marker={"color": colour}, error_x=_interval([shares[name] for name in names], thickness=1.2),
-            hovertemplate=hover,
-        )  # fmt: skip
+        found_by, rows = [shares[name] for name in names], list(range(len(names)))
+        place = {"offset": offset, "width": 0.36, "error_x": _interval(found_by, thickness=1.2)}
+        style.bars(drawn, [one.value for one in found_by], rows, colour, text, f"{text}: %{{x:.1%}}", **place)
     drawn.update_xaxes(title_text="share of cases [–]", range=[0.0, 1.02], tickformat=".0%")
     drawn.update_yaxes(**style.rows_of([style.label(name) for name in names]))
     return drawn
@@ -202,8 +181,8 @@ def seconds_histogram(seconds: Sequence[float], limits: Sequence[float]) -> go.F
     )  # fmt: skip
     for limit in limits:
         at = math.log10(limit)
-        drawn.add_shape(type="line", x0=at, x1=at, yref="paper", y0=0, y1=1, line={"color": style.INK, "dash": "dot"})
-        drawn.add_annotation(x=at, y=1.0, yref="paper", yanchor="bottom", text=f"{limit:g} s", showarrow=False)
+        style.rule(drawn, at, style.INK, width=2)
+        style.words(drawn, f"{limit:g} s", at, 1.0, yref="paper", yanchor="bottom")
     ticks = [
         tick
         for tick in (0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000)

@@ -107,6 +107,74 @@ def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
     return placed
 
 
+def curve(
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, *,
+    width: Any = 1.8, dash: Any = "solid", **more: Any,
+) -> None:  # fmt: skip
+    """Adds a line, arrays in single precision; without a text for hovering it is not hovered over."""
+    line = {"color": colour, "width": width, "dash": dash, **more.pop("line", {})}
+    drawn.add_scatter(x=_single(x), y=_single(y), mode="lines", name=name, line=line, **_hovered(hover), **more)
+
+
+def _single(values: Any) -> Any:
+    return values.astype(np.float32) if isinstance(values, np.ndarray) else values
+
+
+def points(
+    drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, *,
+    size: Any = 9, **more: Any,
+) -> None:  # fmt: skip
+    """Adds marks; without a text for hovering they are not hovered over."""
+    marker = {"color": colour, "size": size, **more.pop("marker", {})}
+    drawn.add_scatter(x=x, y=y, **{"mode": "markers", **more}, name=name, marker=marker, **_hovered(hover))
+
+
+def bars(drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, **more: Any) -> None:
+    """Adds bars that lie."""
+    drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **_hovered(hover), **more)
+
+
+TOLD_BARS: Mapping[str, Any] = {"textposition": "outside", "cliponaxis": False}  #: Bars with a text at their ends.
+
+
+def _hovered(hover: str | None) -> dict[str, str]:
+    if hover is None:
+        return {"hoverinfo": "skip"}
+    return {"hovertemplate": hover if "<extra>" in hover else f"{hover}<extra></extra>"}
+
+
+def rule(
+    drawn: go.Figure, at: float, colour: Any = MUTED, *, across: Any = False, panel: Any = "", dash: Any = "dot",
+    width: Any = 1.0, **more: Any,
+) -> None:  # fmt: skip
+    """Adds a straight line through a panel: upright at this x, or `across` it at this y."""
+    along, through = ("y", "x") if across else ("x", "y")
+    place = {f"{along}ref": f"{along}{panel}", f"{along}0": at, f"{along}1": at}
+    whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
+    look = {"color": colour, "width": width, "dash": dash}
+    drawn.add_shape(type="line", **{**place, **whole, **more}, line=look)
+
+
+def zone(
+    drawn: go.Figure, start: float, stop: float, colour: str, opacity: float, *, across: bool = False, panel: str = ""
+) -> None:
+    """Shades a panel between two x, or `across` it between two y."""
+    along, through = ("y", "x") if across else ("x", "y")
+    place = {f"{along}ref": f"{along}{panel}", f"{along}0": start, f"{along}1": stop}
+    whole = {f"{through}ref": f"{through}{panel} domain", f"{through}0": 0, f"{through}1": 1}
+    look = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
+    drawn.add_shape(type="rect", **place, **whole, **look)
+
+
+def words(drawn: go.Figure, text: str, x: Any, y: Any, colour: Any = INK, size: Any = 12, **more: Any) -> None:
+    """Writes into the picture."""
+    drawn.add_annotation(text=text, x=x, y=y, showarrow=False, font={"color": colour, "size": size}, **more)
+
+
+BESIDE: Mapping[str, Any] = {"x": 1.0, "xref": "paper", "xanchor": "left", "xshift": 6, "yanchor": "middle"}
+"""Where what is said of a line stands: to the right of the picture."""
+
+
 def title_text(drawn: go.Figure) -> str:
     """The title of a figure as plain text, for captions."""
     return html.unescape((drawn.layout.title.text or "").replace("<br>", " "))
@@ -199,13 +267,7 @@ def changed(drawn: go.Figure, changes: Changes) -> go.Figure:
 def rows_of(names: Sequence[str]) -> dict[str, Any]:
     """An axis with a row for each of these labels, from top to bottom, without marks of its own."""
     n = len(names)
-    return {
-        "range": [n - 0.5, -0.5],
-        "tickvals": list(range(n)),
-        "ticktext": list(names),
-        "showgrid": False,
-        "ticks": "",
-    }
+    return {"range": [n - 0.5, -0.5], "tickvals": [*range(n)], "ticktext": [*names], "showgrid": False, "ticks": ""}
 
 
 def log_axis(low: float, high: float) -> dict[str, Any]:

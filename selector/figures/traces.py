@@ -45,22 +45,14 @@ def beside_each_other(
     for k, one in enumerate(runs):
         row, column = divmod(k, columns)
         x, upper, lower = f"x{k + 1}", f"y{2 * k + 1}", f"y{2 * k + 2}"
-        common = {"x": (one.time_s / seconds).astype(np.float32), "mode": "lines", "xaxis": x}
         for values, name, colour, yaxis in (
             (one.measured_um, "measured", style.MEASURED, upper),
             (one.predicted_um, "predicted", style.PREDICTED, upper),
             (one.measured_um - one.predicted_um, "residual", style.RESIDUAL, lower),
         ):
-            drawn.add_scatter(
-                **common,
-                y=values.astype(np.float32),
-                yaxis=yaxis,
-                name=name,
-                legendgroup=name,
-                showlegend=k == 0,
-                line={"color": colour, "width": 1.6},
-                hovertemplate=f"%{{x:.3g}} {unit}, {name} %{{y:.4g}} µm<extra></extra>",
-            )
+            hover, place = f"%{{x:.3g}} {unit}, {name} %{{y:.4g}} µm", {"xaxis": x, "yaxis": yaxis}
+            legend = {"legendgroup": name, "showlegend": k == 0}
+            style.curve(drawn, one.time_s / seconds, values, colour, name, hover, width=1.6, **place, **legend)
         top, bottom = 1 - row / rows, 1 - (row + 1) / rows
         gap = min(0.30, 56 / _ROW_PX) / rows
         middle = bottom + gap + (top - bottom - gap) * 0.34
@@ -89,8 +81,8 @@ def beside_each_other(
             "nticks": 4,
         }
         told = "<br>".join(filter(None, [f"<b>{style.label(one.run)}</b>", one.remark]))
-        at = {"x": left, "y": top - (_HEAD_PX - 2) / _ROW_PX / rows, "xref": "paper", "yref": "paper"}
-        drawn.add_annotation(text=told, **at, xanchor="left", yanchor="bottom", showarrow=False, align="left")
+        at = {"xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom", "align": "left"}
+        style.words(drawn, told, left, top - (_HEAD_PX - 2) / _ROW_PX / rows, **at)
     return drawn
 
 
@@ -117,6 +109,7 @@ def telling_samples(residual: Vector, points: int) -> NDArray[np.int64]:
 
 
 MOST_POINTS = 4000
+_HOVER = "%{x:.4g} h: %{y:.4g} µm"
 
 
 def replayed_run(
@@ -134,11 +127,9 @@ def replayed_run(
     hours, correction, recorded = (of[::stride] for of in (time_s / 3600.0, correction_um, recorded_um))
     drawn = style.figure(f"{style.label(output)} in run {style.label(run)}: as recorded, and with this program", 380)
     if np.isfinite(recorded).any():
-        drawn.add_scatter(x=hours, y=recorded, name="recorded", line={"color": style.MEASURED, "width": 1.5})
-        drawn.add_scatter(
-            x=hours, y=recorded + correction, name="with the correction", line={"color": style.RESIDUAL, "width": 1.5}
-        )
-    drawn.add_scatter(x=hours, y=correction, name="correction", line={"color": style.PREDICTED, "width": 1.5})
+        style.curve(drawn, hours, recorded, style.MEASURED, "recorded", _HOVER)
+        style.curve(drawn, hours, recorded + correction, style.RESIDUAL, "with the correction", _HOVER)
+    style.curve(drawn, hours, correction, style.PREDICTED, "correction", _HOVER)
     drawn.update_xaxes(title="time since the start of the run [h]")
     drawn.update_yaxes(title="[µm]")
     return drawn

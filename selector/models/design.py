@@ -6,6 +6,7 @@ import functools
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Literal
 
 import numpy as np
@@ -433,12 +434,49 @@ def _quantum(found: Array) -> float:
 Reference = Literal["rise", "absolute"]
 
 
+Before = tuple[str, float]
+"""The run before a run, and how much later than that one it starts [s]."""
+
+MEMORY_REACH = 5.0
+"""Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth."""
+
+
+def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:
+    """The run before each of these runs, as far as the clocks of both are known and they do not overlap."""
+    known = getattr(source, "provenance", {}).get("runs", {})
+    spans = []
+    for run in runs:
+        start = known.get(run, {}).get("start")
+        ends = [float(time_s[-1]) for time_s, _ in source.chunks(run, [source.channels[0].name]) if len(time_s)]
+        if start is not None and ends:
+            at = datetime.fromisoformat(start)
+            spans.append(((at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp(), ends[-1], run))
+    spans.sort()
+    return {
+        run: (before, start - began)
+        for (began, ended, before), (start, _, run) in itertools.pairwise(spans)
+        if start > began + ended
+    }
+
+
+def chain_before(follows: Mapping[str, Before], run: str, tau_s: Array) -> list[Before]:
+    """The runs whose heat a run still has, the earliest first, with how much later than each it starts [s]."""
+    chain: list[Before] = []
+    earlier, later_s = run, 0.0
+    while earlier in follows and later_s < MEMORY_REACH * max(tau_s, default=0.0):
+        earlier, step_s = follows[earlier]
+        later_s += step_s
+        chain.insert(0, (earlier, later_s))
+    return chain
+
+
 @dataclass(frozen=True)
 class Datum:
     """What is subtracted from every reading of a run: {run: {channel: level}}; nothing for `absolute`."""
 
     reference: Reference
     levels: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    follows: Mapping[str, Before] = field(default_factory=dict)  #: What `runs_before` knows: memory goes on from there
 
     def level(self, run: str, channel: str) -> float:
         """The level of one channel in one run: 0 if it has no datum, NaN if it needs one and its start is missing."""
@@ -493,12 +531,23 @@ class Design:
         tau_s = np.array([lag.tau_s for lag in self.lags])
         state = np.full(len(self.lags), np.nan)
         last_s = np.full(len(self.lags), np.nan)
+        for earlier, later_s in chain_before(self.datum.follows, run, tau_s):
+            for time_s, raw in source.chunks(earlier, self.inputs):
+                past = (raw - levels[:n_inputs])[:, source_of_lag]
+                _, state, last_s = lagged(past, time_s - later_s, tau_s, state, last_s)
+        # rises: what a state has at the start is in the displacement that counts as zero
+        settling = np.isfinite(state) & (self.datum.reference == "rise")
+        shift = np.where(settling, np.nan, 0.0)
         for time_s, raw in source.chunks(run, channels):
             values = raw - levels
             variables = values[:, :n_inputs]
             if self.lags:
-                past, state, last_s = lagged(variables[:, source_of_lag], time_s, tau_s, state, last_s)
-                variables = np.concatenate([variables, past], axis=1)
+                now = variables[:, source_of_lag]
+                past, state, last_s = lagged(now, time_s, tau_s, state, last_s)
+                for j in np.flatnonzero(np.isnan(shift) & np.isfinite(past).any(axis=0)):
+                    first = int(np.argmax(np.isfinite(past[:, j])))
+                    shift[j] = now[first, j] - past[first, j]
+                variables = np.concatenate([variables, past + shift], axis=1)
             piece = Piece(time_s, variables, values[:, n_inputs:])
             if complete:
                 whole = np.isfinite(piece.variables).all(axis=1) & np.isfinite(piece.responses).all(axis=1)

@@ -377,10 +377,24 @@ class LeaveOneOut:
 
     def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
         """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
-        at = [1 + column for column in columns]
-        responses = range(1 + self.n_columns, 1 + self.n_columns + n_responses)
-        beta = coefficients(self.training, at, responses)
-        return HeldOut(squared_error(self.left_out, at, responses, beta), self.left_out[:, 0, 0])
+        sse = self.errors_of(np.array([columns], dtype=np.int64), n_responses)
+        return HeldOut(sse[:, 0], self.left_out[:, 0, 0])
+
+    def errors_of(self, sets: Indices, n_responses: int) -> Array:
+        """Sum of squared errors of many sets of as many columns, shape (n_groups, n_sets, n_responses).
+
+        `sets` has shape (n_sets, n_columns of a set).
+        """
+        n_sets, size = sets.shape
+        responses = 1 + self.n_columns + np.arange(n_responses)
+        index = np.hstack([np.zeros((n_sets, 1), np.int64), 1 + sets, np.tile(responses, (n_sets, 1))])
+        rows, places = index[:, :, None], index[:, None, :]
+        at, of = range(1, 1 + size), range(1 + size, 1 + size + n_responses)
+        errors = [
+            squared_error(left_out[rows, places], at, of, coefficients(training[rows, places], at, of))
+            for training, left_out in zip(self.training, self.left_out, strict=True)
+        ]
+        return np.array(errors)
 
 
 def response_power(m: Moments) -> Array:

@@ -1,13 +1,13 @@
-"""How far are the channels of a simulation from those of the recordings that drove it; no more than the difference."""
+"""A simulation beside the recordings that drove it: its channels under their names, and how far they are apart."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from selector.recording import Recording
+from selector.recording import Channel, Recording
 from selector.types import Vector
 
 _LEVEL = 1e-9
@@ -48,6 +48,27 @@ class ChannelDifference:
         """‖difference‖ / ‖recorded about its mean‖; None of a level course. It does not depend on where zero is."""
         spread = float(np.std(self.recorded))
         return self.rms / spread if spread > _LEVEL * float(np.abs(self.recorded).max()) else None
+
+
+def as_recorded(simulated: Recording, recording: Recording, names: Mapping[str, str]) -> Recording:
+    """The simulation with the names, places and axes of the recorded channels; others keep theirs.
+
+    `names` is simulated channel → the recorded one that it belongs to.
+    """
+    taken, channels = {*recording.names}, []
+    for own in simulated.channels:
+        if own.name in names:
+            there = recording.channel(names[own.name])
+            place, axis = there.place or own.place, own.axis or there.axis
+            channels.append(Channel(there.name, own.role, own.unit, place, axis, there.xyz_m))
+            continue
+        called = own.name
+        while called in taken:  # a name that the recording uses for something else
+            called += " (simulated)"
+        taken.add(called)
+        channels.append(replace(own, name=called))
+    renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
+    return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
 
 
 def channel_differences(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,26 +15,47 @@ from numpy.typing import NDArray
 from selector.errors import InputError
 
 
-def require_positive(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not above 0; None is allowed."""
-    _require(values, names, lambda value: value > 0, "a number above 0")
+@dataclass(frozen=True)
+class Must:
+    """What a number must be, at its field."""
 
+    expected: str
+    least: float = -math.inf
+    above: bool = False  #: Whether `least` itself is too little
 
-def require_not_negative(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not 0 or more; None is allowed."""
-    _require(values, names, lambda value: value >= 0, "0 or more")
-
-
-def require_finite(values: object, *names: str) -> None:
-    """Raises InputError, naming the first of these fields that is not finite; None is allowed."""
-    _require(values, names, lambda value: True, "a finite number")
-
-
-def _require(values: object, names: Iterable[str], fits: Callable[[float], bool], expected: str) -> None:
-    for name in names:
+    def refuse(self, values: object, name: str) -> None:
+        """Raises InputError, naming the field, if its value is something else; None is allowed."""
         value = getattr(values, name)
-        if value is not None and not (math.isfinite(value) and fits(value)):
-            raise InputError(f"{value:g}", expected=expected, where=name, advice="correct this parameter")
+        if value is None:
+            return
+        if not (math.isfinite(value) and (value > self.least if self.above else value >= self.least)):
+            raise InputError(f"{value:g}", expected=self.expected, where=name, advice="correct this parameter")
+
+
+ABOVE_0 = Must("a number above 0", 0.0, above=True)
+FROM_0 = Must("0 or more", 0.0)
+FINITE = Must("a finite number")
+
+
+class Checked:
+    """A dataclass whose numbers are refused where they are not what their fields say they must be."""
+
+    def __post_init__(self) -> None:
+        own: Any = type(self)
+        for name, must in _musts(own):
+            must.refuse(self, name)
+
+
+@cache
+def _musts(kind: type) -> tuple[tuple[str, Must], ...]:
+    """What the numbers of a class must be; what stands at a field goes before what its type says."""
+    hints = get_type_hints(kind, include_extras=True)
+    told = {
+        name: [one for inside in (hint, *get_args(hint)) for one in getattr(inside, "__metadata__", ())]
+        for name, hint in hints.items()
+    }
+    musts = {name: [one for one in said if isinstance(one, Must)] for name, said in told.items()}
+    return tuple((name, found[-1]) for name, found in musts.items() if found)
 
 
 def keep_arrays(values: object, *names: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import chi2, ncx2
 
+from selector.diagnosis.open_model.runnable import Runnable
 from selector.recording import Recording
 
 Kind = Literal["single", "several", "clean", "miscalibrated", "data", "out-of-catalogue", "undecidable", "decoy"]
@@ -84,6 +85,9 @@ class Case:
     simulation: Recording
     responses: tuple[str, ...]
     truth: Truth
+    #: model and machine: What made the simulation, where it can be run again, and the true machine, for more runs
+    model: Runnable | None = None
+    machine: Any = None
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -40,8 +40,9 @@ class Noise:
             innovations[1:] *= np.sqrt(1.0 - self.phi**2)
             result[first:stop] = self.sd * lfilter([1.0], [1.0, -self.phi], innovations)
         if self.cycle_samples:
-            course = generator.standard_normal(self.cycle_samples)
-            smooth = np.real(np.fft.ifft(np.fft.fft(course) / (1.0 + np.minimum(*_harmonics(self.cycle_samples)))))
+            course, order = generator.standard_normal(self.cycle_samples), np.arange(self.cycle_samples)
+            harmonics = np.minimum(order, self.cycle_samples - order)
+            smooth = np.real(np.fft.ifft(np.fft.fft(course) / (1.0 + harmonics)))
             smooth -= smooth.mean()
             result += self.cycle_sd * (smooth / smooth.std())[self._phase(starts)]
         return result
@@ -73,9 +74,11 @@ class Noise:
         return np.concatenate([np.arange(length) % self.cycle_samples for length in lengths])
 
 
-def _harmonics(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    order = np.arange(n)
-    return order, n - order
+def coloured(colour: str, sd: float, step: float, phi: float = 0.5) -> Noise:
+    """Noise of about this standard deviation: white, ar, heavy-tailed, or quantised in steps above its spread."""
+    if colour == "quantised":
+        return Noise(0.5 * sd, step=1.5 * sd)
+    return Noise(sd, phi if colour == "ar" else 0.0, 3.0 if colour == "heavy-tailed" else None, step)
 
 
 @njit(cache=True, nogil=True)
@@ -135,13 +138,17 @@ def d_prime(
 def unabsorbed(columns: Matrix, nuisances: Matrix, noise: Noise, starts: Sequence[int]) -> Matrix:
     """Whitened columns in the rows of `starts`, with the nuisances projected off; shape (starts[-1], n_columns)."""
     stop = starts[-1]
-    free = np.column_stack([nuisances[:stop], noise.repeated(starts)])
-    lengths = np.linalg.norm(free, axis=0)
-    both = noise.whitened(np.column_stack([free / np.where(lengths > 0.0, lengths, 1.0), columns[:stop]]), starts)
-    basis, values, _ = np.linalg.svd(both[:, : free.shape[1]], full_matrices=False)
-    basis = basis[:, values > 1e-10 * values.max(initial=0.0)]
-    white = both[:, free.shape[1] :]
+    basis = whitened_basis(np.column_stack([nuisances[:stop], noise.repeated(starts)]), noise, starts)
+    white = noise.whitened(columns[:stop], starts)
     return np.asarray(white - basis @ (basis.T @ white))
+
+
+def whitened_basis(free: Matrix, noise: Noise, starts: Sequence[int]) -> Matrix:
+    """An orthonormal basis of these columns, whitened."""
+    lengths = np.linalg.norm(free, axis=0)
+    white = noise.whitened(free / np.where(lengths > 0.0, lengths, 1.0), starts)
+    basis, values, _ = np.linalg.svd(white, full_matrices=False)
+    return np.asarray(basis[:, values > 1e-10 * values.max(initial=0.0)])
 
 
 def scale_for(
@@ -217,10 +224,35 @@ RIVAL_COSINE = 0.85
 """Two effects are not told apart if their cosine is at least this, whitened and without what recalibration absorbs."""
 FAITHFUL_D_PRIME = 2.0
 """A simulation is faithful if what it lacks besides the effect could be detected at most this well."""
+OTHER_AXIS_SHARE, OPPOSED_CORRELATION, UNRELATED_CORRELATION = 0.01, -0.5, 0.6
+"""Limits of the energy in other axes, of the correlation of two axes, and of that with any recorded channel."""
 
 
-def _rms(values: Vector) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+class Shown(NamedTuple):
+    """Courses of a case without their noise, all runs one after the other, which begin at `starts`."""
+
+    effect: Mapping[str, Vector]  #: In every response
+    recorded: Mapping[str, Vector]
+    simulated: Mapping[str, Vector]
+    without: Mapping[str, Vector]  #: What the simulation says where there is no effect
+    noise: Mapping[str, Noise]
+    alone: Mapping[str, float]  #: d′ of every response by itself
+    time_s: Vector
+    starts: Sequence[int]
+
+    @property
+    def stop(self) -> int:
+        """Number of the fitted rows."""
+        return fitted_starts(self.starts)[-1]
+
+    @property
+    def channels(self) -> dict[str, Vector]:
+        """What is recorded beside the responses."""
+        return {name: course for name, course in self.recorded.items() if name not in self.effect}
+
+
+Measure = Callable[[Shown], Concealment]
+"""One way in which an effect is hidden, measured on a case."""
 
 
 def spread_of(noise: Noise) -> float:
@@ -228,70 +260,131 @@ def spread_of(noise: Noise) -> float:
     return float(np.sqrt(noise.sd**2 + noise.cycle_sd**2 + noise.step**2 / 12.0))
 
 
-def below_noise(effect: Mapping[str, Vector], noise: Mapping[str, Noise], starts: Sequence[int]) -> Concealment:
+def below_noise(shown: Shown) -> Concealment:
     """Level of the effect against the noise of one sample in the fitted rows, highest of the responses [dB]."""
-    stop = fitted_starts(starts)[-1]
     levels = []
-    for name, course in effect.items():
-        spread = spread_of(noise[name])
-        centred = course[:stop] - course[:stop].mean()
-        levels.append(20.0 * np.log10(max(_rms(centred), 1e-12 * spread) / spread))
+    for name, course in shown.effect.items():
+        spread = spread_of(shown.noise[name])
+        centred = course[: shown.stop] - course[: shown.stop].mean()
+        levels.append(20.0 * np.log10(max(float(np.sqrt(np.mean(centred**2))), 1e-12 * spread) / spread))
     return Concealment("below the noise of a sample [dB]", max(levels), BELOW_NOISE_DB, max(levels) <= BELOW_NOISE_DB)
 
 
-def absorbed(
-    effect: Mapping[str, Vector],
-    simulated: Mapping[str, Vector],
-    noise: Mapping[str, Noise],
-    time_s: Vector,
-    starts: Sequence[int],
-) -> Concealment:
+def absorbed(shown: Shown) -> Concealment:
     """By which share the effect raises the error of the recalibrated simulation in the fitted rows, most of all."""
-    rows = fitted_starts(starts)
-    stop = rows[-1]
+    rows = fitted_starts(shown.starts)
     rises = []
-    for name, course in effect.items():
-        plain = Noise(spread_of(noise[name]))
-        free = recalibration(simulated[name], time_s, starts)
-        left = unabsorbed(course[:, None], free, plain, rows)
-        rises.append(float(np.sqrt(1.0 + np.sum(left**2) / stop)) - 1.0)
+    for name, course in shown.effect.items():
+        free = recalibration(shown.without[name], shown.time_s, shown.starts)
+        left = unabsorbed(course[:, None], free, Noise(spread_of(shown.noise[name])), rows)
+        rises.append(float(np.sqrt(1.0 + np.sum(left**2) / rows[-1])) - 1.0)
     return Concealment("absorbed: rise of the error", max(rises), ERROR_RISE, max(rises) <= ERROR_RISE)
 
 
-def rare(effect: Mapping[str, Vector], starts: Sequence[int]) -> Concealment:
+def rare(shown: Shown) -> Concealment:
     """Share of the fitted time in which a response has more than a third of the effect's largest value there."""
-    stop = fitted_starts(starts)[-1]
-    shares = [
-        float(np.mean(np.abs(course[:stop]) > np.abs(course[:stop]).max() / 3.0))
-        for course in effect.values()
-        if np.any(course[:stop])
-    ]
+    courses = [np.abs(course[: shown.stop]) for course in shown.effect.values()]
+    shares = [float(np.mean(course > course.max() / 3.0)) for course in courses if np.any(course)]
     share = min(shares, default=0.0)
     return Concealment("rare: share of the time", share, RARE_SHARE, share <= RARE_SHARE)
 
 
-def like_known(
-    effect: Mapping[str, Vector], known: Mapping[str, Vector], response: str, starts: Sequence[int]
-) -> Concealment:
+def like_known(response: str) -> Measure:
     """Largest cosine of the effect in a response with a known course (both from their mean), in the fitted rows."""
-    stop = fitted_starts(starts)[-1]
-    course = effect[response][:stop] - effect[response][:stop].mean()
-    best, which = 0.0, ""
-    for name, other in known.items():
-        part = other[:stop] - other[:stop].mean()
-        size = float(np.linalg.norm(part) * np.linalg.norm(course))
-        cosine = abs(float(part @ course)) / size if size > 0.0 else 0.0
-        if cosine > best:
-            best, which = cosine, name
-    return Concealment(f"confounded with {which}: cosine", best, LIKE_COSINE, best >= LIKE_COSINE)
+
+    def measured(shown: Shown) -> Concealment:
+        known = {f"simulated {name}": course for name, course in shown.without.items()} | shown.channels
+        course = shown.effect[response][: shown.stop] - shown.effect[response][: shown.stop].mean()
+        best, which = 0.0, ""
+        for name, other in known.items():
+            part = other[: shown.stop] - other[: shown.stop].mean()
+            size = float(np.linalg.norm(part) * np.linalg.norm(course))
+            cosine = abs(float(part @ course)) / size if size > 0.0 else 0.0
+            if cosine > best:
+                best, which = cosine, name
+        return Concealment(f"confounded with {which}: cosine", best, LIKE_COSINE, best >= LIKE_COSINE)
+
+    return measured
 
 
-def ruled_out(strength: Mapping[str, float], response: str) -> Concealment:
-    """Share of d′² that the effect has in a response; `strength` is d′ of every response by itself."""
-    total = sum(value**2 for value in strength.values())
-    share = strength[response] ** 2 / total if total > 0.0 else 0.0
-    kind = f"ruled out by the loop: share of d′² in {response}"
-    return Concealment(kind, share, RULED_OUT_SHARE, share <= RULED_OUT_SHARE)
+def ruled_out(response: str) -> Measure:
+    """Share of d′² that the effect has in a response."""
+
+    def measured(shown: Shown) -> Concealment:
+        total = sum(value**2 for value in shown.alone.values())
+        share = shown.alone[response] ** 2 / total if total > 0.0 else 0.0
+        kind = f"ruled out by the loop: share of d′² in {response}"
+        return Concealment(kind, share, RULED_OUT_SHARE, share <= RULED_OUT_SHARE)
+
+    return measured
+
+
+def one_axis(axis: str) -> Measure:
+    """Share of the effect's energy, in units of the noise, in the other responses."""
+
+    def measured(shown: Shown) -> Concealment:
+        courses = {name: course[: shown.stop] / shown.noise[name].sd for name, course in shown.effect.items()}
+        energy = {name: float(np.sum(course**2)) for name, course in courses.items()}
+        share = 1.0 - energy[axis] / sum(energy.values())
+        return Concealment(f"only in {axis}: share elsewhere", share, OTHER_AXIS_SHARE, share <= OTHER_AXIS_SHARE)
+
+    return measured
+
+
+def opposed(shown: Shown) -> Concealment:
+    """Correlation of the effect in Z with that in Y."""
+    found = _correlation(shown.effect["Z"][: shown.stop], shown.effect["Y"][: shown.stop])
+    return Concealment("opposed signs: correlation", found, OPPOSED_CORRELATION, found <= OPPOSED_CORRELATION)
+
+
+def like_in_first_run(shown: Shown) -> Concealment:
+    """Largest correlation of the effect, in the first run, with the simulation."""
+    rows, known = slice(*shown.starts[:2]), shown.simulated.values()
+    found = max(abs(_correlation(course[rows], other[rows])) for course in shown.effect.values() for other in known)
+    kind = "confounded with the simulation in the first run: cosine"
+    return Concealment(kind, found, LIKE_COSINE, found >= LIKE_COSINE)
+
+
+def unrelated(shown: Shown) -> Concealment:
+    """Largest correlation of the effect with any recorded channel in the fitted rows, offset and gain off both."""
+    stop = shown.stop
+    others = np.column_stack([course[:stop] for course in shown.channels.values()])
+    found = 0.0
+    for name, course in shown.effect.items():
+        if np.any(course[:stop]):
+            free = np.column_stack([np.ones(stop), shown.simulated[name][:stop]])
+            both = np.column_stack([course[:stop], others])
+            left = both - free @ np.linalg.lstsq(free, both, rcond=None)[0]
+            sizes = np.linalg.norm(left, axis=0)
+            seen = sizes[1:] > 1e-9 * np.linalg.norm(others, axis=0)
+            found = max(found, float(np.max(np.abs(left[:, 0] @ left[:, 1:])[seen] / (sizes[0] * sizes[1:][seen]))))
+    return Concealment(
+        "unrelated to channels: correlation", found, UNRELATED_CORRELATION, found <= UNRELATED_CORRELATION
+    )
+
+
+def seldom(channel: str, above: float = 0.0) -> Measure:
+    """Share of the fitted time in which a recorded channel is above this share of its largest value."""
+
+    def measured(shown: Shown) -> Concealment:
+        fitted = shown.recorded[channel][: shown.stop]
+        share = float(np.mean(fitted > above * float(fitted.max())))
+        return Concealment(f"rare: share of the time with {channel}", share, RARE_SHARE, 0.0 < share <= RARE_SHARE)
+
+    return measured
+
+
+def cold_spells(shown: Shown) -> Concealment:
+    """Share of the fitted time in which the hall is 2 K below its median of the run."""
+    halls = [shown.recorded["Tamb"][a:b] for a, b in pairwise(fitted_starts(shown.starts))]
+    share = float(np.mean(np.concatenate([hall < np.median(hall) - 2.0 for hall in halls])))
+    return Concealment("rare: share of the time with a cold hall", share, RARE_SHARE, 0.0 < share <= RARE_SHARE)
+
+
+def _correlation(first: Vector, second: Vector) -> float:
+    a, b = first - first.mean(), second - second.mean()
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) / size if size > 0.0 else 0.0
 
 
 def like_rival(cosine: float) -> Concealment:
@@ -302,6 +395,15 @@ def like_rival(cosine: float) -> Concealment:
 def faithful(d_prime: float) -> Concealment:
     """How well an oracle could detect what the simulation lacks besides the effect."""
     return Concealment("simulation true but for the effect: d′", d_prime, FAITHFUL_D_PRIME, d_prime <= FAITHFUL_D_PRIME)
+
+
+_WAYS: Mapping[str, Measure] = {"small": below_noise, "absorbed": absorbed, "rare": rare}
+"""Those that a plan says by a word."""
+
+
+def concealed(how: str | Measure, shown: Shown) -> Concealment:
+    """How well an effect is hidden in a way that a plan says."""
+    return (_WAYS[how] if isinstance(how, str) else how)(shown)
 
 
 def stacked(parts: Sequence[Vector]) -> tuple[Vector, tuple[int, ...]]:

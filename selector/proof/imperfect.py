@@ -8,7 +8,7 @@ over the response and its memories (random features: A. Rahimi, B. Recht, NIPS 2
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -17,6 +17,7 @@ import pandas as pd
 from scipy.signal import lfilter
 
 from selector.proof.case import Case, Scenario, Truth
+from selector.proof.scenarios import scenarios
 from selector.recording import Recording
 from selector.types import Vector
 
@@ -82,12 +83,16 @@ def _unevenly(case: Case, generator: np.random.Generator) -> Case:
 
 
 def _changed(
-    base: Callable[[], Scenario], name: str, change: Callable[[Case, np.random.Generator], Case], *, is_clean: bool
+    base: Callable[[], Sequence[Scenario]],
+    name: str,
+    change: Callable[[Case, np.random.Generator], Case],
+    *,
+    is_clean: bool,
 ) -> Scenario:
     """A scenario whose cases are those of another one, changed."""
 
     def build(seed: int, d_prime: float | None) -> Case:
-        case = base().build(seed, d_prime)
+        case = base()[0].build(seed, d_prime)
         generator = np.random.default_rng([seed, zlib.crc32(name.encode())])
         verdicts = _NO_NAME if is_clean else (*case.truth.verdicts, "unexplained")
         truth = Truth(verdicts, case.truth.effects, case.truth.tolerated, case.truth.d_prime)
@@ -96,17 +101,11 @@ def _changed(
     return Scenario(name, "imperfect", "clean" if is_clean else "single", build, has_strength=not is_clean)
 
 
-def _of(name: str) -> Scenario:
-    # the other families are imported when a case is built: they are found through the same table
-    from selector.proof.scenarios import scenarios
-
-    return scenarios((), (name,))[0]
-
-
 def _all() -> Iterator[Scenario]:
     for bases, is_clean in ((_CLEAN, True), (_WITH_EFFECT, False)):
         for name in bases:
-            base = partial(_of, name)
+            # the other families are imported when a case is built
+            base = partial(scenarios, (), (name,))
             for share in SHARES:
                 change = partial(_with_misfit, share=share)
                 yield _changed(base, f"misfit {share:.1%}: {name}", change, is_clean=is_clean)

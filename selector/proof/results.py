@@ -47,11 +47,6 @@ def by_answerer(outcomes: Sequence[Outcome]) -> dict[str, tuple[Outcome, ...]]:
     return {name: tuple(one for one in outcomes if one.answerer == name) for name in names}
 
 
-def tables(outcomes: Sequence[Outcome]) -> dict[str, tuple[Row, ...]]:
-    """Answerer → score table."""
-    return {name: score_table(scores(part)) for name, part in by_answerer(outcomes).items()}
-
-
 def score_object(outcomes: Sequence[Outcome], *, is_exam: bool) -> dict[str, Any]:
     """The JSON of ``selector.proof/1``: scores, rivals, confusion, power, calibration, failures, hashes."""
     parts = by_answerer(outcomes)

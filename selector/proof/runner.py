@@ -177,13 +177,22 @@ def _case(number: int, question: Question, answerers: Sequence[Answerer]) -> tup
 def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> Outcome:
     started = time.perf_counter()
     try:
-        said = stated(answerer.answer(_blind(case), question.seed))
+        said = stated(_answer(case, answerer, question.seed))
     except Exception as error:
         said = Stated(FAILED, error=_text(error))
     seconds = time.perf_counter() - started
     verdict = judged(said, case.truth, spans(case.recording))
     about = (case.name, case.family, case.kind, question.d_prime, question.seed)
     return Outcome(*about, answerer.name, case.truth, said, verdict, seconds, seal, case.responses)
+
+
+def _answer(case: Case, answerer: Answerer, seed: int) -> Mapping[str, Any]:
+    """A model that can be run again is given to this program; others see what it simulates as it is."""
+    if case.model is None or answerer.name != TOOL:
+        return answerer.answer(_blind(case), seed)
+    from selector.diagnosis.open_model.modelled import diagnosis_of_model
+
+    return diagnosis_of_model(case.model, case.recording, responses=case.responses, seed=seed).answer.as_dict()
 
 
 def _blind(case: Case) -> Comparison:

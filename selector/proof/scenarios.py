@@ -11,7 +11,7 @@ import selector.proof as proof
 from selector.errors import OptionError
 from selector.proof.case import Scenario
 
-FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data", "imperfect", "real")
+FAMILIES = ("thermal", "drive", "vibration", "gauging", "flow", "data", "imperfect", "open_model", "real")
 
 
 def scenarios(

@@ -252,15 +252,8 @@ class Row:
 
 def score_table(measured: Mapping[str, Measured]) -> tuple[Row, ...]:
     """The rows in order, judged against first bar and goal."""
-    return tuple(
-        Row(
-            score,
-            measured[score.key],
-            _meets(score, score.bar, measured[score.key]),
-            _meets(score, score.goal, measured[score.key]),
-        )
-        for score in ROWS
-    )
+    known = [(score, measured[score.key]) for score in ROWS]
+    return tuple(Row(score, one, _meets(score, score.bar, one), _meets(score, score.goal, one)) for score, one in known)
 
 
 def _meets(score: Score, limit: float | None, measured: Measured) -> bool | None:

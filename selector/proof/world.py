@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,18 @@ from numpy.typing import NDArray
 
 from selector.proof import concealment
 from selector.proof.case import Case, Concealment, Kind, Scenario, TrueEffect, Truth
-from selector.proof.concealment import Noise, fitted_starts, held_out_errors, recalibration, scale_for, split, stacked
+from selector.proof.concealment import (
+    Measure,
+    Noise,
+    Shown,
+    fitted_starts,
+    held_out_errors,
+    recalibration,
+    scale_for,
+    split,
+    stacked,
+    whitened_basis,
+)
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -24,19 +35,12 @@ HIDDEN_FACTOR = 4.0
 
 
 _DRAWS = 4
-
-
-class Shown(NamedTuple):
-    """Courses of a case without their noise, all runs one after the other, which begin at `starts`."""
-
-    effect: Courses
-    recorded: Courses
-    simulated: Courses
-    noise: Mapping[str, Noise]
-    starts: Sequence[int]
-
-
-Measure = Callable[[Shown], Concealment]
+_VERDICTS: Mapping[Kind, str] = {
+    "clean": "nothing-missing",
+    "miscalibrated": "miscalibrated",
+    "data": "data-fault",
+    "out-of-catalogue": "unexplained",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,26 +73,37 @@ class World:
 class Plan:
     """What a scenario says of its cases: name, family, kind, right verdicts, how it is hidden.
 
-    `hidden` names the numbers that are to hold: ``"small"``, ``"absorbed"``, ``"rare"``, ``"ruled out in E"``,
-    ``"like E"`` (the effect in that response against the simulation and the recorded channels). `factor` multiplies
-    the wanted d′; `size` is that of an effect whose strength is not chosen, since recalibration takes in all of it.
-    `lost` is the share of rows that were never written. `measures` are further ways to be hidden.
+    `hidden` says which numbers are to hold: ``"small"``, ``"absorbed"``, ``"rare"``, or what measures one, such as
+    `selector.proof.concealment.ruled_out` in a response. `size` is that of an effect whose strength is not chosen,
+    since recalibration takes in all of it.
+    `lost` is the share of rows that were never written.
     """
 
     name: str
     family: str
     kind: Kind
-    verdicts: tuple[str, ...] = ("missing-physics",)
-    hidden: tuple[str, ...] = ()
+    verdicts: tuple[str, ...] = ()  #: Empty = that of the kind
+    hidden: tuple[str | Measure, ...] = ()
     tolerated: tuple[str, ...] = ()
-    factor: float = 1.0
     size: float = 0.0
     lost: float = 0.0
     note: str = ""
-    measures: tuple[Measure, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.verdicts:
+            object.__setattr__(self, "verdicts", (_VERDICTS.get(self.kind, "missing-physics"),))
+
+    @property
+    def factor(self) -> float:
+        """By what the wanted d′ is multiplied."""
+        return HIDDEN_FACTOR if self.kind == "out-of-catalogue" else 1.0
 
 
-def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_strength: bool = True) -> Scenario:
+Made = Callable[[np.random.Generator], World]
+"""A world with what the generator draws."""
+
+
+def scenario(plan: Plan, made: Made) -> Scenario:
     """A scenario of worlds that are made from a seed; every name draws other worlds from the same seed.
 
     A world in which the effect is not hidden as the plan says, or cannot be of the wanted strength, is drawn anew, a
@@ -100,7 +115,7 @@ def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_s
         for draw in range(_DRAWS):
             generator = _generator(plan, seed, draw)
             try:
-                case = case_of(world(generator), plan, generator, wanted)
+                case = case_of(made(generator), plan, generator, wanted)
             except ValueError:
                 if case is None and draw == _DRAWS - 1:
                     raise
@@ -110,6 +125,7 @@ def scenario(plan: Plan, world: Callable[[np.random.Generator], World], *, has_s
         assert case is not None
         return case
 
+    has_strength = plan.kind not in ("clean", "miscalibrated") and not plan.size
     return Scenario(plan.name, plan.family, plan.kind, build, plan.note, has_strength=has_strength)
 
 
@@ -117,27 +133,110 @@ def _generator(plan: Plan, seed: int, draw: int) -> np.random.Generator:
     return np.random.default_rng([seed, draw, *plan.name.encode()])
 
 
-def twin(plan: Plan, world: Callable[[np.random.Generator], World]) -> Scenario:
+def twin(plan: Plan, made: Made) -> Scenario:
     """The clean twin of a scenario: the same machines, programmes and noise, the effect off."""
 
     def build(seed: int, wanted: float | None) -> Case:
         generator = _generator(plan, seed, 0)
-        case = case_of(world(generator), plan, generator, 0.0)
-        return replace(case, name=name, kind="clean")
+        return replace(case_of(made(generator), plan, generator, 0.0), name=name, kind="clean")
 
     name = f"clean.{plan.family}/off {plan.name.partition('.')[2]}"
     note = f"Twin of {plan.name} with the effect off."
     return Scenario(name, plan.family, "clean", build, note, has_strength=False)
 
 
-def scenarios_of(
-    cases: Sequence[tuple[Plan, Callable[[np.random.Generator], World]]], *twins: str
-) -> tuple[Scenario, ...]:
+def scenarios_of(cases: Iterable[tuple[Plan, Made]], *twins: str) -> tuple[Scenario, ...]:
     """The scenarios of plans with their worlds, and the clean twins of those with these names."""
-    return (
-        *(scenario(plan, made, has_strength=plan.kind != "clean" and not plan.size) for plan, made in cases),
-        *(twin(*case) for case in cases if case[0].name in twins),
-    )
+    known = list(cases)
+    return (*(scenario(*case) for case in known), *(twin(*case) for case in known if case[0].name in twins))
+
+
+Change = Callable[[Any, float], Any]
+"""(machine, size) → the machine with the effect; called with size > 0 only."""
+Prepared = Callable[[Any, np.random.Generator], Mapping[str, Any]]
+"""(bench, generator) → arguments of the world that depend on the machine."""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """One machine on its bench, and what it does that its simulation does not; families derive from it."""
+
+    plan: Plan
+    id: str  #: Of the effect; empty = none
+    change: Change | None = None
+    bench: Mapping[str, Any] = field(default_factory=dict)  #: How the bench is drawn
+    start: Mapping[str, float] = field(default_factory=dict)  #: Parameters that are set whatever was drawn
+    world: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of the world
+    #: accept, channels and place: Of the true effect; the id alone is right unless told
+    accept: tuple[str, ...] = ()
+    channels: tuple[str, ...] = ()
+    place: str | None = None
+    #: Further arguments of the world; ``"true"`` among them replaces `change`, ``"windows"`` says when the effect acts.
+    #: Of several effects ``"lacking"`` has the arguments that are otherwise where the first one is lacking, the second
+    #: one, ….
+    prepared: Prepared | None = None
+    rival: Prepared | None = None  #: The arguments of another effect that this record does not tell from it
+
+    family: ClassVar[str]
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        change: Change | None = None,
+        bench: Mapping[str, Any] | None = None,
+        start: Mapping[str, float] | None = None,
+        *,
+        hidden: Sequence[str | Measure] | None = None,
+        first: float = 1.0,
+        world: Mapping[str, Any] | None = None,
+        **rest: Any,
+    ) -> Self:
+        """The effect before the slash of the name is missing, unless told otherwise; `rest` is of `Plan` or this.
+
+        A single effect is hidden by being small, unless `hidden` says how.
+        """
+        told = {"kind": "single"} | {key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__}
+        ways = hidden if hidden is not None else ("small",) if told["kind"] == "single" else ()
+        plan = Plan(name, cls.family, hidden=tuple(ways), **told)
+        arguments = {"first": first, **(world or {})}
+        return cls(plan, rest.pop("id", name.partition("/")[0]), change, bench or {}, start or {}, arguments, **rest)
+
+    @property
+    def case(self) -> tuple[Plan, Made]:
+        """For `scenarios_of`."""
+        return self.plan, self.made
+
+    def drawn(self, generator: np.random.Generator) -> Any:
+        """The bench with its `machine`, without the effect."""
+        raise NotImplementedError
+
+    def world_of(self, bench: Any, **more: Any) -> World:
+        """What is recorded and simulated on this bench."""
+        raise NotImplementedError
+
+    def made(self, generator: np.random.Generator) -> World:
+        """The world of this scenario with what the generator draws."""
+        drawn, change = self.drawn(generator), self.change
+        start = drawn.machine
+        arguments: dict[str, Any] = {
+            "true": lambda size: change(start, size) if change is not None and size else start,
+            **self.world,
+            **(self.prepared(drawn, generator) if self.prepared is not None else {}),
+        }
+        windows, lacking = arguments.pop("windows", ()), arguments.pop("lacking", ())
+        effect = TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place, windows)
+        arguments.setdefault("effects", lambda size: (effect,) if self.id else ())
+        if self.rival is not None:
+            other = {**arguments, **self.rival(drawn, generator)}
+            arguments["rival"] = self.world_of(drawn, **{key: other[key] for key in other if key != "windows"})
+        without = tuple(self.world_of(drawn, **{**arguments, **other}) for other in lacking)
+        return replace(self.world_of(drawn, **arguments), lacking=without)
+
+
+def plus(name: str, unit: float = 1.0) -> Change:
+    """The change that adds size × `unit` to a parameter of the machine."""
+    return lambda machine, size: machine._replace(**{name: getattr(machine, name) + size * unit})
 
 
 class _Seen:
@@ -218,10 +317,7 @@ class _Strength:
             free = free - even @ (even.T @ free)
         else:
             even, free = np.empty((stop, 0)), np.column_stack([free, repeated])
-        lengths = np.linalg.norm(free, axis=0)
-        free = noise.whitened(free / np.where(lengths > 0.0, lengths, 1.0), self._rows)
-        basis, values, _ = np.linalg.svd(free, full_matrices=False)
-        return np.column_stack([even, basis[:, values > 1e-10 * values.max(initial=0.0)]])
+        return np.column_stack([even, whitened_basis(free, noise, self._rows)])
 
 
 def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: float | None) -> Case:
@@ -260,23 +356,24 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         )
         for name in world.responses
     }
-    whole = replace(plan, kind="clean", verdicts=("nothing-missing",), tolerated=()) if wanted == 0.0 else plan
+    whole = replace(plan, kind="clean", verdicts=(), tolerated=()) if wanted == 0.0 else plan
     concealed: tuple[Concealment, ...] = (concealment.faithful(strength.detected(strength.off.missing)),)
     truth = Truth(whole.verdicts, (), whole.tolerated, None, concealed, held_out)
     if size:
         alone = {name: strength.detected({name: course}) for name, course in courses.items()}
-        concealed += tuple(_hidden(kind, strength, now, courses, alone) for kind in plan.hidden)
-        seen = Shown(courses, now.recorded, now.simulated, world.noise, starts)
+        without, time_s = strength.off.simulated, strength.time_s
+        seen = Shown(courses, now.recorded, now.simulated, without, world.noise, alone, time_s, starts)
+        concealed += tuple(concealment.concealed(how, seen) for how in plan.hidden)
         if world.rival is not None:
             concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
-        concealed += tuple(measure(seen) for measure in plan.measures)
         truth = replace(truth, effects=world.effects(size), d_prime=strength.weakest(size), concealed=concealed)
+    said = [channel for channel in world.channels if channel.name in now.simulation]
     return Case(
         whole.name,
         whole.family,
         whole.kind,
-        _recording(world, readings, [~part for part in split(lost, starts)]),
-        _simulation(world, now.simulation),
+        _recording(world.channels, world.time_s, readings, [~part for part in split(lost, starts)]),
+        _recording(said, world.simulation_time_s, now.simulation),
         world.responses,
         truth,
     )
@@ -321,36 +418,13 @@ def size_with(world: World, wanted: float) -> float:
     return _size_for(wanted, _Strength(world), world.first)
 
 
-def _hidden(kind: str, strength: _Strength, now: _Seen, courses: Courses, alone: Mapping[str, float]) -> Concealment:
-    world = strength.world
-    word, _, response = kind.rpartition(" ")
-    if kind == "small":
-        return concealment.below_noise(courses, world.noise, strength.starts)
-    if kind == "absorbed":
-        return concealment.absorbed(courses, strength.off.simulated, world.noise, strength.time_s, strength.starts)
-    if kind == "rare":
-        return concealment.rare(courses, strength.starts)
-    if word == "ruled out in":
-        return concealment.ruled_out(alone, response)
-    if word == "like":
-        known = {f"simulated {name}": course for name, course in strength.off.simulated.items()}
-        known |= {name: course for name, course in now.recorded.items() if name not in world.responses}
-        return concealment.like_known(courses, known, response, strength.starts)
-    raise ValueError(f"concealment {kind!r}")
-
-
-def _recording(world: World, readings: Runs, kept: Sequence[NDArray[np.bool_]]) -> Recording:
+def _recording(
+    channels: Sequence[Channel], times: Mapping[str, Vector], courses: Runs, kept: Sequence[NDArray[np.bool_]] = ()
+) -> Recording:
+    """Courses of these channels as a recording; `kept` are the rows of every run, empty = all."""
     frames = {}
-    for k, (run, time) in enumerate(world.time_s.items()):
-        table = {channel.name: readings[channel.name][k][kept[k]] for channel in world.channels}
-        frames[run] = pd.DataFrame(table, index=pd.Index(time[kept[k]], name="time_s"))
-    return Recording.from_runs(frames, world.channels)
-
-
-def _simulation(world: World, courses: Runs) -> Recording:
-    channels = [channel for channel in world.channels if channel.name in courses]
-    frames = {}
-    for k, (run, time) in enumerate(world.simulation_time_s.items()):
-        table = {channel.name: courses[channel.name][k] for channel in channels}
-        frames[run] = pd.DataFrame(table, index=pd.Index(time, name="time_s"))
+    for k, (run, time) in enumerate(times.items()):
+        rows = kept[k] if kept else slice(None)
+        table = {channel.name: courses[channel.name][k][rows] for channel in channels}
+        frames[run] = pd.DataFrame(table, index=pd.Index(time[rows], name="time_s"))
     return Recording.from_runs(frames, channels)

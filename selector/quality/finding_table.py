@@ -36,7 +36,7 @@ same-file-twice [warning] two runs are the same file
     → give every recording once
 saturated [warning, error] a channel is pinned at the end of its range
     → The sensor or its input is at the end of its range: choose a wider range. The stretch is left out.
-stuck [warning, error] a channel is frozen at one value although it has noise elsewhere, or its siblings move
+stuck [warning, error] a channel is frozen at one value although it has noise elsewhere, or the sensors near it move
     → Check the sensor, its cable and the logger. The stretch is left out.
 clock-jump [warning] the clock of a run leaps forward: no reading moves as if that time had passed, or by a whole hour
     or day
@@ -53,7 +53,7 @@ spike [warning] a channel has short outliers
     → Look for interference or a loose contact.
 step [info, warning, error] a channel steps and stays there, as when a sensor or a gauge slips
     → Look for a sensor or gauge that slipped or was touched.
-drifts-from-group [warning, error] a channel leaves the relation that it has to its siblings, for good
+drifts-from-group [warning, error] a channel no longer moves with the sensors that it moved with, for good
     → Check whether the sensor came off or ages.
 wrong-unit [warning, error] a channel's values look like those of another unit
     → Correct the unit in the machine file, for all runs or for that run.

@@ -271,27 +271,31 @@ def spikes(survey: Survey) -> Iterator[Finding]:
 def steps(survey: Survey) -> Iterator[Finding]:
     """Findings ``step``: the level shifts between two samples and stays. O(samples).
 
-    It is a fault when nothing else happens then. It is not when a command changes that goes with jumps of this
-    channel elsewhere too, when another channel jumps with it, or when the channel jumps up and down again and again.
-    It is in doubt when another channel changes its course just then, when it goes up and down once, or when it is a
-    displacement and no spindle speed is recorded: then it is a warning, and nothing is left out.
+    It is a fault when nothing else happens then. It is not worth a word when a command changes that goes with jumps of
+    this channel elsewhere too. It is no fault when another channel jumps with it, or when the channel jumps up and
+    down again and again. It is in doubt when another channel changes its course just then, when it goes up and down
+    once, or when it is a displacement and no spindle speed is recorded: then it is a warning, and nothing is left out.
     """
     speed_known = bool(survey.columns("spindle_speed"))
     for column in survey.columns(*MEASURED_ROLES):
-        found: list[tuple[Series, Jump, str]] = []
+        found: list[tuple[Series, Jump, str, str]] = []
         for run in survey.runs:
             series = survey.series(run, column)
             sharp = sharp_differences(series, survey)
             for jump in _level_shifts(series, sharp, survey.scale(run, column).noise):
-                found.append((series, jump, _cause(survey, series, jump)))
+                moment_s = (float(series.time_s[jump.at]), jump.time_s)
+                command = commanded(survey, column, run, moment_s, jump.height)
+                found.append((series, jump, command, command or _company(survey, series, jump, moment_s)))
         role = survey.channels[column].role
         # a displacement may jump with every change of speed and slip once; a thin sensor jumps by its nature
-        own = [jump for _, jump, cause in found if not (cause and role == "displacement")]
+        own = [jump for _, jump, _, cause in found if not (cause and role == "displacement")]
         ups, downs = sum(jump.height > 0 for jump in own), sum(jump.height < 0 for jump in own)
         switching = min(ups, downs) >= 1 and ups + downs >= 3 and max(ups, downs) <= 4 * min(ups, downs)
         lawful: dict[tuple[str, str], list[Jump]] = {}
         alone = []
-        for series, jump, cause in found:
+        for series, jump, command, cause in found:
+            if command:
+                continue
             if cause or switching:
                 said = cause or "it jumps up and down repeatedly"
                 lawful.setdefault((series.run, said), []).append(jump)
@@ -306,13 +310,8 @@ def steps(survey: Survey) -> Iterator[Finding]:
         yield from _faults(survey, column, alone, doubt)
 
 
-def _cause(survey: Survey, series: Series, jump: Jump) -> str:
-    """What else happens at a jump, in words; empty if nothing does."""
-    moment_s = (float(series.time_s[jump.at]), jump.time_s)
-    cause = commanded(survey, series.column, series.run, moment_s, jump.height)
-    if cause:
-        return cause
-    # the other measured channels that jump at this moment
+def _company(survey: Survey, series: Series, jump: Jump, moment_s: tuple[float, float]) -> str:
+    """The other measured channels that jump at this moment, or the bend there, in words; empty if nothing is."""
     first, last = _rows_near(survey, series.run, moment_s, _NEAR_PERIODS)
     together = [
         survey.channels[other].name

@@ -98,6 +98,13 @@ def _nothing_there(path: Path) -> ReadError:
             where=str(path)[:300],
             advice="write the recording into a file and name that",
         )
+    if path.is_symlink():
+        return ReadError(
+            f"a link to {str(path.readlink())[:200]}, which leads to no file",
+            expected="a recording, or a link to one",
+            where=str(path)[:300],
+            advice="name the recording itself, or mend the link",
+        )
     try:
         near = closest(path.name, [p.name for p in path.parent.iterdir()]) if path.parent.is_dir() else None
     except OSError:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.design import Form, time_constant_grid
-from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, within_one_standard_error
+from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, HeldOut, within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms, sparse_forms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
@@ -51,6 +51,7 @@ class Choice:
     trial: Trial
     by_size: dict[int, Trial]
     trials: tuple[Trial, ...]
+    eligible: tuple[Trial, ...]  #: Of these, what the plan allows
 
     @property
     def alike(self) -> tuple[Trial, ...]:
@@ -68,6 +69,9 @@ class Choice:
 Offer = Literal["linear", "polynomial", "memory"]
 """How rich a model may be; each offer holds all that come before it."""
 
+Plan = tuple[Offer, int]
+"""An offer, and the most sensors that a set may have."""
+
 
 @dataclass(frozen=True)
 class Tested:
@@ -81,10 +85,18 @@ class Tested:
         """The same with another target."""
         return replace(self, question=replace(self.question, options=replace(self.question.options, target=target_um)))
 
-    def choice(self, offer: Offer) -> Choice:
-        """The cheapest of the good trials that an offer allows."""
-        allowed = tuple(trial for trial in self.trials if _allows(offer, trial.shape))
-        return Choice(_best(self.question, allowed, self.bench), best_by_size(allowed), allowed)
+    def choice(self, plan: Plan) -> Choice:
+        """The cheapest of the good trials that a plan allows."""
+        allowed, eligible = self._allowed((plan[0], self.question.options.max_sensors)), self._allowed(plan)
+        return Choice(_best(self.question, eligible, self.bench), best_by_size(allowed), allowed, eligible)
+
+    def has(self, plan: Plan) -> bool:
+        """Whether there is a trial that a plan allows."""
+        return bool(self._allowed(plan))
+
+    def _allowed(self, plan: Plan) -> tuple[Trial, ...]:
+        offer, most = plan
+        return tuple(one for one in self.trials if len(one.set.sensors) <= most and _allows(offer, one.shape))
 
 
 def offers(question: Question) -> tuple[Offer, ...]:
@@ -98,6 +110,15 @@ def offers(question: Question) -> tuple[Offer, ...]:
     if options.memory:
         found.append("memory")
     return tuple(found)
+
+
+def plans(question: Question) -> tuple[Plan, ...]:
+    """The offers with every largest number of sensors; where another rule is asked for, with all that are allowed."""
+    options = question.options
+    rules = (options.level, options.tolerance, options.within, options.target, options.formula)
+    bounded = any(rule is not None for rule in rules)
+    sizes = [max(options.max_sensors, len(question.needed))] if bounded else range(1, options.max_sensors + 1)
+    return tuple((offer, most) for offer in offers(question) for most in sizes)
 
 
 def _allows(offer: Offer, shape: Shape) -> bool:
@@ -150,8 +171,8 @@ def tested(
         if search and _searchable(found) and (shape.form.interactions or shape.form.degree > 1 or shape.has_memory):
             for sensors in sets_with_terms(question, bench, pool, shape):
                 origin.setdefault(sensors, SensorSet(sensors, "representatives"))
-        new = [(sensors, shape) for sensors in (among or origin) if (sensors, shape) not in trials]
-        for trial in _trials(question, bench, new, origin):
+        new = [sensors for sensors in among or origin if (sensors, shape) not in trials]
+        for trial in _trials(question, bench, shape, new, origin):
             trials[(trial.set.sensors, trial.shape)] = trial
 
     for shape in static:
@@ -233,39 +254,47 @@ def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.fl
     if options.within is not None:
         return [trial for trial in trials if (trial.rmse_um - best.rmse_um <= options.within).all()]
     as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
-    noise, most = np.array(question.noise_um), best.error * (1.0 + MOST_ABOVE_BEST)
+    most = best.error * (1.0 + MOST_ABOVE_BEST)
     return [
         trial
         for trial, is_good in zip(trials, as_good, strict=True)
-        if is_good or (trial.error <= most and (trial.rmse_um - best.rmse_um <= noise).all())
+        if is_good or (trial.error <= most and is_within_noise(question, trial, best))
     ]
+
+
+def is_within_noise(question: Question, trial: Trial, best: Trial) -> bool:
+    """Whether a set errs more than the best by less than the noise of the gauge adds, for every response."""
+    return bool((trial.rmse_um**2 - best.rmse_um**2 <= np.square(question.noise_um)).all())
 
 
 def _trials(
     question: Question,
     bench: Bench,
-    tests: Sequence[tuple[tuple[str, ...], Shape]],
+    shape: Shape,
+    sets: Sequence[tuple[str, ...]],
     origin: dict[tuple[str, ...], SensorSet],
-) -> list[Trial]:
+) -> Iterator[Trial]:
     share = bench.samples / bench.samples.sum()
-    trials = []
-    for sensors, shape in tests:
-        if shape.has_memory and bench.largest_vif(sensors, shape) > MAX_VIF:
-            continue
-        held_out = bench.held_out(sensors, shape)
-        errors = bench.relative(held_out)
-        trials.append(
-            Trial(
+    by_size: dict[int, list[tuple[tuple[str, ...], list[int]]]] = {}
+    for sensors in sets:
+        columns = bench.library.columns(sensors, shape)
+        by_size.setdefault(len(columns), []).append((sensors, columns))
+    for n_terms, alike in by_size.items():
+        at = np.array([columns for _, columns in alike], dtype=np.int64)
+        kept = bench.largest_vifs(at) <= MAX_VIF if shape.has_memory else np.ones(len(at), dtype=np.bool_)
+        sse = bench.leave_one_out.errors_of(at[kept], len(question.responses))
+        for i, k in enumerate(np.flatnonzero(kept)):
+            sensors, held_out = alike[k][0], HeldOut(sse[:, i], bench.samples)
+            errors = bench.relative(held_out)
+            yield Trial(
                 origin[sensors],
                 shape,
-                len(bench.library.columns(sensors, shape)),
+                n_terms,
                 errors,
                 float(np.sqrt(errors @ share)),
                 held_out.rmse_um,
                 float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
             )
-        )
-    return trials
 
 
 def _searchable(found: Candidates) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.models.design import Datum, Rows
+from selector.models.design import Datum, Rows, chain_before
 from selector.models.least_squares import outermost_samples, validity_hull
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
@@ -143,6 +143,7 @@ def doubts(
         *similarity_findings(grouping.similarity, selection.sensors),
         *_chaining(selection),
         *(finding for one in screening.rounds for finding in one.findings),
+        *_memory_findings(selection, datum),
         *_proof_findings(selection, surveyed, stride),
         *_limit_findings(selection, surveyed.question.noise_um),
         *_target_findings(selection),
@@ -180,6 +181,19 @@ def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> Ite
             "gauge-not-zeroed",
             f"Some displacements do not start at zero ({listed}{more}); they count from the start of the run.",
             evidence={"start_um": starts},
+        )
+
+
+def _memory_findings(selection: Selection, datum: Datum) -> Iterator[Finding]:
+    design = selection.recipe.design
+    tau_s = np.array([lag.tau_s for lag in design.lags])
+    warm = [run for run in datum.follows if chain_before(datum.follows, run, tau_s)]
+    if warm:
+        yield FINDINGS.finding(
+            "memory-goes-on",
+            f"By their clocks {len(warm)} of the runs follow another one: their memory goes on from it, as on a "
+            "control that stays on. After a start without memory the error is larger.",
+            evidence={"follows": {run: list(datum.follows[run]) for run in warm}},
         )
 
 

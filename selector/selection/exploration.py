@@ -392,7 +392,9 @@ class Exploration:
         )
 
     def _chosen(self, found: Candidates) -> Choice:
-        return tested(self.question, found, self.bench, [LINEAR], []).choice("linear")
+        return tested(self.question, found, self.bench, [LINEAR], []).choice(
+            ("linear", self.question.options.max_sensors)
+        )
 
     def fixed(self, sensors: Sequence[str]) -> FixedSet:
         """The linear models of a set of sensors, which may hold those of --never too.

@@ -29,6 +29,8 @@ one-part-unlike-the-others [warning] one run (or stretch) is predicted much wors
 runs-not-proved [warning] runs in which a sensor of the model has no reading prove nothing: the error is that of the
     others
     → repair the runs ([runs.NAME] in the machine file), or leave the sensor out with --never and compare
+memory-goes-on [info] by their clocks runs follow one another: memory goes on from the run before, as on a control
+    that stays on
 samples-thinned [info] sensors are chosen on all samples, final coefficients and errors come from a part of them
 choice-at-limit [info] as many sensors are chosen as --max-sensors allows: more might predict better
     → See whether more are worth their cost: a larger --max-sensors.

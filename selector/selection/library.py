@@ -160,15 +160,20 @@ class Bench:
 
     def largest_vif(self, sensors: Sequence[str], shape: Shape) -> float:
         """Variance inflation of the most redundant term; infinite for a term that the others make up."""
-        at = np.array(self.library.columns(sensors, shape))
-        cross = self._centred[at[:, None], at]
-        scale = np.sqrt(np.maximum(np.diag(cross), 1e-300))
+        return float(self.largest_vifs(np.array([self.library.columns(sensors, shape)]))[0])
+
+    def largest_vifs(self, sets: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The same of many sets of as many columns, shape (n_sets,)."""
+        cross = self._centred[sets[:, :, None], sets[:, None, :]]
+        scale = np.sqrt(np.maximum(np.einsum("sii->si", cross), 1e-300))
         try:
-            inverse = np.linalg.inv(cross / scale[:, None] / scale[None, :])
+            inverse = np.linalg.inv(cross / scale[:, :, None] / scale[:, None, :])
         except np.linalg.LinAlgError:
-            return float("inf")
-        largest = float(np.diag(inverse).max())
-        return largest if largest >= 1.0 - 1e-6 else float("inf")
+            return (
+                np.concatenate([self.largest_vifs(one[None]) for one in sets]) if len(sets) > 1 else np.array([np.inf])
+            )
+        largest = np.einsum("sii->si", inverse).max(axis=1)
+        return np.where(largest >= 1.0 - 1e-6, largest, np.inf)
 
     def r2(self, sensors: Sequence[str], shape: Shape) -> list[tuple[float, float]]:
         """(R², adjusted R²) of the fit over all folds, per response."""

@@ -212,6 +212,12 @@ class Question:
         return self.options.must if formula is None else formula.variables
 
 
+def _of_axis(name: str, source: RunSource, displacements: Sequence[str]) -> str:
+    """The channel of this name; if there is none, the one displacement whose axis is called so."""
+    of_axis = [one.name for one in source.channels if one.name in displacements and one.axis == name.upper()]
+    return of_axis[0] if name not in displacements and len(of_axis) == 1 else name
+
+
 def question_of(source: RunSource, options: Options) -> Question:
     """Check the options against the channels of a recording.
 
@@ -231,7 +237,8 @@ def question_of(source: RunSource, options: Options) -> Question:
             advice="write a machine file with `selector describe FILE --write machine.toml`, set the role there",
         )
     formula = options.asked_formula
-    responses = list(dict.fromkeys(formula.responses if formula else options.responses)) or displacements
+    asked = formula.responses if formula else [_of_axis(name, source, displacements) for name in options.responses]
+    responses = list(dict.fromkeys(asked)) or displacements
     for name in responses:
         _known("--formula" if formula else "--response", name, displacements, "a displacement channel")
     if not sensors:

@@ -18,7 +18,6 @@ from selector.models.moments import (
     error_curve_point,
     grouping_by_condition,
     grouping_by_run,
-    response_power,
 )
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates
@@ -167,12 +166,6 @@ def procedure_rmse_um(library: Library, outer: Grouping, choices: Sequence[Choic
     return np.asarray(_held_out(library, loo, [choice.trial for choice in choices]).rmse_um)
 
 
-def relative_error(library: Library, outer: Grouping, choices: Sequence[Choice]) -> float:
-    """The same relative to the spread of the displacements, over all responses."""
-    error = procedure_rmse_um(library, outer, choices)
-    return float(np.sqrt((error**2 / response_power(library.moments)).mean()))
-
-
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:
     """Errors when each group is predicted by its own trial."""
     n = len(library.responses)
@@ -254,7 +247,15 @@ class Folds:
         """Cross-products of every term that these candidates may need."""
         if list(static) == [LINEAR] and not lagged:
             return self.linear
-        full = self._library(library_requests(self.question, found, static, lagged))
+        return self._compared(library_requests(self.question, found, static, lagged))
+
+    def of_all_sensors(self, shape: Shape) -> Library:
+        """Cross-products of the terms that all sensors bring in a shape."""
+        return self.linear if shape == LINEAR else self._compared([(self.question.sensors, shape)])
+
+    def _compared(self, requests: Sequence[tuple[tuple[str, ...], Shape]]) -> Library:
+        """A library on the folds in which all sensors are compared."""
+        full = self._library(requests)
         # fewer sensors leave more complete samples, and perhaps a fold that the comparison of all sensors had lost
         at = {fold: i for i, fold in enumerate(full.moments.folds)}
         kept = full.moments.only([at[fold] for fold in self.linear.moments.folds])

@@ -9,7 +9,7 @@ import numpy as np
 from selector.models.least_squares import FittedModel
 from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, coefficients, response_power, squared_error
 from selector.selection.candidates import Grouping
-from selector.selection.choice import Choice, Trial
+from selector.selection.choice import Choice, Trial, is_within_noise
 from selector.selection.library import Bench, Library, Shape
 from selector.selection.options import Question
 from selector.selection.result import FIXED_SET, PROCEDURE, Combination, Proof
@@ -40,8 +40,12 @@ def because_of(
     proof: Proof,
     models: Mapping[str, FittedModel],
     combinations: Sequence[Combination],
+    of_larger_sets: Mapping[int, float],
 ) -> str:
-    """A few sentences: why these sensors, and the errors that were compared for it."""
+    """A few sentences: why these sensors, and the errors that were compared for it.
+
+    `of_larger_sets`: what the error of the whole procedure is, relative to its own, if sets may be larger.
+    """
     trial = choice.trial
     options = question.options
     sensors, compared = _listed(trial.set.sensors), ""
@@ -49,7 +53,7 @@ def because_of(
         f"{name} from {proof.baselines_um[name]['none']:.1f} to {proof.rmse_um(name):.1f} µm" for name in models
     )
     if options.tolerance is not None:
-        top = max(choice.trials, key=lambda t: t.adjusted_r2)
+        top = max(choice.eligible, key=lambda t: t.adjusted_r2)
         rule = (
             f"the cheapest set whose adjusted R² ({trial.adjusted_r2:.5f}) is within {options.tolerance:g} of the best "
             f"({top.adjusted_r2:.5f}, {_listed(top.set.sensors)})"
@@ -57,7 +61,7 @@ def because_of(
             else f"the set with the best adjusted R², {trial.adjusted_r2:.5f}"
         )
     else:
-        top = min(choice.trials, key=lambda t: t.error)
+        top = min(choice.eligible, key=lambda t: t.error)
         most = (
             f"of at most {options.max_sensors} sensor{'s' * (options.max_sensors > 1)}"
             if options.max_sensors < len(question.sensors)
@@ -83,9 +87,11 @@ def because_of(
         "all sensors": f"found by the exact search over all {len(question.sensors)} sensors",
         "formula": "named in --formula",
     }[trial.set.origin]
+    larger = ", ".join(f"with up to {most} {share:.2f} times" for most, share in of_larger_sets.items())
+    larger = larger and f"More sensors are no better for the {PROCEDURE} on unseen data: {larger} its error. "
     unit = {"run": "runs", "condition": "conditions", "block": "stretches of the only run"}[proof.left_out]
     return (
-        f"{sensors} ({source}; {shape}) is {rule}. {compared}"
+        f"{sensors} ({source}; {shape}) is {rule}. {compared}{larger}"
         f"On {unit} that the model has not seen, the root mean square error of the {PROCEDURE} goes: {errors}."
     )
 
@@ -94,7 +100,7 @@ def _compared(
     question: Question, choice: Choice, combinations: Sequence[Combination], models: Mapping[str, FittedModel]
 ) -> str:
     """The errors that the rule compared: of the best set, of the chosen one, and of the best with one sensor less."""
-    trial, top = choice.trial, min(choice.trials, key=lambda t: t.error)
+    trial, top = choice.trial, min(choice.eligible, key=lambda t: t.error)
     known = {(one.sensors, one.response): one.heldout_rmse_um for one in combinations}
     alike = {id(one) for one in choice.alike}
 
@@ -126,7 +132,7 @@ def _why_equal(question: Question, trial: Trial, top: Trial) -> str:
         return f"within the {options.within:g} µm that were asked for"
     if trial.error <= top.error * (1.0 + WORTH_OF_A_SENSOR):
         return f"up to {100 * WORTH_OF_A_SENSOR:.0f} % count as equal"
-    if (trial.rmse_um - top.rmse_um <= question.noise_um).all():
+    if is_within_noise(question, trial, top):
         return "less than the noise of the gauge"
     return f"less than {_ONE_ERROR}"
 

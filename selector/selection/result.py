@@ -17,6 +17,7 @@ from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
+from selector.selection.equal_sets import EqualSets
 from selector.selection.fitting import Fallback, Readings, Recipe
 from selector.selection.options import Options
 
@@ -112,6 +113,7 @@ class Selection:
     findings: tuple[Finding, ...]
     provenance: Mapping[str, Any]
     fallbacks: tuple[Fallback, ...] = ()  #: The model without each of its inputs, for the time when that one is broken
+    equal: EqualSets | None = None  #: All sets as large as the chosen one that are about as good as the best
     readings: tuple[Readings, ...] = ()  #: Some samples of some runs; none in a result of an earlier version
 
     def fixed_set_errors_um(self, response: str) -> dict[int, float]:
@@ -195,6 +197,7 @@ class Selection:
                 for step in self.grouping.axis
             ],
             "combinations": [vars(combination) for combination in self.combinations],
+            **({} if self.equal is None else {"equal_sets": self.equal.as_dict(tuple(self.models))}),
             "chosen": {
                 "sensors": list(self.chosen),
                 "because": self.because,

@@ -14,6 +14,7 @@ from selector.models.design import Datum, Design, Form, Lag, ListedTerms, Scalin
 from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
 from selector.selection.candidates import Grouping, Screening
+from selector.selection.equal_sets import EqualSet, EqualSets
 from selector.selection.fitting import Readings, Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
@@ -76,6 +77,22 @@ class _CombinationPart(_Part):
     adjusted_r2: NumberOrNaN
     heldout_rmse_um: NumberOrNaN
     origin: str
+
+
+class _EqualSetPart(_Part):
+    sensors: Names
+    heldout_rmse_um: dict[str, NumberOrNaN]
+    largest_vif: NumberOrNaN
+    worst_fault: NumberOrNaN
+
+
+class _EqualSetsPart(_Part):
+    """The sets that are about as good; results of earlier versions have none."""
+
+    sets: tuple[_EqualSetPart, ...]
+    n_equal: Count
+    n_compared: Count
+    within_um: Number | None
 
 
 class _ChosenPart(_Part):
@@ -209,6 +226,7 @@ class _SelectionDocument(_Part):
     rounds: Annotated[tuple[_RoundPart, ...], Field(min_length=1)]
     screenings: tuple[_ScreeningPart, ...]
     combinations: tuple[_CombinationPart, ...]
+    equal_sets: _EqualSetsPart | None = None
     chosen: _ChosenPart
     valid_range: dict[str, tuple[Number, Number]]
     hull: _HullPart | None = None
@@ -263,8 +281,17 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         stability=told.stability,
         findings=tuple(part.finding() for part in told.findings),
         provenance=told.provenance,
+        equal=None if told.equal_sets is None else _equal_sets(told.equal_sets, names),
         readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
     )
+
+
+def _equal_sets(told: _EqualSetsPart, names: Sequence[str]) -> EqualSets:
+    sets = (
+        EqualSet(one.sensors, tuple(one.heldout_rmse_um[name] for name in names), one.largest_vif, one.worst_fault)
+        for one in told.sets
+    )
+    return EqualSets(tuple(sets), told.n_equal, told.n_compared, told.within_um)
 
 
 def _recipe(told: _SelectionDocument) -> Recipe:

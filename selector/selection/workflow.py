@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding
-from selector.models.design import Rows, datum_of, rows_of
+from selector.models.design import Form, Rows, datum_of, rows_of, runs_before
 from selector.models.least_squares import fault_gains, validity_hull
+from selector.models.moments import response_power
 from selector.quality.finding_table import CONSTANT_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
-from selector.selection.choice import Offer, Tested, offers, shapes_on_offer, tested
+from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
 from selector.selection.doubts import doubts
+from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, kept_readings, refined, ridge_penalty
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
@@ -28,7 +30,6 @@ from selector.selection.proving import (
     error_curve,
     left_out_errors,
     procedure_rmse_um,
-    relative_error,
     with_own_baseline,
 )
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
@@ -67,6 +68,8 @@ def select(
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
     surveyed = survey(source, asked, datum, findings)
     question = surveyed.question
+    if question.options.memory:
+        datum = replace(datum, follows=runs_before(source, surveyed.runs))
     runs = RunsOf(source, surveyed.runs)
     n_blocks = blocks_per_run(len(surveyed.runs), surveyed.n_samples)
     folds = Folds(question, runs, datum, n_blocks)
@@ -83,15 +86,18 @@ def select(
     for i, (group, one) in enumerate(zip(folds.outer, found, strict=True)):
         fold_trials.append(tested(question, one, Bench.of(library, folds.without(group)), static, lagged))
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
-    offer_errors = {
-        offer: relative_error(library, folds.outer, [trials.choice(offer) for trials in fold_trials])
-        for offer in offers(question)
+    possible = [plan for plan in plans(question) if all(one.has(plan) for one in (all_trials, *fold_trials))]
+    spread = np.sqrt(response_power(library.moments))
+    plan_errors = {
+        plan: procedure_rmse_um(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) / spread
+        for plan in possible
     }
-    offer = _best_offer(question, offer_errors)
-    aimed = _aimed(question, library, folds, fold_trials, offer)
+    best_of_offer = {offer: _poorest_of(plan_errors, offer) for offer in dict.fromkeys(offer for offer, _ in possible)}
+    plan = _best_plan(question, plan_errors, tuple(best_of_offer.values()))
+    aimed = _aimed(question, library, folds, fold_trials, plan)
     choice, choices = (
-        all_trials.aimed_at(aimed).choice(offer),
-        [one.aimed_at(aimed).choice(offer) for one in fold_trials],
+        all_trials.aimed_at(aimed).choice(plan),
+        [one.aimed_at(aimed).choice(plan) for one in fold_trials],
     )
 
     say("fitting", 0.75)
@@ -115,9 +121,9 @@ def select(
             library,
             folds.outer,
             {
-                poorer: [trials.choice(poorer) for trials in fold_trials]
-                for poorer in offers(question)
-                if poorer != offer
+                offer: [trials.choice(other) for trials in fold_trials]
+                for offer, other in best_of_offer.items()
+                if offer != plan[0]
             },
         ),
         lacking,
@@ -135,13 +141,25 @@ def select(
     hull = validity_hull(rows.variables)
     stability = stability_of(question, library, found_all.grouping, choice)
     combinations = combinations_of(question, Bench.of(library, folds.all), choice)
+    equal = None
+    if isinstance(choice.trial.shape.form, Form) and not choice.trial.shape.form.interactions:
+        every = Bench.of(folds.of_all_sensors(choice.trial.shape), folds.all)
+        equal = equal_sets(question, every, choice.trial.set.sensors, choice.trial.shape)
     selection = Selection(
         options=question.options,
         sensors=question.sensors,
         grouping=found_all.grouping,
         combinations=combinations,
         chosen=recipe.sensors,
-        because=because_of(question, choice, recipe.shape, proof, models, combinations),
+        because=because_of(
+            replace(question, options=replace(question.options, max_sensors=plan[1])),
+            choice,
+            recipe.shape,
+            proof,
+            models,
+            combinations,
+            _of_larger_sets(plan, plan_errors),
+        ),
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
         models=models,
@@ -153,10 +171,12 @@ def select(
         findings=(),
         provenance=dict(provenance or {}),
         fallbacks=fallbacks,
+        equal=equal,
         readings=kept_readings(rows, parts),
     )
     say("looking for doubts", 0.95)
-    doubted = doubts(selection, surveyed, datum, rows, ridge, offer_errors, offer, stride)
+    told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
+    doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}
     # a dead sensor is told once
@@ -165,26 +185,51 @@ def select(
     return replace(selection, findings=tuple(everything))
 
 
-def _best_offer(question: Question, errors: Mapping[Offer, float]) -> Offer:
-    """The poorest offer whose whole procedure predicts unseen parts about as well as the best one does.
+Errors = Mapping[Plan, NDArray[np.float64]]
+"""Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,)."""
 
-    With the patent's rule the richest offer stands, as its rule knows no unseen data; so it does with a target, as
-    the cheapest of all sets is wanted.
+
+def _best_plan(question: Question, errors: Errors, best_of_offer: Sequence[Plan]) -> Plan:
+    """The poorest plan whose whole procedure predicts unseen parts about as well as the best one does.
+
+    A richer offer has to be as good as the best poorer one for every response. With the patent's rule the richest offer
+    stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is wanted.
     """
     if question.options.tolerance is not None or question.options.target is not None:
         return list(errors)[-1]
-    return next(offer for offer, error in errors.items() if error <= WORTH_A_RICHER_MODEL * min(errors.values()))
+    taken, *richer = best_of_offer
+    for plan in richer:
+        no_worse = (errors[plan] <= WORTH_A_RICHER_MODEL * errors[taken]).all()
+        if no_worse and WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken]):
+            taken = plan
+    return taken
+
+
+def _poorest_of(errors: Errors, offer: Offer) -> Plan:
+    """The plan of an offer with the fewest sensors that is about as good as the best of them."""
+    of_offer = {plan: _rms(error) for plan, error in errors.items() if plan[0] == offer}
+    return next(plan for plan, error in of_offer.items() if error <= WORTH_A_RICHER_MODEL * min(of_offer.values()))
+
+
+def _of_larger_sets(plan: Plan, errors: Errors) -> dict[int, float]:
+    """Largest number of sensors → error of the whole procedure, relative to that of the plan, for larger sets."""
+    larger = (other for other in errors if other[0] == plan[0] and other[1] > plan[1])
+    return {other[1]: _rms(errors[other]) / _rms(errors[plan]) for other in larger}
+
+
+def _rms(errors: NDArray[np.float64]) -> float:
+    return float(np.sqrt((errors**2).mean()))
 
 
 def _aimed(
-    question: Question, library: Library, folds: Folds, fold_trials: Sequence[Tested], offer: Offer
+    question: Question, library: Library, folds: Folds, fold_trials: Sequence[Tested], plan: Plan
 ) -> float | None:
     """What fixed sets have to reach so that the whole procedure, which chooses anew, reaches the target."""
     target = question.options.target
     if target is None:
         return None
     for share in AIMS:
-        choices = [trials.aimed_at(share * target).choice(offer) for trials in fold_trials]
+        choices = [trials.aimed_at(share * target).choice(plan) for trials in fold_trials]
         if (procedure_rmse_um(library, folds.outer, choices) <= target).all():
             return share * target
     return AIMS[-1] * target

@@ -10,12 +10,9 @@ from selector.sensors.groups import (
     chaining_findings,
     closure_chain,
     dendrogram,
-    f_statistic,
     lambda_axis,
     lambda_cut,
-    max_min_composition,
     transitive_closure,
-    transitive_closure_by_squaring,
 )
 from selector.sensors.screening import Dropped, ScreeningRound, representatives, screen
 from selector.sensors.similarity import (
@@ -42,15 +39,12 @@ __all__ = [
     "constant_limit",
     "correlation_similarity",
     "dendrogram",
-    "f_statistic",
     "lambda_axis",
     "lambda_cut",
-    "max_min_composition",
     "representatives",
     "screen",
     "sensor_names",
     "similarity_findings",
     "similarity_from_cross_products",
     "transitive_closure",
-    "transitive_closure_by_squaring",
 ]

@@ -42,22 +42,6 @@ class ClosureChain:
     parents: NDArray[np.int64]  #: (n − 1,): The sensor at the other end of that link
 
 
-def max_min_composition(r: ArrayLike, s: ArrayLike) -> Matrix:
-    """Composition with entries max_k min(r_ik, s_kj), shape (m, p), of relations of shape (m, n) and (n, p).
-
-    Raises InputError: the inner sizes differ or are 0, or an entry is not finite.
-    """
-    left, right = np.asarray(r, dtype=np.float64), np.asarray(s, dtype=np.float64)
-    if left.ndim != 2 or right.ndim != 2 or left.shape[1] != right.shape[0] or left.shape[1] == 0:
-        raise _unusable(f"shapes {left.shape} and {right.shape}", "shapes (m, n) and (n, p) with n ≥ 1")
-    if not (np.isfinite(left).all() and np.isfinite(right).all()):
-        raise _unusable("NaN or infinity in a relation", "finite entries")
-    composed: Matrix = np.minimum(left[:, :1], right[:1])
-    for k in range(1, left.shape[1]):
-        np.maximum(composed, np.minimum(left[:, k : k + 1], right[k : k + 1]), out=composed)
-    return composed
-
-
 def closure_chain(r: ArrayLike) -> ClosureChain:
     """Maximum spanning tree of a similarity relation as a chain, in O(n²); see `ClosureChain` for its meaning.
 
@@ -82,23 +66,6 @@ def transitive_closure(r: ArrayLike) -> Matrix:
     closure: Matrix = _closure_of_chain(order, levels)
     closure.setflags(write=False)
     return closure
-
-
-def transitive_closure_by_squaring(r: ArrayLike) -> tuple[Matrix, int]:
-    """Transitive closure as the source has it, and the number of squarings made: R → R² → R⁴ … until R^2k = R^k.
-
-    The slow and obvious twin of `transitive_closure`, for tests and for comparison; P step 2. The last squaring, which
-    changes nothing, is counted. Errors as `closure_chain`.
-    """
-    power: Matrix = _relation(r)
-    squarings = 0
-    while True:
-        square = max_min_composition(power, power)
-        squarings += 1
-        if np.array_equal(square, power):
-            square.setflags(write=False)
-            return square, squarings
-        power = square
 
 
 def _relation(r: ArrayLike) -> Matrix:
@@ -198,32 +165,21 @@ _closure_of_chain: Callable[..., Any] = njit(cache=True)(_closure_of_chain_loop)
 
 @dataclass(frozen=True)
 class FStatistic:
-    """Scatter between groups over scatter within groups, see `f_statistic`; infinite when groups have no scatter."""
+    """F of n sensors in r groups: scatter between over scatter within groups, with r − 1 and n − r degrees of freedom.
+
+    Each sensor is taken as its standardised series, a unit vector, so that |x_i − x_j|² = 2(1 − s_ij) and no samples
+    are needed: within = Σ_g (n_g − Σ_{i,j∈g} s_ij / n_g), total = n − Σ s_ij / n, between = total − within. Infinite
+    when groups have no scatter.
+
+    The p-value is a heuristic for ranking cuts, not a test: the groups were made from the same data, a sensor is a
+    whole series rather than one number, and neighbouring sensors are not independent. With |r| as similarity there need
+    not be such vectors, and F may even be negative.
+    """
 
     value: float
     p_value: float
     between_df: int
     within_df: int
-
-
-def f_statistic(similarity: ArrayLike, partition: Partition) -> FStatistic | None:
-    """F of a partition of n sensors into r groups: between-group over within-group scatter, r − 1 and n − r degrees.
-
-    Each sensor is taken as its standardised series, a unit vector, so that |x_i − x_j|² = 2(1 − s_ij) and no samples
-    are needed: within = Σ_g (n_g − Σ_{i,j∈g} s_ij / n_g), total = n − Σ s_ij / n, between = total − within.
-
-    None for one group and for n groups. The p-value is a heuristic for ranking cuts, not a test: the groups were made
-    from the same data, a sensor is a whole series rather than one number, and neighbouring sensors are not
-    independent. With |r| as similarity there need not be such vectors, and F may even be negative.
-
-    Raises InputError: the partition is not one of these sensors, or as for `selector.sensors.groups.closure_chain`.
-    """
-    s = np.asarray(similarity, dtype=np.float64)
-    closure_chain(s)
-    _same_size(s, partition)
-    n = len(s)
-    within = sum(len(group) - float(s[np.ix_(group, group)].sum()) / len(group) for group in partition.members)
-    return f_of_scatter(n - float(s.sum()) / n, within, n, len(partition.members))
 
 
 def f_of_scatter(total: float, within: float, n_sensors: int, n_groups: int) -> FStatistic | None:
@@ -247,7 +203,9 @@ def chaining_findings(similarity: ArrayLike, partition: Partition) -> tuple[Find
 
     Said of a group whose least similar pair lies further apart than `CHAIN_RATIO` times what λ allows to neighbours,
     where the distance of two sensors is √(2(1 − s)). At ratio 2 not even one common neighbour could
-    explain it (triangle inequality); three links at least were needed. Errors as `f_statistic`.
+    explain it (triangle inequality); three links at least were needed.
+
+    Raises InputError: the partition is not one of these sensors, or as for `closure_chain`.
     """
     s = np.asarray(similarity, dtype=np.float64)
     chain = closure_chain(s)
@@ -385,7 +343,7 @@ class LambdaAxis:
         """The step whose F exceeds the critical value F_α(r − 1, n − r) most, (F − F_α) / F_α, α = 5 %; None if none.
 
         Infinite F (groups of exact duplicates) does not compete: remove duplicates first. A heuristic, as the
-        p-value is: see `selector.sensors.groups.f_statistic`.
+        p-value is: see `FStatistic`.
         """
         excess: dict[int, float] = {}
         for i, f in enumerate(self.f_statistics):

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from selector.findings import Finding
+from selector.findings import Finding, Kind, known_kinds
 from selector.number_text import number_text
-from selector.telling.numbers import place_text
+from selector.telling.numbers import listed, place_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -48,9 +48,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Remark:
-    """A finding, ready to be read."""
+    """A finding, or several of a kind, ready to be read."""
 
-    id: str
     level: str
     statement: str
     place: str
@@ -82,7 +81,6 @@ class Heading:
 
     text: str
     level: int = 2
-    code: str = ""  #: The id of what it heads, which makes it one of the parts of its section
     on_screen: bool = False
 
 
@@ -153,6 +151,7 @@ class Section:
     title: str  #: Its heading; empty if its blocks have headings of their own
     blocks: tuple[Block, ...]
     link: str = ""  #: What the contents call it; default: the title
+    on_paper: bool = True
 
 
 @dataclass(frozen=True)
@@ -163,10 +162,13 @@ class Account:
     sentences: tuple[str, ...]  #: The answer; what matters most comes first; none where there is only a description
     sections: tuple[Section, ...]
     answer: Table | None = None  #: Numbers that belong to the sentences
+    front: tuple[Block, ...] = ()  #: What else stands on the first page: how sure it is, what to do next, one picture
     about: str = ""  #: Stands under the title
     label: str = ""  #: What has to be said before anything else: made-up data, a turned sign
     verdict: Verdict = "good"  #: How the answer is to be taken
     data: Mapping[str, Any] = field(default_factory=dict)  #: What the JSON says of it
+    #: Sections that the screen shows where not everything is asked for; default: all
+    brief: tuple[str, ...] | None = None
     footer: str = ""
 
 
@@ -183,17 +185,68 @@ def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
     """Findings of these levels (all when none is given), the worst first."""
     wanted = levels or _LEVELS
     ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
+    return tuple(_remark(one) for one in ordered if one.level in wanted)
+
+
+def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
+    """As `remarks_of`, findings of one kind as one, and the same fault of a channel once."""
+    findings = tuple(findings)
+    left_out = {one.where.channel: one.id for one in findings if one.action == "leave-out-channel"}
+    groups: dict[str, list[Finding]] = {}
+    for one in sorted(findings, key=lambda finding: _LEVELS.index(finding.level)):
+        # that a channel is left out says all
+        if one.action != "none" or one.where.run or left_out.get(one.where.channel, one.id) == one.id:
+            groups.setdefault(one.id, []).append(one)
     return tuple(
-        Remark(one.id, one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
-        for one in ordered
-        if one.level in wanted
+        _remark(of[0]) if len(of) == 1 else _of_several(of)
+        for of in groups.values()
+        if of[0].level in (levels or _LEVELS)
     )
 
 
-def section(id_: str, title: str, *blocks: Block | None, link: str = "") -> Section | None:
+def next_steps(findings: Iterable[Finding], *then: str, most: int = 3) -> Items:
+    """What the worst findings advise, and what comes then."""
+    advised = [remark.suggestion for remark in grouped_remarks(findings, "error", "warning") if remark.suggestion]
+    return Items((*(_sentence(text) for text in advised[:most]), *then), are_steps=True)
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith((".", "?")) else ".")
+
+
+def _remark(one: Finding) -> Remark:
+    return Remark(one.level, one.statement, place_text(one.where), ACTIONS[one.action], one.suggestion)
+
+
+MOST_NAMED, LONGEST = 6, 32
+
+
+def _of_several(findings: Sequence[Finding]) -> Remark:
+    """Findings of one kind: in what, where, how often; what is done and advised is that of the worst."""
+    first = findings[0]
+    kind = known_kinds.get(first.id, Kind(first.level, first.id.replace("-", " ")))
+    where = []
+    for word, found in (("in", [of.where.channel for of in findings]), ("in run", [of.where.run for of in findings])):
+        names = list(dict.fromkeys(name for name in found if name))
+        where += [f"{word}{'s' * (word == 'in run' and len(names) > 1)} {named(names)}"] if names else []
+    told = _sentence(f"{kind.title}: {', '.join([f'{len(findings)} times', *where])}")
+    is_one = len({one.suggestion for one in findings}) == 1
+    return Remark(first.level, told, "", ACTIONS[first.action], first.suggestion if is_one else kind.advice)
+
+
+def named(names: Sequence[str], most: int = MOST_NAMED) -> str:
+    """Names in a sentence, of many the first ones and how many more; long ones without their middle."""
+    left = len(names) - most
+    shown = [
+        one if len(one) <= LONGEST else f"{one[: LONGEST // 2]}…{one[-LONGEST // 2 + 1 :]}" for one in names[:most]
+    ]
+    return listed([*shown, f"{left} more"] if left > 0 else shown)
+
+
+def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_paper: bool = True) -> Section | None:
     """A section of the blocks that there are; None if there are none."""
     kept = tuple(block for block in blocks if block is not None)
-    return Section(id_, title, kept, link) if kept else None
+    return Section(id_, title, kept, link, on_paper) if kept else None
 
 
 def sections(*several: Section | None) -> tuple[Section, ...]:

@@ -74,6 +74,7 @@ def commissioning_account(
         about=model.name,
         label=label if turned else "",
         verdict="good" if is_sign_verified else "bad",
+        brief=("replay",),
     )
 
 
@@ -192,8 +193,8 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("", parts_table(replay)),
-        *(Captioned("", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
+        Captioned("Each file", parts_table(replay)),
+        *(Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
         *_courses(model, replay),
     )
 

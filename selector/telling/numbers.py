@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 from selector.findings import Where
 from selector.number_text import SUPERSCRIPTS, number_text
@@ -96,6 +97,12 @@ def span_text(seconds: float | None) -> str:
     return f"{minutes // 60} h {minutes % 60} min" if minutes % 60 else f"{minutes // 60} h"
 
 
+def span_range(seconds: Iterable[float]) -> str:
+    """The shortest and the longest of some time spans, or the one that all of them are."""
+    told = list(dict.fromkeys(span_text(one) for one in sorted(seconds)))
+    return NONE if not told else told[0] if len(told) == 1 else f"{told[0]} to {told[-1]}"
+
+
 def ms_text(seconds: float) -> str:
     """A short time in milliseconds."""
     return f"{number_text(1e3 * seconds)} ms"
@@ -107,7 +114,7 @@ def place_text(where: Where, *, whole_path: bool = False) -> str:
     parts = [part for part in (file, where.run, where.channel) if part]
     if where.from_s is not None or where.to_s is not None:
         start, end = ("" if t is None else span_text(t) for t in (where.from_s, where.to_s))
-        parts.append(f"{start} to {end}" if end else f"from {start}")
+        parts.append(f"at {start}" if start == end else f"{start} to {end}" if end else f"from {start}")
     return ", ".join(parts)
 
 

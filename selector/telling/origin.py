@@ -8,8 +8,8 @@ from typing import Any
 from selector import __version__
 from selector.number_text import number_text
 from selector.selection import Selection
-from selector.telling.account import Captioned, Table, table
-from selector.telling.numbers import NONE, file_name, given_text, span_text
+from selector.telling.account import Account, Captioned, Section, Table, named, table
+from selector.telling.numbers import NONE, file_name, given_text, span_range, span_text
 
 _UNIT_TEXT = {"degC": "°C", "degF": "°F", "um": "µm", "kelvin": "K", "1": NONE}
 
@@ -52,6 +52,38 @@ def options_table(selection: Selection) -> Table:
     """What was asked, and the version that answered."""
     rows = [(_words(key), _cell(value)) for key, value in selection.options.as_dict().items()]
     return table(["option", "value"], [("selector version", __version__), *rows])
+
+
+def description_account(description: Mapping[str, Any]) -> Account:
+    """What `selector describe` says of recordings."""
+    runs, channels = _entries(description.get("runs")), _entries(description.get("channels"))
+    roles: dict[str, list[str]] = {}
+    for channel in channels:
+        roles.setdefault(_words(str(channel["role"])), []).append(str(channel["name"]))
+    guessed: dict[str, list[str]] = {}
+    for channel in channels:
+        for what in channel.get("guessed") or ():
+            guessed.setdefault(str(what), []).append(str(channel["name"]))
+    lasting, steps = ([run[key] for run in runs if run.get(key)] for key in ("duration_s", "period_s"))
+    what = f"{len(runs)} run{'s' * (len(runs) > 1)} of {span_range(lasting)}, a sample every {span_range(steps)}"
+    sentences = [
+        f"{what}: {named([str(run['run']) for run in runs])}.",
+        *(f"{len(names)} × {role}: {named(names)}." for role, names in roles.items()),
+        *(
+            f"Guessed was the {_words(what)} of {named(names)}: correct it in a machine file."
+            for what, names in guessed.items()
+        ),
+    ]
+    tables = [Captioned(caption, one) for caption, one in reading_tables(description, places=False)]
+    drift = drift_table(description)
+    told = [] if drift is None else [Captioned("Drift after ISO 230-3", drift)]
+    return Account(
+        "What is in the recordings",
+        tuple(sentences),
+        (Section("reading", "Reading", tuple(tables)), Section("drift", "Drift", tuple(told))),
+        data=description,
+        brief=("drift",),
+    )
 
 
 def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> list[tuple[str, Table]]:

@@ -103,12 +103,11 @@ def account_page(account: Account) -> str:
     """The page of an account: its figures are numbered in the order of reading."""
     pictures = Pictures()
     blocks: dict[str, list[tuple[str, Any]]] = {}
-    for section in account.sections:
+    for place, told in (("front", account.front), *((section.id, section.blocks) for section in account.sections)):
         kept = [
-            pictures.add(one.figure, one.text, title=one.title) if isinstance(one, Drawing) else one
-            for one in section.blocks
+            pictures.add(one.figure, one.text, title=one.title) if isinstance(one, Drawing) else one for one in told
         ]
-        blocks[section.id] = [(type(one).__name__, one) for one in kept]
+        blocks[place] = [(type(one).__name__, one) for one in kept]
     return rendered(
         "account.html",
         {

@@ -8,16 +8,17 @@ import logging
 import secrets
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 
 import dash
 from flask import Flask, Request, Response, redirect, request
-from pydantic import ConfigDict, ValidationError, validate_call
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, validate_call
 from werkzeug.exceptions import HTTPException
 
-from selector.errors import OptionError
+from selector.errors import InputError, OptionError
 
-TOKEN = "token"  # noqa: S105 (the name of the parameter)
+TOKEN, TICKET = "token", "ticket"  # (the names of the parameters)
 _OWN = ("same-origin", "none")
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -40,6 +41,23 @@ class Access:
 
     port: int  #: Port at 127.0.0.1
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32))  #: What a request must know
+    _tickets: set[str] = field(default_factory=set)
+
+    def opener(self) -> str:
+        """A page that leads a browser to the workbench, once: for a file that only its owner can read.
+
+        So the command line of a browser, which everybody on this computer can read, names the file and no token.
+        """
+        ticket = secrets.token_urlsafe(32)
+        self._tickets.add(ticket)
+        return _leading_to(f"http://127.0.0.1:{self.port}/?{TICKET}={ticket}")
+
+    def admits(self, ticket: str | None) -> bool:
+        """Whether this is the ticket of an opener; it is none from now on."""
+        if ticket not in self._tickets:
+            return False
+        self._tickets.remove(ticket)
+        return True
 
     @property
     def address(self) -> str:
@@ -71,8 +89,18 @@ class Access:
             )
         return None
 
+    def let_in(self, answer: Any) -> Any:
+        """The answer with the cookie that the next requests must have."""
+        answer.set_cookie(self.cookie, self.token, httponly=True, samesite="Strict", path="/")
+        return answer
+
     def _knows(self, said: str | None) -> bool:
         return said is not None and hmac.compare_digest(said.encode("utf-8", "replace"), self.token.encode("ascii"))
+
+
+def _leading_to(address: str) -> str:
+    refresh = f"<meta http-equiv=refresh content='0;url={address}'>"
+    return f"<!doctype html><meta charset=utf-8><title>selector</title>{refresh}"
 
 
 def guard(server: Flask, access: Access, scripts: Sequence[str] = ()) -> None:
@@ -88,14 +116,18 @@ def guard(server: Flask, access: Access, scripts: Sequence[str] = ()) -> None:
 
     @server.before_request
     def _refused() -> Response | None:
+        is_opening = request.method == "GET" and request.path == "/"
+        if is_opening and access.admits(request.args.get(TICKET)):
+            # a page of our own goes on: what follows a link from elsewhere is refused
+            admitted: Response = access.let_in(Response(_leading_to("/"), mimetype="text/html"))
+            return admitted
         why = access.refusal(request)
         if why is not None:
-            return Response(why + "\n", status=403, mimetype="text/plain")
-        if TOKEN in request.args and request.method == "GET" and request.path == "/":
+            return _line(why, 403)
+        if TOKEN in request.args and is_opening:
             # the token leaves the address, so that it is in no history and on no screenshot
-            answer = redirect("/", code=303)
-            answer.set_cookie(access.cookie, access.token, httponly=True, samesite="Strict", path="/")
-            return answer  # type: ignore[return-value]
+            opened: Response = access.let_in(redirect("/", code=303))
+            return opened
         return None
 
     @server.after_request
@@ -111,6 +143,8 @@ MOST_REQUEST_BYTES = 10_000_000  #: Of requests that carry no file; what a page 
 
 UPLOAD = "/upload/"  #: Where files are sent to; they are not held in memory, and have a limit of their own.
 
+_CALLBACKS = "/_dash-update-component"
+
 _LOG = logging.getLogger("selector.workbench")
 
 
@@ -119,8 +153,61 @@ def tell(doing: str, error: Exception) -> None:
     _LOG.error("%s: %s: %s", doing, type(error).__name__, error, exc_info=error)
 
 
-def answer_refusals(server: Flask) -> None:
-    """Requests beyond `MOST_REQUEST_BYTES` are refused before they are read; a defect is answered with one line."""
+class _Sent(BaseModel):
+    """What a page sends of a property of a component."""
+
+    model_config = ConfigDict(strict=True)
+
+    id: str | dict[str, str | int | float]
+    property: str
+    value: Any = None
+
+
+class _Envelope(BaseModel):
+    """What a page sends to have a callback run."""
+
+    model_config = ConfigDict(strict=True)
+
+    output: str
+    outputs: Any = None
+    inputs: list[_Sent | list[_Sent]]
+    state: list[_Sent | list[_Sent]] = []
+    changed: list[str] = Field(default=[], alias="changedPropIds")
+
+
+def _is_of(app: dash.Dash, said: Any) -> bool:
+    """Whether one of the callbacks is asked to run, with all that it is to be given."""
+    try:
+        sent = _Envelope.model_validate(said)
+    except ValidationError:
+        return False
+    known = app.callback_map.get(sent.output)
+    return known is not None and all(
+        asked is not None
+        and given is not None
+        and isinstance(given, list) == str(asked["id"]).startswith("{")
+        and {one.property for one in (given if isinstance(given, list) else [given])} <= {asked["property"]}
+        for kind, places in (("inputs", sent.inputs), ("state", sent.state))
+        for asked, given in zip_longest(known[kind], places)
+    )
+
+
+def defect(doing: str, error: Exception) -> InputError:
+    """A defect of ours, told at the terminal, as the page shows it."""
+    tell(doing, error)
+    return InputError(
+        f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
+        expected="",
+        where=doing,
+        advice="report it, with what you did; the files of the study are as they were",
+    )
+
+
+def answer_refusals(server: Flask, app: dash.Dash) -> None:
+    """Requests that the page does not send are refused; what is refused, and a defect, is answered with one line.
+
+    Those beyond `MOST_REQUEST_BYTES` are not read; those to run a callback must be as `app` has it.
+    """
 
     @server.before_request
     def _too_large() -> Response | None:
@@ -130,12 +217,19 @@ def answer_refusals(server: Flask) -> None:
             return _line("A request of unknown length. Send its length.", 411)
         if (request.content_length or 0) > MOST_REQUEST_BYTES:
             return _line(f"A request of more than {MOST_REQUEST_BYTES // 1_000_000} MB. The page sends less.", 413)
+        if request.method == "POST":
+            try:
+                said = request.get_json(silent=True)
+            except RecursionError:
+                said = None
+            if said is None or (request.path == _CALLBACKS and not _is_of(app, said)):
+                return _line("This is not what a page of the workbench sends. Load the page again.", 400)
         return None
 
     @server.errorhandler(Exception)
-    def _defect(error: Exception) -> Response | HTTPException:
+    def _defect(error: Exception) -> Response:
         if isinstance(error, HTTPException):
-            return error
+            return _line(f"{error.code} {error.name}: {error.description}", error.code or 500)
         tell(f"{request.method} {request.path}", error)
         return _line(
             f"This is a defect of the workbench ({type(error).__name__}). Load the page again; if it comes back, "
@@ -146,6 +240,12 @@ def answer_refusals(server: Flask) -> None:
 
 def _line(text: str, status: int) -> Response:
     return Response(text + "\n", status=status, mimetype="text/plain")
+
+
+def not_sent(value: object, expected: str, where: str) -> OptionError:
+    """That a value came from the browser that no page sends."""
+    found = f"{repr(value)[:80]} came from the browser"
+    return OptionError(found, expected=expected, where=where, advice="load the page again; nothing was changed")
 
 
 class CheckedDash(dash.Dash):
@@ -167,11 +267,7 @@ def checked(function: Callable[..., Any]) -> Callable[..., Any]:
             return judged(*sent)
         except ValidationError as error:
             first = error.errors(include_url=False)[0]
-            raise OptionError(
-                f"{repr(first['input'])[:80]} came from the browser",
-                expected=first["msg"].removeprefix("Input should be "),
-                where=function.__name__.strip("_"),
-                advice="load the page again; nothing was changed",
-            ) from None
+            expected = first["msg"].removeprefix("Input should be ")
+            raise not_sent(first["input"], expected, function.__name__.strip("_")) from None
 
     return called

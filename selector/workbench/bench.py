@@ -12,14 +12,19 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from selector.atomic_file import write_whole
+from selector.physics.model_text import plain_values
+from selector.physics.model_values import model_file_text
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.study import DiagnoseSection, diagnose_section
+from selector.telling.account import Account
 from selector.workbench import commands
+from selector.workbench.cycle import Cycle, Step, cycle_in, write_cycle
 from selector.workbench.jobs import Job, Jobs
-from selector.workbench.live import Live
+from selector.workbench.live import Latest, Live
 from selector.workbench.readable import Loaded, Material, as_far_as_readable, inspected, placed
 from selector.workbench.saved_study import Asked, asked_in, save
-from selector.workbench.study_folder import MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
+from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
 
 MODEL_ENDINGS = (".toml", ".fmu")  #: Of models that a diagnosis runs itself.
 
@@ -56,6 +61,10 @@ class Bench:
         self.export = asked.export  #: What is asked of an export
         self.material = Material()  #: What was read, and found
         self.live = Live(self.changed)
+        self.prediction, self.simulation = commands.Prediction(), commands.Simulation()
+        self.simulated_live: Latest[Account] = Latest(self.changed)  #: Of a simulated machine
+        place = folder / CYCLE
+        self.cycle = cycle_in(place) if place.is_file() else Cycle()  #: The duty cycle of a prediction
         self._results: dict[Path, tuple[float, dict[str, Any]]] = {}
 
     @property
@@ -83,11 +92,12 @@ class Bench:
             return self._diagnosis.model_copy(update={"model": f"{SIMULATION}/{models[0]}"})
         return self._diagnosis.model_copy(update={"simulation": (SIMULATION,) if files else ()})
 
-    def add(self, path: Path) -> None:
-        """Takes a recording up and reads all of them."""
+    def add(self, *paths: Path, machine: Path | None = None) -> None:
+        """Takes recordings up, with a machine file if it is given, and reads all of them."""
         with self._lock:
-            if all(one.path != path for one in self._loaded):
-                self._loaded.append(Loaded(path))
+            there = {one.path for one in self._loaded}
+            self._loaded += [Loaded(path) for path in paths if path not in there]
+            self.machine = machine or self.machine
         self.read()
 
     def use(self, paths: Iterable[Path]) -> None:
@@ -120,6 +130,34 @@ class Bench:
         """Changes what is asked of an export; whether anything is different now."""
         with self._lock:
             return self._taken("export", dataclasses.replace(self.export, **changes))
+
+    def choose_prediction(self, **changes: Any) -> bool:
+        """Changes what is asked of a prediction; whether anything is different now."""
+        with self._lock:
+            return self._taken("prediction", dataclasses.replace(self.prediction, **changes))
+
+    def choose_simulation(self, **changes: Any) -> bool:
+        """Changes what is simulated; whether anything is different now. Another machine has other parameters."""
+        with self._lock:
+            asked = dataclasses.replace(self.simulation, **changes)
+            if (asked.kind, asked.model) != (self.simulation.kind, self.simulation.model):
+                asked = dataclasses.replace(asked, values={})
+            return self._taken("simulation", asked)
+
+    def choose_cycle(self, steps: Iterable[Step], hall: Mapping[str, Any] | None = None) -> bool:
+        """Takes a duty cycle, which is written into the study folder; whether it is another one."""
+        with self._lock:
+            cycle = Cycle(tuple(steps), self.cycle.hall if hall is None else hall)
+            is_other = self._taken("cycle", cycle)
+            if is_other or not (self.folder / CYCLE).is_file():
+                write_cycle(cycle, self.folder / CYCLE)
+            return is_other
+
+    def write_model(self, relative: str, file: Any) -> None:
+        """Writes a model file that was changed into the study folder, whole or not at all."""
+        path = self.folder / relative
+        path.parent.mkdir(exist_ok=True)
+        write_whole(path, model_file_text(plain_values(file)).encode("utf-8"))
 
     def _taken(self, name: str, asked: object) -> bool:
         if asked == getattr(self, name):

@@ -14,8 +14,30 @@ from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import DiagnoseSection
+from selector.workbench.study_folder import CYCLE
 
-SELECTION, DIAGNOSIS = "selection", "diagnosis"  #: Folders of the answers in the study folder.
+SELECTION, DIAGNOSIS, PREDICTION, SIMULATED = "selection", "diagnosis", "prediction", "simulated"
+"""Folders of the answers in the study folder."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is asked of a prediction; its duty cycle is a file of the study folder."""
+
+    tests: tuple[Path, ...] = ()  #: None: all recordings that are used
+    responses: tuple[str, ...] = ()
+    method: str = "modal"
+    operations: str = ""  #: As the options are typed
+    tolerance: str = ""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What is simulated: the kind, a model file, and parameters that are other than it says."""
+
+    kind: str = "thermal"
+    model: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -24,7 +46,7 @@ class Export:
 
     model: str = ""  #: Model file in the study folder
     target: str = "c"  #: One of `selector.controllers.writers.targets.TARGETS`
-    replayed: tuple[Path, ...] = ()  #: Recordings that are run through the program
+    replayed: tuple[Path, ...] | None = None  #: Recordings that are run through the program; None: all that are used
     is_sign_verified: bool = False  #: Whether the sign test of the commissioning sheet was passed
     tested: str = ""  #: Digits of the equations SHA-256 of the program that passed it; empty: nobody said
     #: clamp_um and slew_um_per_s: Output → largest correction, and fastest change of it; none: what the model says, or
@@ -111,7 +133,7 @@ def diagnosis_arguments(asked: DiagnoseSection) -> tuple[str, ...]:
 def export_command(folder: Path, asked: Export, machine: Path | None, overrides: Overrides) -> tuple[str, ...]:
     """`selector export`, which reads as all other commands do; paths in `folder` are told from there."""
     words = ["export", asked.model, "--for", asked.target, "--out", asked.folder]
-    words += _each("--replay", (told_path(folder, path) for path in asked.replayed))
+    words += _each("--replay", (told_path(folder, path) for path in asked.replayed or ()))
     words += _reading_words(folder, machine, overrides) if asked.replayed else []
     # a control without a guard refuses limits
     if TARGETS[asked.target].has_guard:
@@ -120,6 +142,19 @@ def export_command(folder: Path, asked: Export, machine: Path | None, overrides:
     if asked.is_sign_verified:
         words += ["--sign-verified", *(["--tested", asked.tested] if asked.tested else [])]
     return tuple(words)
+
+
+def prediction_command(
+    folder: Path, asked: Prediction, used: Sequence[Path], machine: Path | None, overrides: Overrides
+) -> tuple[str, ...]:
+    """`selector predict` for the duty cycle of the study folder."""
+    tests = [path for path in used if path in asked.tests] or used
+    words = ["predict", *source_arguments(folder, tests, machine, overrides), "--cycle", CYCLE]
+    words += [
+        *_each("--response", asked.responses),
+        *_changed(asked, Prediction(), ("method", "operations", "tolerance")),
+    ]
+    return (*words, "--out", PREDICTION)
 
 
 def command_words(command: Sequence[str]) -> list[str]:

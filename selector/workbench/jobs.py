@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from selector.errors import InputError, OptionError
 from selector.workbench.study_folder import trouble_with
@@ -26,7 +26,7 @@ State = Literal["queued", "running", "done", "failed", "cancelled"]
 
 GRACE_S = 4.0  #: How long a command that was asked to end may take for it before it is ended.
 
-_KEPT_LINES = 200
+_KEPT_LINES = 2000
 _IS_WINDOWS = os.name == "nt"
 
 
@@ -41,7 +41,8 @@ class Job:
     state: State = "queued"  #: {"queued", "running", "done", "failed", "cancelled"}
     doing: str = ""  #: What it does now, in its own words
     share: float | None = None  #: Share of the work that is done, where it is known
-    said: str = ""  #: What it printed for people: its answer, or when it failed, why and what to do
+    said: str = ""  #: What it printed: its answer, or when it failed, why and what to do
+    data: dict[str, Any] | None = None  #: Its answer, if it was asked to say it as ``--json``
     #: What is wrong with the study folder, if that is why it failed, or why what it wrote is not there
     problem: InputError | None = None
 
@@ -144,7 +145,8 @@ class Jobs:
                 ended = self._jobs[job.number]
                 if ended.state != "cancelled":
                     state: State = "done" if is_done else "failed"
-                    ended = self._change(job.number, state=state, said=said, doing="", problem=problem)
+                    data = _data(said) if is_done and "--json" in job.command else None
+                    ended = self._change(job.number, state=state, said=said, data=data, doing="", problem=problem)
             self._on_end(ended)
 
     def _heard(self, number: int, child: subprocess.Popen[str]) -> str:
@@ -214,6 +216,15 @@ def _lost(folder: Path, out: Path | None) -> OptionError | None:
         where=str(folder),
         advice="see whether the study folder was moved meanwhile: the result is where it is now; or start again",
     )
+
+
+def _data(said: str) -> dict[str, Any] | None:
+    """The object that a command said, messages behind it left out."""
+    try:
+        found = json.JSONDecoder().raw_decode(said)[0]
+        return found if isinstance(found, dict) else None
+    except ValueError:
+        return None
 
 
 def _progress(line: str) -> tuple[str, float | None] | None:

@@ -1,10 +1,11 @@
-"""What the Sensors page shows at this moment: the recordings added up once, the λ or the set that is looked at."""
+"""What pages show at this moment without a command: work in a thread, and the λ or the set that is looked at."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 from selector.errors import InputError
 from selector.findings import Finding
@@ -13,6 +14,61 @@ from selector.quality import file_copies, without_faults
 from selector.readers import Reading
 from selector.selection import Exploration, Options
 from selector.selection.exploration import Cut, FixedSet, plain_level
+from selector.workbench.access import defect
+
+_Made = TypeVar("_Made")
+
+
+class Latest(Generic[_Made]):
+    """Work that is done in a thread, one after the other; of what is asked meanwhile only the last counts.
+
+    `on_ready` is called when what was asked for last is there, or cannot be made.
+    """
+
+    def __init__(self, on_ready: Callable[[], None]) -> None:
+        self._on_ready = on_ready
+        self._lock = threading.Lock()
+        self._asked: object = None
+        self._work: Callable[[], _Made] | None = None
+        self._is_working = False
+        self._made: _Made | None = None
+        self._problem: InputError | None = None
+
+    def of(self, asked: object, work: Callable[[], _Made]) -> _Made | None:
+        """What `work` makes of what is `asked`; None: it is being made.
+
+        Raises InputError: it cannot be made.
+        """
+        with self._lock:
+            if asked != self._asked:
+                self._asked, self._work, self._made, self._problem = asked, work, None, None
+                if not self._is_working:
+                    self._is_working = True
+                    threading.Thread(target=self._make, name="selector-live", daemon=True).start()
+            if self._problem is not None:
+                raise self._problem.with_traceback(None)
+            return self._made
+
+    def _make(self) -> None:
+        while True:
+            with self._lock:
+                asked, work, self._work = self._asked, self._work, None
+                if work is None:
+                    self._is_working = False
+                    return
+            made, problem = None, None
+            try:
+                made = work()
+            except InputError as refused:
+                problem = refused
+            except Exception as error:  # the page must not wait for ever
+                problem = defect("work for a page", error)
+            with self._lock:
+                is_wanted = asked == self._asked
+                if is_wanted:
+                    self._made, self._problem = made, problem
+            if is_wanted:
+                self._on_ready()
 
 
 @dataclass(frozen=True)
@@ -25,6 +81,7 @@ class View:
     fixed: FixedSet  #: The set that is shown: of the cut, or one that was taken by hand
     is_taken: bool  #: Whether it was taken by hand
     response: str
+    target_um: float | None = None  #: The error that is to be reached
 
     @property
     def step(self) -> int:
@@ -47,17 +104,12 @@ class View:
 
 
 class Live:
-    """The exploration of the recordings on the bench; it is made in a thread, and kept until they change.
-
-    `on_ready` is called when an exploration that was asked for is there, or cannot be made.
-    """
+    """The exploration of the recordings on the bench; it is made in a thread, and kept until they change."""
 
     def __init__(self, on_ready: Callable[[], None]) -> None:
-        self._on_ready = on_ready
         self._lock = threading.RLock()
-        self._asked: tuple[object, ...] | None = None
-        self._exploration: Exploration | None = None
-        self._problem: InputError | None = None
+        self._latest: Latest[Exploration] = Latest(on_ready)
+        self._as_wished: tuple[Exploration, Exploration] | None = None
         self._level: float | None = None
         self._taken: tuple[str, ...] = ()
         self._response: str | None = None
@@ -73,67 +125,43 @@ class Live:
         """
         if reading is None:
             return None
+        similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
+        plain = replace(options, must=(), never=(), cost={})
+        asked = (number, options.responses, *similarity)
+        made = self._latest.of(asked, lambda: _explored(reading, plain, faults))
+        if made is None:
+            return None
         with self._lock:
-            similarity = (options.reference, options.absolute_similarity, tuple(options.conditions.items()))
-            asked = (number, options.responses, *similarity)
-            if asked != self._asked:
-                self._asked, self._exploration, self._problem = asked, None, None
-                self._level, self._taken = None, ()
-                plain = replace(options, must=(), never=(), cost={})
-                work = (number, asked, reading, plain, faults)
-                threading.Thread(target=self._explore, args=work, name="selector-explore", daemon=True).start()
-                return None
-            if self._problem is not None:
-                raise self._problem
-            found = self._exploration
-            if found is None:
-                return None
-            wishes = (options.must, options.never, dict(options.cost), options.max_sensors)
+            first, found = self._as_wished or (made, made)
+            found = found if first is made else made
             now = found.question.options
+            wishes = (options.must, options.never, dict(options.cost), options.max_sensors)
             if wishes != (now.must, now.never, dict(now.cost), now.max_sensors):
-                found = self._exploration = found.asking(
+                found = found.asking(
                     must=options.must, never=options.never, cost=options.cost, max_sensors=options.max_sensors
                 )
+            self._as_wished = made, found
             return found
 
-    def _explore(
-        self, number: int, asked: tuple[object, ...], reading: Reading, options: Options, faults: Sequence[Finding]
-    ) -> None:
-        found: Exploration | None = None
-        problem: InputError | None = None
-        try:
-            copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
-            found = Exploration.of(without_faults(reading.recording, (*faults, *copies)), options)
-            # the first search loads its compiled kernels
-            found.cut(found.grouping.chosen.level)
-        except InputError as refused:
-            problem = refused
-        except Exception as error:  # the page must not wait for ever
-            problem = InputError(
-                f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
-                expected="",
-                where=f"reading {number}",
-                advice="report it; the Selection page works without this one",
-            )
-        with self._lock:
-            if asked != self._asked:
-                return
-            self._exploration, self._problem = found, problem
-        self._on_ready()
-
-    def view(self, exploration: Exploration) -> View:
-        """What is looked at now."""
+    def view(self, exploration: Exploration, options: Options | None = None) -> View:
+        """What is looked at now; the first time at the λ of the options."""
+        asked = options or Options()
         with self._lock:
             responses = exploration.question.responses
             response = self._response if self._response in responses else responses[0]
             level = self._level
             if level is None:
                 chosen = exploration.axis.at(exploration.grouping.chosen.level)
-                level = plain_level(chosen)
+                level = asked.level if isinstance(asked.level, float) else plain_level(chosen)
             cut = exploration.cut(level)
             taken = tuple(name for name in self._taken if name in exploration.available)
             fixed = exploration.fixed(taken or cut.taken)
-            return View(exploration, level, cut, fixed, bool(taken), response)
+            return View(exploration, level, cut, fixed, bool(taken), response, asked.target)
+
+    def asked(self, options: Options) -> Options:
+        """What a selection of what is looked at now asks; the options where nothing is."""
+        found = self._as_wished
+        return options if found is None else self.view(found[1], options).options(options)
 
     def look_at(
         self, *, level: float | None = None, taken: Sequence[str] | None = None, response: str | None = None
@@ -146,3 +174,11 @@ class Live:
                 self._taken = tuple(taken)
             if response is not None:
                 self._response = response
+
+
+def _explored(reading: Reading, options: Options, faults: Sequence[Finding]) -> Exploration:
+    copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
+    found = Exploration.of(without_faults(reading.recording, (*faults, *copies)), options)
+    # the first search loads its compiled kernels
+    found.cut(found.grouping.chosen.level)
+    return found

@@ -17,13 +17,13 @@ from selector import __version__
 from selector.errors import InputError, ReadError
 from selector.telling.page import TEMPLATES
 from selector.workbench import parts
-from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, guard, tell
+from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, defect, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
-from selector.workbench.pages import diagnosis, export, recordings, selection, sensors, wished
+from selector.workbench.pages import diagnosis, export, prediction, recordings, selection, sensors, simulation
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
-PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, diagnosis, export)
+PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, export, prediction, simulation, diagnosis)
 """The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
 
 _LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
@@ -48,14 +48,14 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         suppress_callback_exceptions=True,
         enable_mcp=False,
     )
+    app.index_string = app.index_string.replace("<html>", '<html lang="en">')
     app.layout = lambda: _frame(bench)
     _register(app, bench)
     for one in PAGES:
         one.register(app, bench)
-    parts.register_table(app, "sensors", wished.COLUMNS, lambda: wished.rows(bench))
     _add_routes(app.server, bench)
     guard(app.server, access, app.csp_hashes())
-    answer_refusals(app.server)
+    answer_refusals(app.server, app)
     return app
 
 
@@ -68,6 +68,7 @@ def _frame(bench: Bench) -> Component:
         dcc.Location(id="address", refresh=False),
         dcc.Store(id=parts.REVISION, data=bench.revision),
         *(dcc.Store(id=name, data=-1) for name in ("tick", _NOTICED)),
+        dcc.Store(id=parts.AWAITED, data=None),
         dcc.Interval(id="look", interval=_LOOK_MS),
     ]
     head = [
@@ -95,6 +96,8 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         [Output(f"to-{one.ID}", "className") for one in PAGES],
         Input("address", "hash"),
     )
+
+    app.clientside_callback(ClientsideFunction("workbench", "awaits"), Input(parts.AWAITED, "data"))
 
     @app.callback(
         Output(parts.REVISION, "data"),
@@ -175,13 +178,7 @@ def _said(bench: Bench, error: Exception) -> None:
     """Shows what a callback could not do; a study folder that cannot be used comes first, a defect of ours says so."""
     error = trouble_with(bench.folder) or error
     if not isinstance(error, InputError):
-        tell("a callback of the page", error)
-        error = InputError(
-            f"this is a defect of the workbench, not of your data: {type(error).__name__}: {error}",
-            expected="",
-            where="",
-            advice="report it, with what you did; the files of the study are as they were",
-        )
+        error = defect("a callback of the page", error)
     dash.set_props(parts.NOTICE, {"children": parts.problem(error)})
     dash.set_props(_NOTICED, {"data": bench.revision})
 

@@ -20,6 +20,7 @@ from selector.csv_text import csv_text
 from selector.errors import InputError, OptionError
 from selector.figures import style
 from selector.findings import Finding
+from selector.telling.account import Account, Captioned, Drawing, Listing
 from selector.workbench.access import checked
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
@@ -39,6 +40,7 @@ _MOST_SEEN = 6
 _Read = TypeVar("_Read")
 
 NOTICE = "notice"  #: Place of the frame for what a callback could not do.
+AWAITED = "awaited"  #: Store of the frame: the page whose answer is awaited; the browser goes there when it comes.
 
 
 def tell(bench: Bench) -> None:
@@ -65,23 +67,26 @@ def asked_otherwise(others: Sequence[str], what: str, button: str) -> Component 
     return html.P(said, className="advice first bad") if others else None
 
 
-def remarks(findings: Iterable[Finding]) -> Component:
-    """Findings as the report shows them: level, statement, where, what can be done; one entry a kind and level."""
+def remarks(findings: Iterable[Finding], beside: Callable[[Finding], list[Any]] = lambda _: []) -> Component:
+    """Findings as the report shows them: level, statement, where, what can be done; one entry a kind and level.
+
+    `beside` gives what else stands at a finding.
+    """
     kinds: dict[tuple[str, str], list[Finding]] = {}
     for finding in findings:
         kinds.setdefault((finding.level, finding.id), []).append(finding)
-    return html.Ul([_kind(alike) for alike in kinds.values()], className="remarks")
+    return html.Ul([_kind(alike, beside) for alike in kinds.values()], className="remarks")
 
 
-def _kind(alike: Sequence[Finding]) -> Component:
+def _kind(alike: Sequence[Finding], beside: Callable[[Finding], list[Any]]) -> Component:
     """The first finding of a kind, where else there are such ones, and all of them to be unfolded."""
     first, *others = alike
     if not others:
-        return _remark(first)
+        return _remark(first, beside)
     places = list(dict.fromkeys(place for one in others if (place := _place(one)) and place != _place(first)))
     more = f"{len(others)} more like it" + (f": {'; '.join(places)}" if places else "")
-    every = html.Ul([_remark(one) for one in others])
-    entry = _remark(first)
+    every = html.Ul([_remark(one, beside) for one in others])
+    entry = _remark(first, beside)
     entry.children = [*entry.children, html.Details([html.Summary(more), every])]
     return entry
 
@@ -90,12 +95,12 @@ def _place(finding: Finding) -> str:
     return ", ".join(part for part in (finding.where.run, finding.where.channel) if part)
 
 
-def _remark(finding: Finding) -> Component:
+def _remark(finding: Finding, beside: Callable[[Finding], list[Any]]) -> Component:
     place = _place(finding)
     first: list[Any] = [html.Span(finding.level, className="level"), f" {place}: " if place else " ", finding.statement]
     advice = in_words_of_fields(finding.suggestion)
     more = [html.P(f"→ {advice}", className="about")] if advice else []
-    return html.Li([html.P(first), *more], className=finding.level)
+    return html.Li([html.P(first), *more, *beside(finding)], className=finding.level)
 
 
 def table(
@@ -115,14 +120,33 @@ def table(
     return html.Div(html.Table([*above, html.Thead(head), html.Tbody(body)], className=name), className="scroll")
 
 
-def graph(drawn: go.Figure) -> Component:
-    """A figure with its title as a heading, as wide as the page."""
-    title = style.title_text(drawn)
+def graph(drawn: go.Figure, title: str = "", note: str = "") -> Component:
+    """A figure with its title, or another one, as a heading, as wide as the page."""
+    title = title or style.title_text(drawn)
     top = drawn.layout.margin.t or 0
     lifted = max(0, int(top) - style.TITLE_MARGIN)
     drawn.update_layout(title=None, width=None, height=drawn.layout.height - lifted, margin={"t": top - lifted})
     shown = dcc.Graph(figure=drawn, responsive=True, config=GRAPH, style={"height": drawn.layout.height})
-    return html.Figure([html.Figcaption([html.H3(title), html.P("")]), html.Div(shown, className="plot")])
+    return html.Figure([html.Figcaption([html.H3(title), html.P(note)]), html.Div(shown, className="plot")])
+
+
+def told(account: Account, kept: Sequence[str] = ()) -> list[Component]:
+    """Sentences, pictures and tables of an account, of the sections with these ids, if any; the rest is in its page."""
+    look = "advice" if account.verdict == "good" else f"advice {account.verdict}"
+    said = [html.P(text, className="" if k else "first") for k, text in enumerate(account.sentences)]
+    found: list[Component] = [html.Div(said, className=look)] if said else []
+    parts = (part for part in account.sections if not kept or part.id in kept)
+    for one, title in ((block, part.title) for part in parts for block in part.blocks):
+        if isinstance(one, Drawing):
+            found.append(graph(one.figure, one.title, one.text))
+        elif isinstance(one, Captioned):
+            columns = [column.name for column in one.table.columns]
+            numeric = [column.name for column in one.table.columns if column.numeric]
+            shown = table(columns, one.table.rows, numeric, name="told")
+            found.append(html.Details([html.Summary(one.caption or title), shown]))
+        elif isinstance(one, Listing):
+            found.append(html.Pre(one.text, tabIndex=0))
+    return found
 
 
 def choice(name: Any, options: Sequence[str], value: str | None, **more: Any) -> Component:
@@ -230,67 +254,83 @@ def no_recordings(where: str) -> OptionError:
     return OptionError("no recordings", expected="recordings that can be read", where=where, advice="load some first")
 
 
-def register_start(
-    app: dash.Dash,
-    bench: Bench,
-    page: str,
-    title: str,
-    command: Callable[[], Sequence[str] | None],
-    folder: Callable[[], str],
-    missing: InputError,
-    forms: Sequence[Form],
-) -> None:
-    """The button ``{page}-start`` puts the page's command, which writes `folder`, into the queue.
+@dataclass(frozen=True)
+class Task:
+    """What a page has done: its command, which writes a folder, and how the answer in there is shown."""
+
+    page: str  #: Ids: button ``{page}-start``, place ``{page}-answer``, store ``{page}-answered``
+    title: str
+    command: Callable[[Bench], Sequence[str] | None]
+    folder: Callable[[Bench], str]  #: In the study folder
+    missing: InputError  #: What is missing where there is no command
+    forms: Sequence[Form] = ()
+    sheet: str = "report.html"  #: The file in the folder that tells one answer from another
+    #: The results, from a stamp that tells this sheet from another one and what the command said to programs
+    answered: Callable[[Bench, str, dict[str, Any] | None], Any] = lambda bench, stamp, said: None
+    is_asked_as_data: bool = False  #: Whether the command is asked what it says to programs
+
+
+def register_start(app: dash.Dash, bench: Bench, page: str, task: Task) -> None:
+    """The button ``{page}-start`` puts the command of a task into the queue; the browser goes on to the answer.
 
     It first takes over what stands in the page's fields: the browser sends the end of typing and the click together,
-    and what was refused is refused again instead of what counted before being started. `missing` says what is missing
-    where there is no command.
+    and what was refused is refused again instead of what counted before being started.
     """
-    places = [place for form in forms for place in (*form.fields, *form.beside)]
+    places = [place for form in task.forms for place in (*form.fields, *form.beside)]
 
     @app.callback(Input(f"{page}-start", "n_clicks"), *(State(*place) for place in places), prevent_initial_call=True)
     def _start(_: int, *shown: Any) -> None:
         stands = iter(shown)
-        for form in forms:
+        for form in task.forms:
             checked(form.take)(*islice(stands, len(form.fields) + len(form.beside)))
-        asked = command()
+        asked = task.command(bench)
         if asked is None:
-            raise missing.with_traceback(None)
-        bench.start(title, asked, bench.folder / folder())
+            raise task.missing.with_traceback(None)
+        data = ["--json"] if task.is_asked_as_data else []
+        job = bench.start(task.title, [*asked, *data], bench.folder / task.folder(bench))
+        set_props(AWAITED, {"data": [task.page, job.number]})
         tell(bench)
 
 
-def register_answer(
-    app: dash.Dash,
-    bench: Bench,
-    page: str,
-    title: str,
-    sheet: Callable[[], str],
-    answered: Callable[[str], Any],
-    is_open: bool = False,
-) -> None:
-    """``{page}-answer`` shows what the last job with this title said and wrote.
+def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
+    """The button of a page, and its place of the answer: what the last job with this title said and wrote.
 
-    What is shown stays as it is, opened details too, where nothing of it is different; ``{page}-answered`` tells. There
-    is another answer when `sheet`, the page of the results, is written anew; `answered` shows the results, from a stamp
-    that tells this sheet from another one. `is_open`: all that the command said is seen at once.
+    What is shown stays as it is, opened details too, where nothing of it is different.
     """
+    register_start(app, bench, task.page, task)
 
     @app.callback(
-        Output(f"{page}-answer", "children"),
-        Output(f"{page}-answered", "data"),
+        Output(f"{task.page}-answer", "children"),
+        Output(f"{task.page}-answered", "data"),
         Input(REVISION, "data"),
-        State(f"{page}-answered", "data"),
+        State(f"{task.page}-answered", "data"),
     )
     def _answer(_: int, shown: Any) -> tuple[Any, Any]:
-        job = next((job for job in reversed(bench.jobs.all) if job.title == title), None)
-        path = bench.folder / sheet()
+        job = next((job for job in reversed(bench.jobs.all) if job.title == task.title), None)
+        path = bench.folder / task.folder(bench) / task.sheet
         stamp = str(path.stat().st_mtime_ns if path.is_file() else 0)
         now = [None if job is None else [job.number, job.state], stamp]
         if now == shown:
             raise PreventUpdate
-        said = None if job is None else job_answer(job, is_open)
-        return [said, answered(stamp)], now
+        said = None if job is None or job.out != path.parent else job.data
+        return [None if job is None else job_answer(job), task.answered(bench, stamp, said)], now
+
+
+def answer_place(page: str) -> list[Component]:
+    """Where the answer of a page's `Task` is shown."""
+    return [html.Div(id=f"{page}-answer"), dcc.Store(id=f"{page}-answered", data=None)]
+
+
+def start_row(page: str, text: str = "Start") -> Component:
+    """The button of a page's `Task`."""
+    return html.Div([html.Button(text, id=f"{page}-start", className="main")], className="row")
+
+
+def saved(bench: Bench, folder: str, files: Iterable[tuple[str, str]]) -> Component:
+    """Links that save those files of an answer that there are: name, and what it is called."""
+    there = [(name, text) for name, text in files if (bench.folder / folder / name).is_file()]
+    links = [download(f"{folder}/{name}", text) for name, text in there]
+    return html.Div([html.Span("Save: "), *links], className="row")
 
 
 def table_download(name: str) -> Component:
@@ -313,10 +353,12 @@ def register_table(
     server.add_url_rule(f"/tables/{name}.csv", name, given)
 
 
-def job_answer(job: Job, is_open: bool = False) -> Component:
-    """What a job that is over said; nothing while it runs."""
-    if not job.is_over or job.state == "cancelled":
-        return html.Div()
+def job_answer(job: Job) -> Component:
+    """What a job said; while it runs, that it does."""
+    if job.state == "cancelled":
+        return html.P(f"{job.title}: cancelled; nothing was written.", className="about")
+    if not job.is_over:
+        return html.P(f"{job.title}: running; the bar below says how far it is.", className="about", role="status")
     if job.problem is not None:
         # the command itself only met a file that is not there
         return problem(job.problem)
@@ -326,4 +368,6 @@ def job_answer(job: Job, is_open: bool = False) -> Component:
             className="advice bad",
             role="alert",
         )
-    return html.Details([html.Summary("What the command said"), html.Pre(job.said, className="said")], open=is_open)
+    if job.data is not None:
+        return html.Div()
+    return html.Details([html.Summary("What the command said"), html.Pre(job.said, className="said", tabIndex=0)])

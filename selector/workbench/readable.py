@@ -23,6 +23,8 @@ from selector.readers import (
     write_machine_file,
 )
 from selector.readers.machine_file import ChannelSection, machine_from_text
+from selector.readers.roles.repairs import proposed
+from selector.workbench.access import defect
 from selector.workbench.study_folder import MACHINE_BEFORE
 
 
@@ -93,12 +95,21 @@ def _input_error(error: Exception) -> InputError:
             where="recordings",
             advice="close the program that holds them open, or give fewer of them",
         )
-    return InputError(
-        f"this is a defect of the program, not of your data: {type(error).__name__}: {error}",
-        expected="recordings that are read, or refused with a reason",
-        where="recordings",
-        advice="report it, with the recording; leave it out meanwhile",
-    )
+    return defect("recordings", error)
+
+
+def is_fault(finding: Finding) -> bool:
+    """Whether a finding is one of data that are wrong: an error, or what is left out because of it."""
+    return finding.level == "error" or finding.action != "none"
+
+
+def repaired(reading: Reading, *findings: Finding) -> Machine | None:
+    """The machine file with the repairs that findings propose, and without those that they tell of; None: as it is."""
+    machine = machine_of(reading)
+    told = {one.where.run for one in findings if one.id == "run-repaired"}
+    kept = {name: section for name, section in machine.runs.items() if name not in told}
+    runs = proposed(kept, findings)
+    return None if runs == dict(machine.runs) else machine.model_copy(update={"runs": runs})
 
 
 _BYTES = 16_384

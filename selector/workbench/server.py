@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import os
 import signal
+import tempfile
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -29,12 +31,15 @@ def serve(
     machine: Path | None = None,
     folder: Path | None = None,
     port: int = 0,
-    when_ready: Callable[[str], None],
+    when_ready: Callable[[str, Path], None],
 ) -> None:
-    """Serves the workbench at 127.0.0.1 until Ctrl-C or SIGTERM; then jobs are ended, and nothing is half written.
+    """Serves the workbench at 127.0.0.1 until Ctrl-C, SIGTERM or the end of the terminal.
+
+    Then jobs are ended, and nothing is half written.
 
     Recordings are read where they are, and what is in the study folder is taken up; without one there is a new one in
-    the current folder. Port 0 is any that is free; `when_ready` gets the address, token included.
+    the current folder. Port 0 is any that is free; `when_ready` gets the address, token included, and a file
+    that leads a browser there once, which only its owner can read.
 
     Raises InputError: a recording or the machine file is not there, or the folder or the port cannot be used.
     """
@@ -54,18 +59,27 @@ def serve(
                 own.rmdir()
 
 
-def _serve_until_stopped(server: Served, when_ready: Callable[[str], None]) -> None:
+def _serve_until_stopped(server: Served, when_ready: Callable[[str, Path], None]) -> None:
     # the thread that a Ctrl-C interrupts waits here; the server runs in another
     over = threading.Event()
-    earlier = signal.signal(signal.SIGTERM, lambda *_: over.set())
+    ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    # whoever started it with nohup wants it to go on
+    heard = [end for end in ends if signal.getsignal(end) != signal.SIG_IGN]
+    earlier = {end: signal.signal(end, lambda *_: over.set()) for end in heard}
+    # for its owner alone
+    place, name = tempfile.mkstemp(prefix="selector-", suffix=".html")
     try:
-        when_ready(server.access.address)
+        with os.fdopen(place, "w", encoding="utf-8") as opener:
+            opener.write(server.access.opener())
+        when_ready(server.access.address, Path(name))
         while not over.wait(0.5):
             pass
     except KeyboardInterrupt:
         pass
     finally:
-        signal.signal(signal.SIGTERM, earlier)
+        Path(name).unlink(missing_ok=True)
+        for end, handler in earlier.items():
+            signal.signal(end, handler)
         server.close()
 
 

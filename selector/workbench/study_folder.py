@@ -14,8 +14,9 @@ from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
 MACHINE_BEFORE = "machine.before.toml"
-PICTURES = "pictures"
-UPLOADS = (RECORDINGS, SIMULATION, PICTURES)
+PICTURES, MODELS = "pictures", "models"
+UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS)
+CYCLE = "cycle.csv"  #: The duty cycle of a prediction
 MOST_UPLOADED_BYTES = 200_000_000
 
 _LONGEST_NAME, _LONGEST_NAME_BYTES = 121, 200

@@ -13,17 +13,21 @@ FIELDS = {
     "--sheet": "Sheet", "--time-column": "Time column", "--time-unit": "Unit of time", "--date-order": "Order of dates",
     "--period-s": "Period [s]", "--unit": "unit", "--role": "role",
     "--response": "Displacements to predict", "--lambda": "λ", "--max-sensors": "Most sensors in a set",
-    "--rounds": "Rounds of screening", "--degree": "Highest power", "--reference": "Readings",
+    "--target": "Error to reach [µm]", "--rounds": "Rounds of screening", "--degree": "Highest power",
+    "--reference": "Readings",
     "--interactions": "Products of sensors", "--memory": "Memory: lagged temperatures and speed",
     "--ridge": "Shrink coefficients as far as unseen runs profit",
     "--absolute-similarity": "Group a sensor with its mirror image",
     "--must": "must be kept", "--never": "never", "--cost": "cost",
+    "--method": "Method", "--operations": "Operations", "--tolerance": "Allowed drift",
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
+    "--replay": "the recordings to run through the program",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
     "--sign-verified": "The sign test was passed", "--tested": "Target and SHA-256 of the tested program",
 }  # fmt: skip
 """Option of the command line → title of the field that does the same."""
 
+_LEAST = 1e-6
 _AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"
 _OPTION = re.compile(r"(?P<mark>`?)(?P<option>--[a-z][a-z-]*[a-z])(?P=mark)")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
@@ -50,6 +54,11 @@ def number(text: str | None, where: str, low: float = -math.inf, high: float = m
     if value is None or not low <= value <= high:
         raise _refused(text, f"a number{_limits(low, high, unit)}, e.g. {_example(low, high)}", where)
     return value
+
+
+def above_zero(text: str | None, where: str, unit: str = "") -> float | None:
+    """The size that was typed; None where nothing was. Raises OptionError: it is none, or not above 0."""
+    return number(text, where, _LEAST, unit=unit) if (text or "").strip() else None
 
 
 def whole(text: str | None, where: str, least: int = 1) -> int:

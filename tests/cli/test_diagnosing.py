@@ -112,11 +112,11 @@ def test_the_contract_and_the_screen(folder, seen, capsys):
     comparison = seen[0]
     assert comparison.runs == ("r1", "r2", "r3")
     assert comparison.held_out.sum() == N
-    assert exit_status(command(folder)) == 0
+    assert exit_status(command(folder, "--all")) == 0
     shown = capsys.readouterr().out
     for part in (
         "leaves out memory",
-        "thermal.memory",
+        "Memory of past heating",
         "97 % sure",
         "the hall temperature",
         "T1 > 22 °C",

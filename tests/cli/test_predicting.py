@@ -131,7 +131,7 @@ def test_out_is_written_whole(capfd, tmp_path):
         FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", "--response", "Z", "--cycle", CYCLES / "rising.csv",
         "--method", "piecewise", "--out", out,
     ]  # fmt: skip
-    code, text, err = run(capfd, *arguments, "--operations", "60,60,60,60,60", "--resolution", "1")
+    code, text, err = run(capfd, *arguments, "--operations", "60,60,60,60,60", "--resolution", "1", "--all")
     assert code == 0, err
     assert "10 µm was taken" in text
     assert sorted(path.name for path in out.iterdir()) == [

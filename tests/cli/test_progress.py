@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import time
 
 from selector.cli import exit_status
+from selector.cli.shared import progress
 from selector.cli.shared.progress import VARIABLE, counted_progress, progress_bar
 from selector.shipped import shipped
 
@@ -20,6 +22,16 @@ def test_nothing_is_said_without_a_terminal(capfd, monkeypatch):
         report(10, 10)
         say("folds", 0.5)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_long_silence_is_broken_where_it_is_asked(capfd, monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(progress, "_LONGEST_SILENCE_S", 0.01)
+    with progress_bar(spoken=True) as say:
+        say("compiling", None)
+        say("folds", 0.5)
+        time.sleep(0.2)
+    assert "folds, 50 %" in capfd.readouterr().err
 
 
 def test_programs_get_lines(capfd, monkeypatch):
@@ -56,7 +68,8 @@ def test_a_selection_says_what_it_does(capfd, monkeypatch):
     assert exit_status(["select", *recording, "--response", "Z", "--max-sensors", "2", "--json"]) == 0
     out, err = capfd.readouterr()
     assert json.loads(out)["schema"] == "selector.selection/1"
-    shares = [line["share"] for line in lines(err)]
-    assert lines(err)[0] == {"doing": "reading", "share": 0.0}
+    shares = [line["share"] for line in lines(err) if line["share"] is not None]
+    assert lines(err)[0]["share"] is None  # compiling: nobody knows how long
+    assert lines(err)[1] == {"doing": "reading", "share": 0.0}
     assert len(shares) > 2
     assert all(0.0 <= share <= 1.0 for share in shares)

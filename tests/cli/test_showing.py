@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,7 @@ def test_tables_degrade_on_a_code_page_that_lacks_letters(monkeypatch):
     console.print(showing.table("通道", ["name", "value"], [["主轴温度", 1.23456], ["T[2]", None]], numeric=["value"]))
     showing.show_findings(console, [FINDING])
     text = raw.getvalue().decode("cp1252")
-    assert "1.235" in text
+    assert "1.23" in text
     assert "T[2]" in text
     assert "this stretch is left out" in text
 
@@ -106,7 +107,23 @@ def test_no_colours_in_a_file(capfd):
     showing.show_findings(showing.screen(), [FINDING])
     out = capfd.readouterr().out
     assert "\x1b" not in out
-    assert out.startswith("warning stuck-channel (r2, T4, 1 h to 2 h 30 min): T4 does not change.\n")
+    assert out.startswith("warning (r2, T4, 1 h to 2 h 30 min): T4 does not change.\n")
+
+
+def test_findings_of_a_kind_are_one_and_a_fault_is_told_once(capfd):
+    several = [replace(FINDING, where=Where(channel, run)) for channel in ("T4", "T5") for run in ("r1", "r2")]
+    again = Finding("constant-sensor", "warning", "T9 does not move.", Where("T9"))
+    gone = Finding("empty-channel", "warning", "T9 is empty.", Where("T9"), action="leave-out-channel")
+    others = [Finding(f"kind-{k}", "warning", f"Number {k}.") for k in range(9)]
+    showing.show_findings(showing.screen(), [*several, again, gone, *others])
+    out = capfd.readouterr().out
+    assert "4 times, in T4 and T5, in runs r1 and r2." in out
+    assert "T9 is empty." in out
+    assert "T9 does not move." not in out
+    assert out.count("warning") == 5
+    assert "--all shows 6 more kinds of finding" in out
+    showing.show_findings(showing.screen(), [*several, again, gone, *others], everything=True)
+    assert capfd.readouterr().out.count("warning") == 15
 
 
 @pytest.mark.parametrize(
@@ -118,7 +135,7 @@ def test_span_text(seconds, text):
 
 
 @pytest.mark.parametrize(
-    ("value", "text"), [(None, "–"), (float("nan"), "–"), (3, "3"), (0.123456, "0.1235"), ("a", "a")]
+    ("value", "text"), [(None, "–"), (float("nan"), "–"), (3, "3"), (0.123456, "0.123"), ("a", "a")]
 )
 def test_cell_text(value, text):
     assert showing.cell_text(value) == text

@@ -5,10 +5,14 @@ from __future__ import annotations
 import re
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import urllib.error
+import urllib.parse
 import urllib.request
+import webbrowser
+from pathlib import Path
 
 import pytest
 
@@ -20,7 +24,7 @@ ADDRESS = re.compile(r"http://127\.0\.0\.1:(\d+)/\?token=[\w-]+")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C cannot be sent to one process there")
-@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_ctrl_c_ends_it_and_an_empty_study_leaves_nothing(tmp_path, stop):
     # recordings that are still being read when it is stopped
     words = [*INTERRUPTIBLE, "workbench", str(shipped("vmc37")), "--no-browser"]
@@ -35,11 +39,29 @@ def test_ctrl_c_ends_it_and_an_empty_study_leaves_nothing(tmp_path, stop):
             assert refused.value.code == 403
             refused.value.close()
         finally:
-            child.send_signal(stop)
+            child.send_signal(getattr(signal, stop))
         _, err = child.communicate(timeout=300)
     assert child.returncode == 0, err
     assert err == ""
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="files have no modes there")
+def test_the_browser_is_given_a_file_of_its_owner_and_no_token(tmp_path, monkeypatch):
+    shown = []
+
+    def look(address):
+        path = Path(urllib.parse.urlparse(address).path)
+        shown.append((path, stat.S_IMODE(path.stat().st_mode), path.read_text()))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(webbrowser, "open", look)
+    monkeypatch.chdir(tmp_path)
+    assert exit_status(["workbench"]) == 0
+    ((path, mode, text),) = shown
+    assert mode == 0o600
+    assert "token" not in text
+    assert not path.exists()
 
 
 def test_a_port_that_is_taken_is_refused(tmp_path, monkeypatch, capfd):

@@ -5,9 +5,9 @@ import pytest
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.evidence.misfit import with_pseudo_target
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import with_pseudo_target
 from selector.recording import Channel
 
 N = 3000

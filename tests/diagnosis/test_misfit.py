@@ -11,8 +11,8 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.response import bench_of
-from selector.diagnosis.evidence.search import misfit, tempered
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.runs import pure_error, repeats
 from selector.diagnosis.workflow import diagnosis

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from selector.physics.system import StateSpace, linearise
+from selector.physics.system import StateSpace
+from tests.physics.drive.axis_system import linearise
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from selector.proof.drive.true_axis import (
     LENGTH_S,
     STEP_S,
     TrueAxis,
-    given_from,
     given_motion,
     programme,
     true_motion,
@@ -94,7 +93,7 @@ def test_simulation_is_right_where_nothing_is_missing(friction, on_scale):
     axis = TrueAxis(coulomb_n=friction, on_scale=on_scale)
     command = programme("strokes", np.random.default_rng(3), 0.12, 1.5)
     _, speed, table, amps = run(axis, command)
-    given_speed, given_table, given_amps = given_motion(given_from(axis), command)
+    given_speed, given_table, given_amps = given_motion(axis, command)
     # two codes with steps of 0.1 and 0.125 ms, second order: far below noise of 0.2 µm and 30 mA
     assert np.abs(table - given_table).max() < 0.05e-6
     assert np.abs(amps - given_amps).max() < 0.01

@@ -9,8 +9,8 @@ import pytest
 
 from selector.proof.thermal.duty import STEP_S, STYLES, duty, speed_programme
 from selector.proof.thermal.machine import Body, Heat, machine, temperatures
-from selector.proof.thermal.scene import Scene, stage_of
-from selector.proof.thermal.speed import growth, heating
+from selector.proof.thermal.scene import Scene, Stage
+from selector.proof.thermal.sources import growth, heating
 
 
 def steady(n: int, level: float = 20.0) -> Heat:
@@ -77,13 +77,13 @@ def test_unknown_programme_is_refused():
 
 
 def test_effects_that_are_off_leave_no_trace():
-    stage = stage_of(Scene((heating({"front bearing": 40.0}, 2.5),)), np.random.default_rng(4))
+    stage = Stage(Scene((heating({"front bearing": 40.0}, 2.5),)), np.random.default_rng(4))
     for run in range(len(stage.duties)):
         assert all(not np.any(course) for course in stage.effect(0, run, 0.0).values())
 
 
 def test_linear_effects_grow_with_their_size():
-    stage = stage_of(Scene((growth(2.0, {"Z": 1.0}),)), np.random.default_rng(4))
+    stage = Stage(Scene((growth(2.0, {"Z": 1.0}),)), np.random.default_rng(4))
     once, twice = stage.effect(0, 1, 1.0)["Z"], stage.effect(0, 1, 2.0)["Z"]
     assert twice == pytest.approx(2.0 * once)
     assert not np.any(stage.effect(0, 1, 1.0)["Y"])

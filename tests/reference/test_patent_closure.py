@@ -11,8 +11,8 @@ from selector.sensors import (
     representatives,
     screen,
     transitive_closure,
-    transitive_closure_by_squaring,
 )
+from tests.sensors.by_definition import transitive_closure_by_squaring
 
 NAMES = tuple(str(i) for i in range(1, 9))
 

@@ -110,7 +110,6 @@ def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
     for one in prediction.repeats:
         assert f"{one.run}, single samples" in page.cells
     for where in (
-        "from-<b>afar</b>",
         "said before </script>",
         "<monday>.csv",
         "a&b.csv",

@@ -165,7 +165,7 @@ def test_demo_ends_with_the_path_of_a_report(tmp_path, capsys):
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert Path(last) == tmp_path / "demo" / "report.html"
     assert Path(last).stat().st_size > 1_000_000
-    assert (tmp_path / "demo" / "vmc37" / "model.json").exists()
+    assert (tmp_path / "demo" / "spindle46" / "model.json").exists()
 
 
 def test_a_stream_gives_the_same_sensors(runs, tmp_path, capsys, monkeypatch):

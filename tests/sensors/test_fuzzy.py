@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.sensors import closure_chain, max_min_composition, transitive_closure, transitive_closure_by_squaring
+from selector.sensors import closure_chain, transitive_closure
 from selector.sensors.groups import _chain_loop, _closure_of_chain_loop
+from tests.sensors.by_definition import max_min_composition, transitive_closure_by_squaring
 
 
 def test_composition_by_hand():
@@ -92,7 +93,7 @@ def relation_with(i: int, j: int, value: float, mirrored: bool) -> np.ndarray:
         (-1.5, True, "within"),
     ],
 )
-@pytest.mark.parametrize("function", [transitive_closure, transitive_closure_by_squaring, closure_chain])
+@pytest.mark.parametrize("function", [transitive_closure, closure_chain])
 def test_a_flaw_anywhere_is_refused(function, i, j, value, mirrored, message):
     with pytest.raises(InputError, match=message) as caught:
         function(relation_with(i, j, value, mirrored))
@@ -110,9 +111,3 @@ def test_diagonal_must_be_one(place, value):
 def test_wrong_shapes(shape):
     with pytest.raises(InputError, match="square"):
         transitive_closure(np.ones(shape))
-
-
-@pytest.mark.parametrize("shapes", [((2, 3), (2, 3)), ((2,), (2, 2)), ((2, 0), (0, 2))])
-def test_composition_of_shapes_that_do_not_fit(shapes):
-    with pytest.raises(InputError, match="shapes"):
-        max_min_composition(np.ones(shapes[0]), np.ones(shapes[1]))

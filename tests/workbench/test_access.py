@@ -67,6 +67,21 @@ def test_the_printed_address_opens_the_page_and_leaves_the_token_out_of_it(stran
     assert access.token not in opened.text
 
 
+def test_a_file_opens_the_page_once_and_holds_no_token(stranger, access):
+    opener = access.opener()
+    assert access.token not in opener
+    place = opener.partition("url=")[2].partition("'")[0].removeprefix(OWN)
+    # as a browser comes from a file
+    first = stranger.get(place, base_url=OWN, headers={"Sec-Fetch-Site": "cross-site"})
+    assert first.status_code == 200
+    assert "SameSite=Strict" in first.headers["Set-Cookie"]
+    assert access.token not in first.text
+    assert stranger.get("/", base_url=OWN).status_code == 200
+    stranger.delete_cookie(access.cookie, domain="127.0.0.1")
+    assert stranger.get(place, base_url=OWN).status_code == 403
+    assert stranger.get("/?ticket=", base_url=OWN).status_code == 403
+
+
 def test_tokens_are_long_and_never_the_same():
     tokens = {Access(PORT).token for _ in range(50)}
     assert len(tokens) == 50
@@ -248,3 +263,30 @@ def test_an_unknown_folder_receives_nothing(client, study):
     assert client.post("/upload/selection?name=a.csv", base_url=OWN, data=b"x").status_code == 404
     assert client.post("/upload/..?name=a.csv", base_url=OWN, data=b"x").status_code in (404, 405)
     assert list(study.iterdir()) == []
+
+
+ENVELOPES = [
+    b"", b"{", b"null", b"[]", b"7", b'"x"', b"{}", b'{"output": 7}', b'{"output": "notice.children"}',
+    b'{"output": "saved.children", "inputs": []}', b'{"output": "saved.children", "inputs": {"id": "save"}}',
+    b'{"output": "saved.children", "inputs": [[]]}',
+    b'{"output": "saved.children", "inputs": [7], "changedPropIds": []}',
+    b'{"output": "saved.children", "inputs": [{"id": "save", "property": "x"}]}',
+    b'{"output": "saved.children", "inputs": [{"id": "save", "property": "n_clicks"}], "changedPropIds": {}}',
+    b'{"output": "saved.children", "inputs": [{"id": "save", "property": "n_clicks"}], "state": 7}',
+    b"\xff\xfe", b"[" * 5000,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("path", ["/_dash-update-component", "/sensors/move"])
+@pytest.mark.parametrize("body", ENVELOPES, ids=range(len(ENVELOPES)))
+@pytest.mark.parametrize("kind", ["application/json", "text/plain"])
+def test_a_malformed_request_is_answered_in_one_line_and_nothing_is_told_as_a_defect(client, caplog, path, body, kind):
+    answer = client.post(path, base_url=OWN, data=body, content_type=kind)
+    # a move is an object; which of its words it has is judged by the page
+    if path == "/sensors/move" and kind == "application/json" and answer.status_code == 200:
+        assert "refused" in answer.get_json()
+    else:
+        assert answer.status_code in (400, 415)
+        assert answer.mimetype == "text/plain"
+        assert answer.text.count("\n") == 1
+    assert caplog.text == ""

@@ -98,7 +98,7 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     page.locator("#selection-max_sensors").fill("2")
     page.locator("#selection-max_sensors").press("Enter")
     page.get_by_text("--max-sensors 2").wait_for()
-    page.get_by_role("button", name="Start").click()
+    page.locator("#selection-start").click()
     page.get_by_text("The answer").wait_for()
     frame = page.frame_locator("iframe.sheet")
     frame.get_by_text("the model has not seen").first.wait_for()
@@ -127,9 +127,12 @@ def test_a_diagnosis_and_an_export(page, bench, study):
 
     page.locator("#to-export").click()
     page.get_by_text("export diagnosis/model.json --for c").wait_for()
+    # all are replayed, unless others are chosen
+    page.locator("#command").get_by_text("r3.csv").wait_for()
     page.locator("#export-replayed").click()
-    page.get_by_role("option", name="r2.csv").click()
-    page.locator("#command").get_by_text("r2.csv").wait_for()
+    for name in ("r1.csv", "r3.csv"):
+        page.get_by_role("option", name=name).click()
+    api.expect(page.locator("#command")).not_to_contain_text("r3.csv", timeout=PATIENCE_MS)
     page.keyboard.press("Escape")
     limits = page.locator("#export-outputs input.dash-input-element")
     limits.nth(0).fill("45,5")
@@ -165,7 +168,8 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     assert page.locator("#page-export pre", has_text="#include").first.inner_text().strip() == program.strip()
     sheet = page.frame_locator("#page-export iframe")
     sheet.get_by_text("Sign test").first.wait_for()
-    assert bench.jobs.all[-1].command[-1] == "--sign-verified"
+    assert bench.jobs.all[-1].command[-2:] == ("--sign-verified", "--json")
+    page.get_by_text("it differs from the model by at most").wait_for()
     assert "Z=0.5" in bench.jobs.all[-1].command
 
 
@@ -173,7 +177,7 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
     bench.add(PATENT / "recording.csv")
     page.locator("#to-selection").click()
     level, most = page.locator("#selection-level"), page.locator("#selection-max_sensors")
-    cost = page.locator("#selection-sensors input.dash-input-element")
+    target = page.locator("#selection-target")
 
     def typed(box, text):
         box.fill(text)
@@ -208,29 +212,29 @@ def test_what_is_typed_counts_or_is_refused_in_the_words_of_the_field(page, benc
     typed(level, "")
     api.expect(level).to_have_value("auto", timeout=PATIENCE_MS)
     assert bench.options.level is None
-    page.locator("#selection-sensors summary").click()
-    typed(cost.first, "2,5")
-    page.get_by_text("=2.5").wait_for()
-    typed(cost.first, "-1")
-    page.locator("#notice").get_by_text("at least 0").wait_for()
-    page.get_by_role("button", name="Start").click()
+    start = page.locator("#selection-start")
+    typed(target, "2,5")
+    page.get_by_text("--target 2.5").wait_for()
+    typed(target, "-1")
+    page.locator("#notice").get_by_text("“-1” was typed").wait_for()
+    start.click()
     page.wait_for_timeout(900)
-    assert page.locator("#notice").get_by_text("at least 0").is_visible()
+    assert page.locator("#notice").get_by_text("“-1” was typed").is_visible()
     assert page.locator("#notice").bounding_box()["y"] >= 0
-    assert cost.first.input_value() == "-1"
+    assert target.input_value() == "-1"
     assert bench.jobs.all == ()
     # typing that ends with the click
-    cost.first.fill("3")
+    target.fill("3")
     most.fill("drei")
-    page.get_by_role("button", name="Start").click()
+    start.click()
     page.locator("#notice").get_by_text("“drei”").wait_for()
     assert bench.jobs.all == ()
     most.fill("2")
-    page.get_by_role("button", name="Start").click()
+    start.click()
     page.get_by_text("The answer").wait_for()
     command = " ".join(bench.jobs.all[0].command)
     assert "--max-sensors 2" in command
-    assert "=3 " in command
+    assert "--target 3.0 " in command
 
 
 def test_a_running_command_is_cancelled(page, bench, study):
@@ -307,7 +311,7 @@ def test_a_file_of_30_mb(page, bench, study, tmp_path):
     assert bench.material.reading.runs[0].rows == count
     # the page still answers
     page.locator("#to-selection").click()
-    page.get_by_role("button", name="Start").wait_for()
+    page.locator("#selection-start").wait_for()
 
 
 def test_without_the_token_there_is_a_sentence_and_nothing_else(browser, served):

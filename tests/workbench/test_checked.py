@@ -71,7 +71,8 @@ def _request(of: dict, position: int, wrong: object, fields: dict) -> dict:
         name, kind = place["id"], place["property"]
         if name.startswith("{"):
             parts = json.loads(name)
-            own = {key: "Z" if value == ["ALL"] else value for key, value in parts.items()}
+            row = "T1" if parts["type"].startswith("sensors") else "Z"
+            own = {key: row if value == ["ALL"] else value for key, value in parts.items()}
             right = own if kind == "id" else 1 if kind == "n_clicks" else CELLS.get(parts["type"].partition("-")[2])
             value = wrong if number == position else right
             sent.append([{"id": own, "property": kind, "value": value}])
@@ -137,13 +138,13 @@ def test_what_was_refused_is_not_started_with_what_counted_before(app, client, b
     monkeypatch.setattr(bench, "start", lambda *of: started.append(of))
     before = kept(bench)
     start = next(one for one in asked(app, client) if one["changedPropIds"] == [f"{page}-start.n_clicks"])
-    right = {"selection-responses": [], "selection-ticks": [], "diagnosis-responses": [], "export-invert": []}
+    right = {"export-invert": [], "export-target": "c", "sensors-use": "may be used"}
     start["inputs"][0]["value"] = 1
     for said in start["state"]:
         one = said[0] if isinstance(said, list) else said
         name = one["id"] if isinstance(one["id"], str) else one["id"]["type"]
         value = one["value"] if one["property"] == "id" else right.get(name, one["value"])
-        one["value"] = text if name == box else value
+        one["value"] = text if name == box and one["property"] == "value" else value
     answer = send(client, start).text
     assert json.dumps(f"“{text}” was typed")[1:-1] in answer
     assert started == []

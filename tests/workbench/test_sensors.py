@@ -19,8 +19,8 @@ from selector.selection import Exploration, Options
 from selector.workbench.access import Access
 from selector.workbench.bench import Bench
 from selector.workbench.page import page
-from selector.workbench.pages import sensors, wished
-from selector.workbench.pages.sensors import machine, pictures
+from selector.workbench.pages import sensors
+from selector.workbench.pages.sensors import machine, pictures, wishes
 from tests.patience import wait_for
 from tests.workbench import studies
 
@@ -237,7 +237,7 @@ def test_tables_are_downloaded_as_csv_that_no_spreadsheet_runs(bench, client):
     rows = list(csv.DictReader(io.StringIO(answer.data.decode("utf-8-sig"))))
     assert [row["sensor"] for row in rows] == list(studies.SENSORS)
     assert rows[0]["place"] == "'=HYPERLINK(1)"
-    assert (rows[0]["use"], rows[0]["cost"]) == (wished.USES[1], "2.5")
+    assert (rows[0]["use"], rows[0]["cost"]) == (wishes.USES[1], "2.5")
     ready(bench)
     groups = client.get("/tables/groups.csv", base_url="http://127.0.0.1:8050").data.decode("utf-8-sig")
     rows = list(csv.DictReader(io.StringIO(groups)))

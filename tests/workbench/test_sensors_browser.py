@@ -83,7 +83,7 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
     def shown():
         return {
             "groups": page.locator("#sensors-groups tbody tr").count(),
-            "set": page.locator("#sensors-facts dd").nth(1).inner_text(),
+            "set": page.locator("#sensors-facts dd").first.inner_text(),
             # those that are clearly not zero, and the others
             "coefficients": [v for trace in (0, 1) for v in page.evaluate(VALUES, ["coefficients", trace])],
             "command": page.locator("#command").inner_text(),
@@ -151,7 +151,7 @@ def test_a_click_on_a_point_takes_its_set(page, bench):
     page.wait_for_timeout(300)
     page.mouse.click(x, y)
     page.get_by_text("taken by hand").wait_for()
-    names = page.locator("#sensors-facts dd").nth(1).inner_text().split(", ")
+    names = page.locator("#sensors-facts dd").first.inner_text().split(", ")
     assert len(names) == 2
     assert f"--max-sensors 2 --must {names[0]} --must {names[1]}" in page.locator("#command").inner_text()
     page.get_by_role("button", name="Back to the set of λ").click()

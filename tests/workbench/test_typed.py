@@ -7,6 +7,7 @@ import typer
 
 from selector.cli import app
 from selector.errors import OptionError
+from selector.workbench.bench import Bench
 from selector.workbench.pages import diagnosis, recordings, selection
 from selector.workbench.typed import FIELDS, in_words_of_fields, number, numbers, whole
 
@@ -70,8 +71,9 @@ def test_every_option_of_the_fields_is_one_of_the_command_line():
     assert set(FIELDS) <= known
 
 
-def test_the_fields_of_the_pages_have_these_titles():
+def test_the_fields_of_the_pages_have_these_titles(tmp_path):
     titles = set(FIELDS.values())
-    for page in (recordings._READING, selection._NUMBERS, selection._TICKS):
-        assert {row[1] for row in page} <= titles
-    assert diagnosis._BOXES
+    assert {row[1] for row in recordings._READING} <= titles
+    bench = Bench(tmp_path)
+    assert {box.title for box in selection._boxes(bench).boxes} <= titles
+    assert {box.title for box in diagnosis._boxes(bench).boxes} - titles == {"Channels to compare"}

@@ -10,20 +10,21 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-Progress = Callable[[str, float], None]
+Progress = Callable[[str, float | None], None]
 
 VARIABLE = "SELECTOR_PROGRESS"
-_LEAST_INTERVAL_S = 0.1
+_LEAST_INTERVAL_S, _LONGEST_SILENCE_S = 0.1, 4.0
 
 
 @contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """``say(doing, share)`` while the block runs."""
+def progress_bar(*, spoken: bool = False) -> Iterator[Progress]:
+    """``say(doing, share)`` while the block runs; `spoken`: without a terminal a line every few seconds."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -31,46 +32,60 @@ def progress_bar() -> Iterator[Progress]:
     console = Console(stderr=True)
     if _wants_lines():
         yield _lines()
-    elif not console.is_terminal:
-        yield lambda _doing, _share: None
-    else:
-        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    elif console.is_terminal:
+        columns = (BarColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
         with Bar(*columns, console=console, transient=True) as bar:
-            task = bar.add_task("", total=1.0)
-            yield lambda doing, share: bar.update(task, description=doing, completed=share)
+            task = bar.add_task("", total=None)
+
+            def say(doing: str, share: float | None) -> None:
+                bar.update(task, description=doing, completed=share or 0.0, total=None if share is None else 1.0)
+
+            yield say
+    elif spoken:
+        with _spoken() as speak:
+            yield speak
+    else:
+        yield lambda _doing, _share: None
 
 
 @contextmanager
 def counted_progress(title: str) -> Iterator[Callable[[float, float, str], None]]:
     """``report(done, total, text)`` while the block runs, to be called as often as one likes."""
-    from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
-    from rich.progress import Progress as Bar
-
-    if _wants_lines():
-        say = _lines()
-
-        def tell(done: float, total: float, text: str = "") -> None:
-            say(f"{title}, {text}" if text else title, done / total if total > 0 else None)
-
-        yield tell
-        return
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[now]}"))
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=None, now="")
+    with progress_bar() as say:
 
         def report(done: float, total: float, text: str = "") -> None:
-            bar.update(task, completed=done, total=total, now=text)
+            say(f"{title}, {text}" if text else title, done / total if total > 0 else None)
 
         yield report
+
+
+@contextmanager
+def _spoken() -> Iterator[Progress]:
+    """What is being done, on stderr, wherever nothing was said for some seconds."""
+    begun, done = time.monotonic(), threading.Event()
+    now: list[tuple[str, float | None]] = [("", None)]
+
+    def keep_saying() -> None:
+        while not done.wait(_LONGEST_SILENCE_S):
+            doing, share = now[-1]
+            known = f", {100.0 * share:.0f} %" if share else ""
+            sys.stderr.write(f"  {time.monotonic() - begun:4.0f} s  {doing}{known}\n")
+            sys.stderr.flush()
+
+    speaker = threading.Thread(target=keep_saying, daemon=True)
+    speaker.start()
+    try:
+        yield lambda doing, share: now.__setitem__(-1, (doing, share))
+    finally:
+        done.set()
+        speaker.join()
 
 
 def _wants_lines() -> bool:
     return os.environ.get(VARIABLE) == "lines"
 
 
-def _lines() -> Callable[[str, float | None], None]:
+def _lines() -> Progress:
     last: tuple[str, float] = ("", -1.0)
 
     def say(doing: str, share: float | None) -> None:

@@ -33,17 +33,6 @@ def published(folder: Path | None) -> tuple[Scenario, ...]:
     return found
 
 
-def require_some(asked: Sequence[Any]) -> None:
-    """Ends with an error where nothing is asked.
-
-    Raises OptionError: there is no scenario.
-    """
-    if not asked:
-        raise OptionError(
-            "no scenario", expected="at least one", where="--families, --scenarios", advice="ask for others"
-        )
-
-
 def show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
     """Every scenario in a row."""
     if as_json:

@@ -122,14 +122,29 @@ def _as_input_error(error: Exception) -> InputError | None:
         )
     if isinstance(error, OSError):
         return _file_error(error)
-    if isinstance(error, ModuleNotFoundError) and error.name in {"nptdms", "asammdf", "h5py"}:
-        return ReadError(
-            f"the reader of this format needs the package {error.name}, which is not installed",
-            expected="an installation with the extra `formats`",
-            where="installation",
-            advice='run `pip install "selector[formats]"`, or export the recording as CSV',
-        )
+    if isinstance(error, ModuleNotFoundError):
+        name = (error.name or "").partition(".")[0]
+        extra = next((extra for extra, modules in EXTRAS.items() if name in modules.split()), None)
+        if extra is not None:
+            return OptionError(
+                f"this needs the package {name}, which is not installed",
+                expected=f"an installation with the extra `{extra}`",
+                where="installation",
+                advice=f'pip install "selector[{extra}]" (in a checkout ".[{extra}]"); `all` has every extra',
+            )
     return None
+
+
+EXTRAS = {
+    "workbench": "dash flask werkzeug",
+    "formats": "nptdms asammdf h5py",
+    "field": "skfem pyamg meshio",
+    "drive": "control",
+    "fmu": "fmpy",
+    "fleet": "fsspec distributed",
+    "prove": "joblib sklearn",
+}
+"""Extra of `pyproject.toml` → the modules that come with it."""
 
 
 def _is_usage_error(error: Exception) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import io
-import math
 import os
 import sys
 from collections.abc import Iterable
@@ -15,8 +14,8 @@ import typer
 
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
-from selector.telling.account import ACTIONS, Account, Captioned, Heading, Note, Paragraph
-from selector.telling.numbers import place_text
+from selector.number_text import number_text
+from selector.telling.account import Account, Captioned, Heading, Note, Paragraph, grouped_remarks, remarks_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -91,14 +90,8 @@ def table(
 
 
 def cell_text(value: object) -> str:
-    """A value as a person reads it in a table: four significant digits, a dash for "none"."""
-    if value is None:
-        return "–"
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            return "–"
-        return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-    return _harmless(str(value))
+    """A value as a person reads it in a table: numbers as everywhere, a dash for "none"."""
+    return number_text(value) if value is None or isinstance(value, float) else _harmless(str(value))
 
 
 def _harmless(text: str) -> str:
@@ -106,34 +99,49 @@ def _harmless(text: str) -> str:
     return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
 
 
-MOST_ROWS = 20
-"""Of a table of an account that are shown; a page and the JSON have all."""
+MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS, MOST_INFO = 20, 6, 5, 2
+"""Rows of a table, and findings, that are shown; a page and the JSON have all."""
+
+Everything = Annotated[
+    bool, typer.Option("--all", help="Show every table and every finding on the screen.", metavar="")
+]
 
 
-def show_account(console: Console, account: Account) -> None:
+def show_account(console: Console, account: Account, *, everything: bool = False) -> None:
     """What an account says, in sentences and in the tables that answer the question; what several note is said once."""
-    console.print(_harmless(account.title), markup=False, soft_wrap=True)
+    console.print(_harmless(account.title), style="bold", markup=False, soft_wrap=True)
     for sentence in account.sentences:
         console.print(_harmless(sentence), markup=False)
     console.print()
-    noted: set[str] = set()
+    is_brief = not everything and account.brief is not None
+    most = None if everything else MOST_ROWS_IN_BRIEF if is_brief else MOST_ROWS
+    # what notes explain is looked up
+    known = [block.table for section in account.sections for block in section.blocks if isinstance(block, Captioned)]
+    noted = {one.note for one in (account.answer, *known) if one is not None and is_brief}
     if account.answer is not None:
-        show_captioned(console, Captioned("In numbers", account.answer), most=MOST_ROWS, noted=noted)
+        show_captioned(console, Captioned("In numbers", account.answer), "", most=most, noted=noted)
     for section in account.sections:
+        if is_brief and section.id not in (account.brief or ()):
+            continue
         for block in section.blocks:
             if isinstance(block, Captioned) and block.on_screen and block.table.rows:
-                show_captioned(console, block, section.title, most=MOST_ROWS, noted=noted)
+                show_captioned(console, block, section.title, most=most, noted=noted)
             elif isinstance(block, Heading) and block.on_screen:
-                console.print(_harmless(f"{block.text}: {block.code}"), style="bold", markup=False)
-            elif isinstance(block, Note | Paragraph) and block.on_screen:
+                console.print(_harmless(block.text), style="bold", markup=False)
+            elif isinstance(block, Note | Paragraph) and block.on_screen and not _is_said(block.text, account):
                 lead = f"{block.lead} " if isinstance(block, Paragraph) and block.lead else ""
                 console.print(_harmless(lead + block.text), "", sep="\n", markup=False)
 
 
-def show_answer(console: Console, account: Account, findings: Iterable[Finding]) -> None:
-    """What an account says, and the findings of the answer."""
-    show_account(console, account)
-    show_findings(console, findings)
+def _is_said(text: str, account: Account) -> bool:
+    """Whether the sentences of the answer have it already."""
+    return any(text.rstrip(".") in sentence for sentence in account.sentences)
+
+
+def show_answer(console: Console, account: Account, findings: Iterable[Finding], *, everything: bool) -> None:
+    """What an account says, the findings of the answer, and where the rest is."""
+    show_account(console, account, everything=everything)
+    show_findings(console, findings, everything=everything, more=account.brief is not None)
 
 
 def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -> None:
@@ -142,9 +150,9 @@ def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -
 
 
 def show_captioned(
-    console: Console, told: Captioned, otherwise: str = "", *, most: int | None = None, noted: set[str] | None = None
+    console: Console, told: Captioned, otherwise: str, *, most: int | None = None, noted: set[str] | None = None
 ) -> None:
-    """A table under its caption, or `otherwise`, with at most so many rows and its note unless that was `noted`."""
+    """A table under its caption, or `otherwise`, with at most so many rows; and its note, unless that was `noted`."""
     columns, rows, said = told.table.columns, told.table.rows, set() if noted is None else noted
     names = [column.name for column in columns]
     numeric = [column.name for column in columns if column.numeric]
@@ -157,20 +165,34 @@ def show_captioned(
     said.add(told.table.note)
 
 
-def show_findings(console: Console, findings: Iterable[Finding]) -> None:
-    """One paragraph for each finding: what, where, and what will be done or can be done."""
+def show_findings(
+    console: Console,
+    findings: Iterable[Finding],
+    *,
+    everything: bool = False,
+    more: bool = False,
+    most: int = MOST_FINDINGS,
+) -> None:
+    """The worst findings, those of one kind as one, or everything; last where the rest is, if there is `more`."""
     from rich.text import Text
 
-    for finding in findings:
+    findings = tuple(findings)
+    remarks = remarks_of(findings) if everything else grouped_remarks(findings)
+    # what is only good to know fills up what little there is
+    urgent = sum(remark.level != "info" for remark in remarks)
+    shown = remarks if everything else remarks[: min(max(urgent, MOST_INFO), most)]
+    for remark in shown:
         line = Text()
-        line.append(f"{finding.level}", style=_STYLES[finding.level])
-        line.append(f" {finding.id}")
-        place = place_text(finding.where, whole_path=True)
-        line.append(_harmless(f" ({place}): ") if place else ": ")
-        line.append(_harmless(finding.statement))
+        line.append(f"{remark.level}", style=_STYLES[remark.level])
+        place = "" if all(part in remark.statement for part in remark.place.split(", ")) else f" ({remark.place})"
+        line.append(_harmless(f"{place}: {remark.statement}"))
         # many suggestions say themselves what is left out
-        action = "" if "left out" in finding.suggestion else ACTIONS[finding.action]
-        for more in (action, finding.suggestion):
-            if more:
-                line.append(f"\n    → {more}")
+        action = "" if "left out" in remark.suggestion else remark.action
+        for told in (action, remark.suggestion):
+            if told and (everything or remark.level != "info"):
+                line.append(f"\n    → {told}")
         console.print(line)
+    left = len(remarks) - len(shown)
+    if not everything and (left or more or len(findings) > len(remarks)):
+        others = f"{left} more kinds of finding and " if left > 1 else "one more kind of finding and " if left else ""
+        console.print(f"--all shows {others}everything else that is known.", style="dim", markup=False)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from selector.study import DiagnoseSection, InputFile, Study
 
 STUDY = "--study"
-BESIDE_STUDY = frozenset({"from_study", "accept_changes", "out", "as_json"})
+BESIDE_STUDY = frozenset({"from_study", "accept_changes", "out", "everything", "as_json"})
 """What may be said together with a study; all else is in it."""
 
 _of_study = partial(typer.Option, rich_help_panel="Do a study again")

@@ -112,10 +112,11 @@ def held_out_faults(
 ) -> tuple[NamedEffect, ...]:
     """Faults of the data in one held-out run that explain why it is off, and the rest of it as quiet as elsewhere.
 
-    Held-out rows may be off because the model does not carry that far. A fault is named only where nothing is missing
-    in the fitted rows, the simulation is clearly off in the held-out ones, and with the fault as good as elsewhere.
+    Held-out rows may be off because the model does not carry that far; the end of an only run is no other run. A fault
+    is named only where nothing is missing in the fitted rows, the simulation is clearly off in the held-out ones, and
+    with the fault as good as elsewhere.
     """
-    if found.named:
+    if found.named or len(comparison.runs) == 1:
         return ()
     local = [effect for effect in effects if effect.family == "data"]
     named: list[NamedEffect] = []

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import Errors, Fit
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.moments import all_moderated, inverse_of
+from selector.diagnosis.evidence.moments import plain_fit
 from selector.diagnosis.evidence.naming import noise_floor
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.residual import least_squares
-from selector.types import Matrix, Vector
+from selector.types import Vector
 
 _DRAWS = 400
 _FAR = 1.2
@@ -125,15 +125,7 @@ def _placebo(
             n = rows.stop - rows.start
             by = int(generator.integers(n // 4, max(3 * n // 4, n // 4 + 1)))
             base[rows, own:] = np.roll(base[rows, own:], by, axis=0)
-        beta = _placebo_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
+        beta = plain_fit(base[bench.fitted], bench.target[bench.fitted], own, [bench.counts[v] for v in named])
         gains.append((rms(middle[held]) - rms((bench.target - base @ beta)[held])) / gap)
     low, value, high = (float(share) for share in np.quantile(gains, (0.025, 0.5, 0.975)))
     return Quantity(value, "1", low, high)
-
-
-def _placebo_fit(base: Matrix, target: Vector, own: int, counts: Sequence[int]) -> Vector:
-    beta = least_squares(base, target)
-    spread = float(np.mean((target - base @ beta) ** 2))
-    beta = all_moderated(beta, spread * inverse_of(base.T @ base), own, counts)
-    beta[:own] = least_squares(base[:, :own], target - base[:, own:] @ beta[own:])
-    return beta

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
 Indices = NDArray[np.intp]
@@ -199,3 +200,12 @@ def all_moderated(beta: Vector, covariance: Matrix, own: int, counts: Sequence[i
         result[here] = moderated(beta[here], covariance[here, here])
         first = here.stop
     return result
+
+
+def plain_fit(base: Matrix, target: Vector, own: int, counts: Sequence[int]) -> Vector:
+    """Coefficients by plain least squares, those of the shapes behind the first `own` columns `moderated`."""
+    beta = least_squares(base, target)
+    spread = float(np.mean((target - base @ beta) ** 2))
+    beta = all_moderated(beta, spread * inverse_of(base.T @ base), own, counts)
+    beta[:own] = least_squares(base[:, :own], target - base[:, own:] @ beta[own:])
+    return beta

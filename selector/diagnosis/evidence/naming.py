@@ -15,7 +15,7 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import Search, numbers, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.runs import pure_error, rms
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
@@ -100,11 +100,12 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 _UNCHECKED = 0.9
 """What is left of a confidence that nothing held out could bear out."""
-_MOST_OF_IT, _HALF = 0.75, 0.5
-"""Share of the mismatch from which a name is as sure as it is large, where structure is left; how sure it is below."""
+_HALF, _CARRIED = 0.5, 0.6
+"""How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows: the more it
+surely carries, the more."""
+_RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.8, 0.95, 0.99)
+"""Weights, and how often names of such a weight are right: 102 names of real recordings and a development seed."""
 _FAR_ABOVE = 4.0
-_LIKE_ANYTHING_SLOW = ("data.drift", "data.step", "data.zero")
-"""Faults of one channel that only a second channel tells from what the machine itself does slowly."""
 _INPUT_FAULT = 0.9
 """Confidence of a fault that a channel's own course shows and nothing else explains."""
 
@@ -121,11 +122,14 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     reading = effect.reading(fitted, comparison)
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
-    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
-        large = share >= _MOST_OF_IT and id_ not in _LIKE_ANYTHING_SLOW
-        confidence = min(confidence, share if large else _HALF, found.ahead.get(id_, 1.0))
     gap = found.closed.get(id_)
-    if gap is not None and gap.high is not None:
+    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
+        carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
+        confidence = min(confidence, _CARRIED + (1.0 - _CARRIED) * carried, found.ahead.get(id_, 1.0))
+    confidence = float(np.interp(confidence, *_RIGHT))
+    if id_ in found.doubted:
+        confidence = min(confidence, _HALF)
+    if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
     # with nothing meant to be kept nothing is lacking
@@ -281,6 +285,10 @@ def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect
 _MOST = 0.4
 _LITTLE = 0.015
 """Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
+_NOTHING = 0.001
+"""The same where what is left is noise, for all that is seen."""
+_LITTLE_BESIDE, _MUCH_SMALLER = 0.04, 0.8
+"""Of the movement: structure that is little beside what recalibration puts right; what that leaves of the error."""
 _LISTED = 0.01
 _SEEN_ONLY = 0.5
 """Confidence of what is only seen, too, at most."""
@@ -299,8 +307,10 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
         id_
         for id_, of in found.named.items()
         if id_ != "data.stuck"
-        and all(found.misfit[name] > 1.0 for name in of)
-        and (max(_explained(comparison, found)) < _MOST or all(_is_trifle(comparison, found, name) for name in of))
+        and (
+            all(_is_trifle(comparison, found, name) for name in of)
+            or (all(found.misfit[name] > 1.0 for name in of) and max(_explained(comparison, found)) < _MOST)
+        )
     }
     also = {id_: of for id_, of in {**found.named, **found.small}.items() if id_ in doubted or id_ not in found.named}
     rest = replace(found, named={id_: of for id_, of in found.named.items() if id_ not in doubted})
@@ -327,40 +337,56 @@ def _beside(comparison: Comparison, found: Search, id_: str, of: Mapping[str, in
     return named_effect(comparison, beside, id_)
 
 
-def is_small(comparison: Comparison, found: Search, response: str) -> bool:
-    """Whether what recalibration leaves of a response is no noise, and too little to matter.
+def is_small(comparison: Comparison, found: Search, response: str, size: float = np.inf) -> bool:
+    """Whether what recalibration leaves of a response, or structure of a `size` [unit] in it, is too little to matter.
 
-    That is what repeats of a programme differ by as well, unseen rows too, or a trifle of what was recorded; of a
-    position in a control loop no share of its way says what matters.
+    That is what repeats of a programme differ by as well, unseen rows too; a trifle of what was recorded; and little of
+    it, where recalibration has made the error much smaller, in unseen rows as well: that is what is to be done first.
     """
     repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
     is_as_repeated = repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
-    return is_as_repeated or _is_trifle(comparison, found, response)
+    is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
+    return is_as_repeated or is_little or _is_trifle(comparison, found, response)
+
+
+def is_recalibrated(found: Search, response: str) -> bool:
+    """Whether recalibration makes the error much smaller, in the rows that it is fitted to and in the others."""
+    bench = found.benches[response]
+    left, seen = bench.residual([]), np.isfinite(bench.target)
+    parts = [rows for rows in (bench.fitted, seen & ~bench.fitted) if rows.any()]
+    return all(rms(left[rows]) < _MUCH_SMALLER * rms(bench.target[rows]) for rows in parts)
 
 
 def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
-    is_noise_or_place = found.misfit[response] == 1.0 or comparison.channel(response).role in PLACE_ROLES
-    return not is_noise_or_place and _of_movement(comparison, found, response) < _LITTLE
+    """Of a position that a control loop keeps no share of its way says what matters."""
+    is_commanded = bool(comparison.with_role("position_command")) and comparison.channel(response).role in PLACE_ROLES
+    least = _NOTHING if found.misfit[response] == 1.0 else _LITTLE
+    return not is_commanded and _of_movement(comparison, found, response) < least
 
 
-def told_of_small(comparison: Comparison, found: Search) -> tuple[Finding, ...]:
-    """A finding for every response in which more is left than noise, but too little to matter."""
+def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
+    """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
     return tuple(
         FINDINGS.finding(
             "small-misfit",
-            f"What the simulation leaves of {name} is no noise, but only {share:.2g} of its movement (rms), or no more "
-            "than repeats of a programme differ by: too little to be called missing physics.",
+            f"What recalibration leaves of {name} is no noise, but only {share:.2g} of its movement (rms), no more "
+            "than repeats of a programme differ by, or little beside what recalibration puts right: too little to be "
+            "called missing physics.",
             Where(channel=name),
             {"share_of_movement": share, "times_noise": found.misfit[name]},
         )
         for name in found.benches
-        if is_small(comparison, found, name)
+        if name in small or is_small(comparison, found, name)
         for share in [_of_movement(comparison, found, name)]
     )
 
 
+def _movement(comparison: Comparison, found: Search, response: str) -> float:
+    return float(np.nanstd(comparison.recorded[response][found.benches[response].fitted]))
+
+
 def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
-    whole = float(np.nanstd(comparison.recorded[response][found.benches[response].fitted]))
+    whole = _movement(comparison, found, response)
     return _left_alone(found, response) / whole if whole > 0.0 else np.inf
 
 

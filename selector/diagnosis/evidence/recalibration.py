@@ -77,7 +77,8 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
 
     A wrong parameter of the simulation rarely moves one response of several and leaves the others exactly right; a
     wrong scale, zero or clock of one channel does just that. A factor that separates two units is the unit. A constant
-    force where the axis stands as well is a force (a cable, a weight), if not the zero of its amplifier.
+    force where the axis stands as well is a force (a cable, a weight), if not the zero of its amplifier; beside a wrong
+    scale it is what that makes of a force that is never 0.
     """
     off = {
         word: {name: one.quantities[word] for name, one in again.items() if one.matters and _is_off(one, word)}
@@ -88,7 +89,11 @@ def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]
     scales = {name: value for name, value in off["gain"].items() if known_factor(value) or alone["gain"]}
     if scales:
         found["data.gain"] = dict.fromkeys(scales, "gain")
-    forces = {name: value for name, value in off["offset"].items() if comparison.channel(name).role in _FORCES}
+    forces = {
+        name: value
+        for name, value in off["offset"].items()
+        if comparison.channel(name).role in _FORCES and name not in off["gain"]
+    }
     if forces:
         found["drive.offset_force"] = dict.fromkeys(forces, "offset")
     elif alone["offset"]:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Variant
-from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments
+from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, inverse_of, moments, plain_fit
 from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
 from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
@@ -69,6 +69,7 @@ class Bench:
     repeats: tuple[tuple[slice, slice], ...] = ()  #: Rows of pairs of runs of one programme
     cycle: MachineCycle | None = None  #: What the machine repeats
     is_off_cycle: bool = False  #: Whether what comes back with every cycle is taken for noise, and taken off
+    is_misfit: bool = False  #: Whether more is left than noise
     #: (len(rows),): Takes the place of the whitened target, where its noise has heavy tails
     pseudo_target: Vector | None = None
 
@@ -134,7 +135,11 @@ class Bench:
     @cached_property
     def white_nuisance(self) -> Matrix:
         """Columns of the recalibration behind the noise filter, fitted rows only."""
-        return self._single(whitened(self.noise, self.nuisance, self.parts)[self.rows])
+        return self.behind_filter(self.nuisance)
+
+    def behind_filter(self, columns: Matrix) -> Matrix:
+        """Courses (n_rows, p) behind the noise filter, fitted rows only."""
+        return self._single(whitened(self.noise, columns, self.parts)[self.rows])
 
     @cached_property
     def white_target(self) -> Vector:
@@ -142,7 +147,7 @@ class Bench:
         if self.pseudo_target is not None:
             return self.pseudo_target
         whole = filled_rows(self.target, self.parts)[:, None]
-        return self._single(whitened(self.noise, whole, self.parts)[self.rows])[:, 0]
+        return self.behind_filter(whole)[:, 0]
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
@@ -206,10 +211,12 @@ class Bench:
         says next to nothing, and may come out anywhere; so it may where what comes back with every cycle is taken off.
         """
         base, own = self.base(named), self.nuisance.shape[1]
-        gram = base.T @ base
-        inverse = inverse_of(gram)
+        inverse = inverse_of(base.T @ base)
+        counts = [self.counts[v] for v in named]
+        if self.is_misfit:
+            return plain_fit(self.raw_base(named)[self.fitted], self.target[self.fitted], own, counts), inverse
         beta = inverse @ (base.T @ self.white_target)
-        beta = all_moderated(beta, inverse, own, [self.counts[v] for v in named])
+        beta = all_moderated(beta, inverse, own, counts)
         rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
         beta[:own] = least_squares(self.nuisance[self.fitted], rest)
         return beta, inverse

@@ -4,140 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
 from selector.diagnosis.effects.effect import Quantity
+from selector.diagnosis.evidence.misfit import misfit, tempered, with_pseudo_target
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.testing import Tested, of_all, tail_probability, tests_of
+from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.shapes.machine_cycle import MachineCycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
-
-_SHAPES = 240
-_SHIFTS = 12
-_DRAWS = 60
-_FEWEST_ROWS = 24
-_BEYOND = 1.2
-"""Times the largest of the draws of noise, which are of white noise, while what is left is so only about."""
-
-
-def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
-    """Times what noise gains that shapes at a wrong time gain in what is left beside `named`; 1 where it is noise.
-
-    A simulation is never wrong in one way only. With many samples all structure that is nobody's is significant, and
-    shapes of the catalogue pick it up whether they are right or not. What shapes gain that are certainly wrong, those
-    of the catalogue at another time, tells how much that is. Evidence counts in units of it, as if the noise were
-    larger by that factor (a tempered posterior: J. W. Miller, D. B. Dunson, Robust Bayesian Inference via Coarsening,
-    JASA 114, 2019).
-
-    Counted is the largest gain of any shape, in the median over shifts by a quarter to three quarters of each run. Some
-    courses are much the same wherever they are moved, so that the median is chance itself: it has to be beyond that of
-    all draws of noise.
-    """
-    if not bench.candidates or len(bench.rows) < _FEWEST_ROWS:
-        return 1.0
-    base = np.linalg.qr(bench.base(named))[0]
-    left = bench.white_target - base @ (base.T @ bench.white_target)
-    left /= max(float(np.sqrt(np.mean(left**2))), 1e-300)
-    some = np.unique(np.linspace(0, len(bench.candidates) - 1, _SHAPES).astype(int))
-    columns = bench.white_columns[:, [bench.candidates[v].columns.start for v in some]]
-    draw = np.random.default_rng(seed)
-    beside_noise = np.column_stack([left, draw.standard_normal((len(left), _DRAWS))])
-    gains = []
-    for _ in range(_SHIFTS):
-        shifted = _elsewhere(bench, columns, draw)
-        gains.append(_largest_gains(shifted - base @ (base.T @ shifted), beside_noise))
-    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, columns, left, draw))
-
-
-def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Generator) -> float:
-    """The same of what differs between runs of one programme, where there are any: no shape should gain by it.
-
-    Such runs have the same shapes; what they leave differs by noise alone.
-    """
-    place = np.full(len(bench.target), -1)
-    place[bench.rows] = np.arange(len(bench.rows))
-    gains = []
-    for pair in bench.repeats:
-        first, second = (place[rows] for rows in pair)
-        both = (first >= 0) & (second >= 0)
-        if both.sum() < _FEWEST_ROWS:
-            continue
-        apart = (left[first[both]] - left[second[both]]) / np.sqrt(2.0)
-        noise = draw.standard_normal((len(apart), _DRAWS))
-        gains.append(_largest_gains(columns[first[both]], np.column_stack([apart, noise])))
-    return _times(np.median(gains, axis=0)) if gains else 1.0
-
-
-def _largest_gains(columns: Matrix, targets: Matrix) -> Vector:
-    """The largest gain of any column alone, in each of the targets; 0 where no column is left."""
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 1e-6 * size.max(initial=0.0)]
-    if columns.shape[1] == 0:
-        return np.zeros(targets.shape[1])
-    columns = columns / np.linalg.norm(columns, axis=0)
-    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0))
-
-
-def _times(gains: Vector) -> float:
-    """Times by which the first gain is above the median of the others, which are of noise; 1 if not beyond them all."""
-    own, by_chance = float(gains[0]), gains[1:]
-    return own / float(np.median(by_chance)) if own > _BEYOND * float(np.max(by_chance)) else 1.0
-
-
-def _elsewhere(bench: Bench, columns: Matrix, draw: np.random.Generator) -> Matrix:
-    result = np.empty_like(columns)
-    edges = np.flatnonzero(np.diff(bench.runs[bench.rows], prepend=-1, append=-1) != 0)
-    for first, last in pairwise(edges):
-        n = last - first
-        result[first:last] = np.roll(columns[first:last], int(draw.integers(n // 4, 3 * n // 4 + 1)), axis=0)
-    return result
-
-
-def tempered(bench: Bench, times: float) -> Bench:
-    """The bench with noise of `times` the variance, its target and its shapes smaller accordingly."""
-    if times == 1.0:
-        return bench
-    size = float(np.sqrt(times))
-    calm = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
-    return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)
-
-
-_BEND = 1.345
-"""Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal."""
-_WORTH = 0.9
-"""Share of the noise's variance that must be saved; of normal noise nothing is."""
-
-
-def with_pseudo_target(bench: Bench, chosen: Sequence[int]) -> Bench:
-    """The bench with Huber's pseudo-values for the target, if its noise has heavy tails.
-
-    Beside the `chosen` candidates a whitened residual r counts as ψ(r)/E ψ′, with ψ the residual up to a bend, whose
-    variance is E ψ²/(E ψ′)² (P. J. Huber, Robust Statistics, 1981, sections 7.3 and 7.6). Least squares on these
-    values is the robust estimate, to first order in what is still missing.
-    """
-    base = bench.base(chosen)
-    if len(base) <= 2 * base.shape[1]:
-        return bench
-    fit = base @ least_squares(base, bench.white_target)
-    left = bench.white_target - fit
-    bend = _BEND * 1.4826 * float(np.median(np.abs(left - np.median(left))))
-    inside = float(np.mean(np.abs(left) < bend))
-    variance = float(np.mean(left**2))
-    if bend <= 0.0 or inside <= 0.0 or variance <= 0.0:
-        return bench
-    pseudo = np.clip(left, -bend, bend) / inside
-    saved = float(np.mean(pseudo**2)) / variance
-    if saved >= _WORTH:
-        return bench
-    size = float(np.sqrt(saved))
-    quieter = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
-    return replace(quieter, pseudo_target=(fit + pseudo) / size)
-
 
 Benches = Mapping[str, Bench]
 _ENOUGH = 0.65
@@ -148,11 +27,17 @@ _MOST = 5
 _FINEST = 0.02
 """Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
 _NEARLY = 0.6
+_LEAP = 0.5
+"""Of a fault's size: a reading that changes by as much from one sample to the next is not slow."""
+_THE_SAME = 0.9
+"""Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong."""
 _RIVAL = 0.2
 """An effect of less than this share of the weight of the named one is told from it."""
 _TRIFLE = 0.1
 """What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
 _TENTH = 0.1
+MOST_OF_IT = 0.75
+"""Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows."""
 _AS_GOOD = 0.6
 """Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
 _CLEARLY_BETTER = 1.1
@@ -219,6 +104,12 @@ class Search:
     #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
     closed: Mapping[str, Quantity] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
+    wrong: frozenset[str] = frozenset()  #: Responses whose simulation is off as no effect is
+    doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside
+
+    def only(self, ids: set[str]) -> Search:
+        """The search with only some of the effects named."""
+        return replace(self, named={id_: of for id_, of in self.named.items() if id_ in ids})
 
 
 def numbers(named: Named, response: str) -> list[int]:
@@ -430,15 +321,20 @@ def _selected_by_size(benches: Benches, given: _Given) -> tuple[Named, Named]:
     """
     named: Named = {}
     refused: Named = {}
-    while len(named) < _MOST and len(refused) < _MOST_REFUSED:
+    tried = 0
+    while len(named) < _MOST and tried < _MOST_REFUSED:
         standing = given.standings(benches, named)
         supported = [one for id_, one in standing.items() if id_ not in refused and given.supports(one)]
         if not supported:
             break
         best = max(supported, key=lambda one: one.score)
         main, chosen = best.main, best.chosen
-        is_added = given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main])
-        (named if is_added else refused)[best.id] = chosen
+        if given.times[main] == 1.0 or adds(benches[main], numbers(named, main), chosen[main]):
+            # beside it what was refused may add enough
+            named, refused = {**named, best.id: chosen}, {}
+        else:
+            refused[best.id] = chosen
+            tried += 1
     return named, refused
 
 
@@ -453,10 +349,15 @@ def _without_small(benches: Benches, named: Named, small: Named, times: Mapping[
 
 
 def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
-    """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better."""
+    """Whether a candidate explains a tenth of what recalibration leaves beside the `named`, and unseen rows better.
+
+    Physics that explains three quarters of it may be of another size there.
+    """
     without_it, with_it = bench.residual(named), bench.residual([*named, v])
-    if np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2) < _TENTH * bench.mean_square([]):
-        return False
+    fall = np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2)
+    share = float(fall) / bench.mean_square([])
+    if share < _TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
+        return share >= _TENTH
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
@@ -507,15 +408,27 @@ def _by_transfer(
         main = max(of, key=lambda name: beside[id_].tested[name].gain)
         if given.times[main] == 1.0:
             continue
-        falls = {}
+        falls, the_same = {}, set()
         for other, one in beside.items():
             is_rival = other != id_ and main in one.responses and one.p_value <= given.level
             if is_rival and adds(benches[main], numbers(others, main), one.tested[main].best):
                 rival = {name: one.tested[name].best for name in of if name in one.tested}
                 falls[other] = _unseen_share(benches, others, of, rival)
-        good = [other for other in sorted(falls, key=lambda one: -falls[one]) if falls[other] >= _AS_GOOD]
+                if _alike(benches, beside, named, id_, other, _THE_SAME):
+                    the_same.add(other)
+        ranked = sorted(falls, key=lambda one: -falls[one])
+        good = [other for other in ranked if falls[other] >= _AS_GOOD or other in the_same]
+        is_slow = is_slow_in_one_run(benches[main], of[main])
+        if is_slow:
+            # a machine does so as well
+            good = [other for other in good if not other.startswith("data.")]
         best = good[0] if good else id_
-        if best != id_ and falls[best] > _CLEARLY_BETTER and beside[best].is_the_same_in_all_runs:
+        is_better = best != id_ and (is_slow or falls[best] > _CLEARLY_BETTER)
+        if (
+            is_better
+            and beside[best].is_the_same_in_all_runs
+            and _explains_as_much(benches[main], others, beside, id_, best)
+        ):
             chosen = beside[best].chosen
             named = {best if name == id_ else name: chosen if name == id_ else one for name, one in named.items()}
             good = [id_, *(other for other in good if other != best)]
@@ -525,6 +438,28 @@ def _by_transfer(
         rest = [fall for other, fall in falls.items() if other not in (best, *alike[best])]
         ahead[best] = 1.0 - float(np.clip(max(rest, default=0.0), 0.0, 1.0))
     return named, alike, ahead
+
+
+def _explains_as_much(bench: Bench, others: Named, beside: Mapping[str, Standing], own: str, other: str) -> bool:
+    """Whether another effect explains about as much of the fitted rows: a part that carries is not the whole."""
+    base, name = numbers(others, bench.response), bench.response
+    before = bench.mean_square(base)
+    falls = [before - bench.mean_square([*base, beside[id_].tested[name].best]) for id_ in (own, other)]
+    return falls[1] >= _AS_GOOD * falls[0]
+
+
+_LIKE_ANYTHING_SLOW = ("data.drift", "data.step")
+
+
+def is_slow_in_one_run(bench: Bench, v: int) -> bool:
+    """Whether a candidate is a slow fault of a channel in the only run: what the machine itself does looks like it.
+
+    A reading that leaps from one sample to the next is not slow.
+    """
+    if bench.candidates[v].effect.id not in _LIKE_ANYTHING_SLOW or len(np.unique(bench.runs[bench.fitted])) > 1:
+        return False
+    course = bench.raw(v) @ bench.coefficients([v])[0][-bench.counts[v] :]
+    return float(np.nanmax(np.abs(np.diff(bench.target[bench.fitted])))) < _LEAP * rms(course[bench.fitted])
 
 
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
@@ -575,7 +510,14 @@ def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # no
     return {name: value / sum(raw.values()) for name, value in raw.items()}
 
 
-def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: str, other: str) -> bool:  # noqa: A002
+def _alike(
+    benches: Benches,
+    beside: Mapping[str, Standing],
+    named: Named,
+    id: str,  # noqa: A002 - the word of the contract
+    other: str,
+    at_least: float = _NEARLY,
+) -> bool:
     """Whether two effects make nearly the same course in the response that shows the first one most."""
     first, second = beside[id], beside[other]
     response = first.main
@@ -587,4 +529,4 @@ def _alike(benches: Benches, beside: Mapping[str, Standing], named: Named, id: s
     for one in (first, second):
         columns = bench.white_columns[:, bench.candidates[one.tested[response].best].columns]
         spaces.append(np.linalg.qr(columns - base @ (base.T @ columns))[0])
-    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > _NEARLY
+    return float(np.linalg.svd(spaces[0].T @ spaces[1], compute_uv=False).max()) > at_least

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEffect, Verdict
+from selector.diagnosis.answer import Diagnosis, Errors, Evidence, Fit, NamedEffect, NextRun, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue, effect_of
 from selector.diagnosis.effects.effect import Quantity
@@ -16,9 +17,17 @@ from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import identical_responses
 from selector.diagnosis.mismatch.location import active_windows
+from selector.diagnosis.open_model.candidates import (
+    LEAST,
+    Candidate,
+    candidates,
+    chosen,
+    quick_noise,
+    unseen_squares,
+)
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
-from selector.diagnosis.open_model.switches import Switch, ThroughModel, through_model
+from selector.diagnosis.open_model.switches import ThroughModel, through_model
 from selector.diagnosis.wording import headline
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError
@@ -68,10 +77,19 @@ def with_longest_steps(
 
 _FLOOR = 0.02
 """Share of the mean square that something has to take away to be worth a word."""
-_MOST = 4
-_NEAR = 1.1
+_TRIED = 2
+_MOST = 3
+"""Effects that are put into a model one after the other."""
+_NEAR = 1.3
+"""Times the noise: unseen errors up to which parameters may be all that was wrong."""
+_RUIN = 1.1
+"""Times the unseen mean squares that an effect may leave which is borne out in one response."""
+_NEARLY_ALL = 0.8
+"""Of the way from the simulation as given to the noise."""
+_CARRIES = 0.15
+"""Of the unseen misfit: names that carry less are none where structure is left."""
 _SUSPECTED = 0.5
-"""Confidence in a name whose correction makes no error smaller."""
+"""What is left of the confidence in a name that unseen rows could not bear out."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
 """Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
@@ -96,22 +114,31 @@ class Modelled:
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """What one turn has found: the effect, how the model has it, and where the mismatch stood before."""
+class _Put:
+    """An effect that was put into the model: what was found, beside which rivals, and model and fit with it."""
 
-    effect: NamedEffect
-    switch: Switch
-    mismatch: Mapping[str, float]
+    best: Candidate
+    rivals: tuple[str, ...]
+    is_borne_out: bool  #: Whether unseen rows gain by it
+    model: OwnModel
+    refit: Refitted
+    start: Mapping[str, float]  #: Its parameters as they were put in
 
 
 @dataclass(frozen=True, eq=False)
-class _Turn:
-    """Model, fit and answer of one turn."""
+class _Tried:
+    """The way of a diagnosis through a model: fitted as given, and with one effect after the other."""
 
-    model: Runnable
-    refit: Refitted
-    through: ThroughModel | None
-    answer: Diagnosis
+    first: Refitted
+    through: ThroughModel | None  #: Of the first fit
+    put: tuple[_Put, ...]
+    stood: tuple[Candidate, ...]  #: Every effect in its best way, beside parameters alone
+    answer: Diagnosis  #: To what the last fit leaves
+
+    @property
+    def last(self) -> Refitted:
+        """The fit with everything that was put in."""
+        return self.put[-1].refit if self.put else self.first
 
 
 def diagnosis_of_model(
@@ -145,38 +172,69 @@ def diagnosis_of_model(
     say = progress or (lambda done, total, text: None)
     say(0, 1000, "steps of the simulation")
     model = with_longest_steps(runnable, recording, responses=responses, holdout=holdout)
-    found, starts = list[_Found](), list[dict[str, float]]()
-    start: Refitted | None = None
-    turns: list[_Turn] = []
-    for number in range(_MOST):
-        part = _part(say, number / _MOST, (number + 1) / _MOST)
-        again = refitted(
-            model, recording, responses=responses, holdout=holdout, added=starts, start=start, progress=part(0.0, 0.5)
-        )
-        through = through_model(model, again, progress=part(0.5, 0.7)) if isinstance(model, OwnModel) else None
-        known = catalogue()
-        answer = diagnosis(
-            again.comparison,
-            seed=seed,
-            false_alarm=false_alarm,
-            effects=known if through is None else through.effects(known),
-            through_model=None if through is None else through.shapes(known, again.comparison),
-            progress=part(0.7, 1.0),
-        )
-        turns.append(_Turn(model, again, through, answer))
-        first = turns[0].refit
-        switched = None if through is None else _largest(answer, through, first, [one.effect.id for one in found])
-        if switched is None or not isinstance(model, OwnModel) or number == _MOST - 1:
+    part = _part(say, 0.0, 0.4)
+    first = refitted(model, recording, responses=responses, holdout=holdout, progress=part(0.0, 1.0))
+    through, put, stood, refused = None, list[_Put](), list[Candidate](), set[str]()
+    while isinstance(model, OwnModel) and len(put) < _MOST:
+        part = _part(say, 0.4 + 0.15 * len(put), 0.55 + 0.15 * len(put))
+        now = put[-1].refit if put else first
+        shown = through_model(model, now, progress=part(0.0, 0.5))
+        left, mismatch = _squares(now.comparison), _squares(first.comparison)
+        found = candidates(now, shown, {name: left[name] / max(mismatch[name], 1e-300) for name in left})
+        through, stood = (shown, found) if through is None else (through, stood)
+        there = {one.best.switch.id for one in put}
+        step = None
+        for alike in chosen(found, false_alarm, there | refused)[:_TRIED]:
+            earlier = {} if not put else put[-1].start
+            step = _with(alike, model, now, recording, responses, holdout, earlier, part(0.5, 1.0))
+            if step is not None:
+                break
+            refused.add(alike[0].switch.id)
+        if step is None:
             break
-        effect, switch, amounts = switched
-        found.append(_Found(effect, switch, _squares(again.comparison)))
-        earlier = {name: again.values[name] for name in (starts[0] if starts else {})}
-        made = [model.with_changes(switch.changes([factor * a for a in amounts])) for factor in _SIZES]
-        model = made[0]
-        names = [name for name in switch.parameters if name in model.parameters]
-        starts = [earlier | {name: one.parameters[name].value for name in names} for one in made]
-        start = again
-    return _answer(runnable, turns, found, seed)
+        put.append(step)
+        model = step.model
+    last = put[-1].refit if put else first
+    answer = diagnosis(
+        last.comparison,
+        seed=seed,
+        false_alarm=false_alarm,
+        effects=catalogue() if through is None else through.effects(catalogue()),
+        progress=_part(say, 0.85, 1.0)(0.0, 1.0),
+    )
+    return _answer(runnable, _Tried(first, through, tuple(put), tuple(stood), answer), seed)
+
+
+def _with(
+    alike: Sequence[Candidate], model: OwnModel, now: Refitted, recording: Recording,
+    responses: Sequence[str] | None, holdout: str, earlier: Collection[str], progress: Say,
+) -> _Put | None:  # fmt: skip
+    """The model with an effect, everything fitted again; None where unseen rows do not gain by it after all."""
+    best, switch = alike[0], alike[0].switch
+    amounts = np.maximum(best.amounts, 1e-3 * np.array(switch.sizes)) if switch.is_amount else np.array(best.amounts)
+    made: list[OwnModel] = []
+    for factor in _SIZES:
+        with suppress(InputError):  # larger than the file can have
+            made.append(model.with_changes(switch.changes((factor * amounts).tolist())))
+    if not made:
+        return None
+    names = [name for name in switch.parameters if name in made[0].parameters]
+    kept = {name: now.values[name] for name in earlier if name in now.values}
+    starts = [kept | {name: one.parameters[name].value for name in names} for one in made]
+    again = refitted(
+        made[0], recording, responses=responses, holdout=holdout, added=starts, start=now, progress=progress
+    )
+    floor = {name: quick_noise(again.comparison, name) for name in again.comparison.responses}
+    was, left = (unseen_squares(one.comparison, floor) for one in (now, again))
+    off = [name for name in was if was[name] > _NEAR**2]
+    # where unseen rows are near the noise already they cannot bear anything out
+    is_borne_out = any(left[name] <= (1.0 - LEAST) * was[name] for name in off) and not best.is_idle
+    if sum(left.values()) > (_RUIN if is_borne_out or not off else 1.0) * sum(was.values()):
+        return None
+    if off and not best.is_idle and not is_borne_out:
+        return None
+    rivals = tuple(one.switch.id for one in alike[1:])
+    return _Put(best, rivals, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
 
 
 def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
@@ -189,72 +247,44 @@ def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
     return within
 
 
-def _largest(
-    answer: Diagnosis, through: ThroughModel, first: Refitted, known: Sequence[str]
-) -> tuple[NamedEffect, Switch, tuple[float, ...]] | None:
-    """The largest named effect that the file can express and has not yet, with its amounts."""
+def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
+    """What was put in, and what was found beside it in what the last fit leaves."""
+    first, last, answer = tried.first, tried.last, tried.answer
+    mismatch, left = _squares(first.comparison), _squares(last.comparison)
+    floor = _floors(tried)
+    put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
+    asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
     for effect in answer.effects:
-        if effect.id in known or _share(effect, _squares(answer.comparison), _squares(first.comparison)) < _FLOOR:
+        one = replace(
+            effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
+        )
+        if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
             continue
-        course = effect.courses[effect.channel]
-        for variant in through.variants[effect.channel].get(effect.id, ()):
-            switch = through.switch(variant)
-            beta = np.linalg.lstsq(variant.columns, course, rcond=None)[0]
-            left = float(np.abs(variant.columns @ beta - course).max())
-            if switch is not None and left <= 1e-6 * float(np.abs(course).max()):
-                amounts = np.maximum(beta, 1e-3 * np.array(switch.sizes)) if switch.is_amount else beta
-                return effect, switch, tuple(amounts.tolist())
-    return None
-
-
-def _squares(comparison: Comparison) -> dict[str, float]:
-    """Response → mean square of its mismatch on fitted rows."""
-    return {name: _rms(comparison.difference(name)[~comparison.held_out]) ** 2 for name in comparison.responses}
-
-
-def _share(effect: NamedEffect, now: Mapping[str, float], first: Mapping[str, float]) -> float:
-    """Share of the mismatch of the refitted simulation that goes with an effect found when `now` was left of it."""
-    return float(effect.share * min(1.0, now[effect.channel] / max(first[effect.channel], 1e-300)))
-
-
-def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found], seed: int) -> Modelled:
-    """What was put in, and what the last turn has found beside it."""
-    first, last = turns[0], turns[-1]
-    mismatch = _squares(first.refit.comparison)
-    put = [replace(one.effect, share=_share(one.effect, one.mismatch, mismatch)) for one in found]
-    left = _squares(last.refit.comparison)
-    beside = [replace(e, share=_share(e, left, mismatch)) for e in last.answer.effects if e.share >= _FLOOR]
-    beside = [
-        e
-        if any(_corrected(last, name) for name in e.channels)
-        else replace(e, suspected=True, confidence=min(e.confidence, _SUSPECTED))
-        for e in beside
-        if e.share >= _FLOOR and e.id not in {one.id for one in put}
-    ]
-    effects = tuple(sorted([*_with_fitted(put, found, last), *beside], key=lambda effect: -effect.share))
+        (beside if any(_is_borne_out(tried, name, floor[name]) for name in one.channels) else also).append(one)
+    was, now = (sum(unseen_squares(one.comparison, floor).values()) for one in (first, last))
+    carried = (was - now) / max(was - len(floor), 1e-300)
+    if answer.verdict == "unexplained" and put and carried < _CARRIES:
+        put, also = [], [*also, *put]
+    effects = tuple(sorted([*put, *beside], key=lambda effect: -effect.share))
     verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
     if not effects:
-        # structure that nothing explains stands, however much the parameters took away
-        if last.answer.verdict == "unexplained" and not _is_near_noise(last.answer):
+        is_near = _is_near(first.nominal, last.comparison, floor)
+        if answer.verdict == "unexplained" or not is_near:
             verdict = "unexplained"
-        elif _is_recalibrated(first.refit) or last.answer.verdict == "miscalibrated":
+        elif _is_recalibrated(first) or answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
         else:
-            verdict = "unexplained" if last.answer.verdict == "unexplained" else "nothing-missing"
+            verdict = "nothing-missing"
     lacking = [effect.id for effect in beside if not effect.id.startswith("data.")]
     improved = None
-    if found and isinstance(last.model, OwnModel):
+    if put:
         improved = Improved(
-            model=replace(last.model.with_values(last.refit.values), step_s=None),
-            added=tuple(one.effect.id for one in found),
+            model=replace(tried.put[-1].model.with_values(last.values), step_s=None),
+            added=tuple(effect.id for effect in put),
             not_in_it=tuple(lacking),
-            refit=last.refit,
+            refit=last,
         )
-    own = {} if first.through is None else first.through.own
-    evidence = [replace(one, named=one.id in {e.id for e in effects}) for one in first.answer.evidence]
-    evidence += [Evidence(id_, mismatch_of, 0.0, 1.0, False, f"not testable here: fitted as {name}")
-                 for id_, name in own.items() for mismatch_of in list(mismatch)[:1]]  # fmt: skip
-    findings = [*last.answer.findings, _mode(runnable, turns), *first.refit.findings]
+    findings = [*answer.findings, _mode(runnable, tried), *first.findings]
     if lacking and runnable.mode == "C":
         findings.append(
             FINDINGS.finding(
@@ -268,78 +298,151 @@ def _answer(runnable: Runnable, turns: Sequence[_Turn], found: Sequence[_Found],
         replace(place, place=effect.place, share=place.share * effect.share)
         for effect in effects
         for channel in effect.channels
-        for place in active_windows(last.answer.comparison, channel, effect.courses[channel])
+        for place in active_windows(answer.comparison, channel, effect.courses[channel])
     ]
-    answer = replace(
-        last.answer,
-        comparison=replace(last.answer.comparison, simulated=first.refit.nominal.simulated, findings=tuple(findings)),
+    result = replace(
+        answer,
+        comparison=replace(answer.comparison, simulated=first.nominal.simulated, findings=tuple(findings)),
         verdict=verdict,
-        where=tuple(where) if effects else last.answer.where,
+        where=tuple(where) if effects else answer.where,
         effects=effects,
-        fit={name: _fit(name, turns, seed, any(name in e.channels for e in beside)) for name in last.answer.fit},
-        evidence=tuple(evidence),
-        recalibration={**last.answer.recalibration, "model": dict(last.refit.quantities)},
+        also_seen=tuple(also),
+        fit={name: _fit(name, tried, seed, any(name in e.channels for e in beside)) for name in answer.fit},
+        evidence=tuple(_evidence(tried, {e.id for e in effects})),
+        next_runs=(*_next_runs(tried, put), *answer.next_runs),
+        recalibration={**answer.recalibration, "model": dict(last.quantities)},
         findings=tuple(findings),
     )
-    if found:
-        # that of the last turn knows nothing of what was put in
-        answer = replace(answer, headline=headline(answer))
-    return Modelled(answer, first.refit, improved)
+    # that of the rest knows nothing of what was put in
+    return Modelled(replace(result, headline=headline(result)), first, improved)
 
 
-def _with_fitted(put: Sequence[NamedEffect], found: Sequence[_Found], last: _Turn) -> list[NamedEffect]:
-    """The effects with the numbers of the last fit, everything together, in the place of those they were found with."""
-    result = []
-    for effect, one in zip(put, found, strict=True):
-        fitted = last.refit.quantities
-        numbers = {name.rpartition(".")[2]: fitted[name] for name in one.switch.parameters if name in fitted}
+def _floors(tried: _Tried) -> dict[str, float]:
+    """Response → its noise: from sample to sample, and what the answer to the rest takes for it, if that is more."""
+    comparison, fit = tried.last.comparison, tried.answer.fit
+    told = {name: fit[name].heldout.noise_floor or 0.0 for name in comparison.responses if name in fit}
+    return {name: max(quick_noise(comparison, name), told.get(name, 0.0)) for name in comparison.responses}
+
+
+def _squares(comparison: Comparison) -> dict[str, float]:
+    """Response → mean square of its mismatch on fitted rows."""
+    return {name: _rms(comparison.difference(name)[~comparison.held_out]) ** 2 for name in comparison.responses}
+
+
+def _named(tried: _Tried) -> list[NamedEffect]:
+    """What was put in, as an answer has it: with the numbers of the last fit, everything together."""
+    named, fits = [], [tried.first, *(one.refit for one in tried.put)]
+    mismatch = _squares(tried.first.comparison)
+    floor = _floors(tried)
+    for one, before, after in zip(tried.put, fits, fits[1:], strict=False):
+        known, switch = effect_of(one.best.switch.id), one.best.switch
+        fitted = tried.last.quantities
+        numbers = {name.rpartition(".")[2]: fitted[name] for name in switch.parameters if name in fitted}
         words = ", ".join(
             f"{key} {q.value:.4g} ({q.low:.4g} to {q.high:.4g}) {'' if q.unit == '1' else q.unit}".rstrip()
             for key, q in numbers.items()
             if q.low is not None
         )
-        statement = f"{effect_of(effect.id).title} at {one.switch.place} is not in the model: {words}."
-        told = {"parameters": numbers, "statement": statement} if numbers else {}
-        result.append(replace(effect, **told))  # type: ignore[arg-type]
-    return result
+        was, now = (_squares(fit.comparison) for fit in (before, after))
+        shares = {name: (was[name] - now[name]) / max(mismatch[name], 1e-300) for name in was}
+        gap, left = (sum(unseen_squares(fit.comparison, floor).values()) for fit in (before, after))
+        carried = (gap - left) / max(gap - len(floor), 1e-300)
+        sure = float(np.clip(carried, 0.0, 1.0)) / (1.0 + 0.5 * len(one.rivals))
+        channels = sorted((name for name in shares if shares[name] >= _FLOOR), key=lambda name: -shares[name])
+        named.append(
+            NamedEffect(
+                id=known.id,
+                channel=channels[0] if channels else one.best.main,
+                place=switch.place,
+                statement=f"{known.title} at {switch.place} is not in the model: {words}.",
+                parameters=numbers,
+                confidence=float(np.clip(sure, 0.01, 0.99)) if one.is_borne_out else _SUSPECTED * max(sure, _SUSPECTED),
+                p_value=one.best.p_value,
+                share=float(np.clip(max(shares.values()), 0.0, 1.0)),
+                cannot_be_told_from=one.rivals,
+                experiment=known.experiment,
+                channels=tuple(channels) or (one.best.main,),
+                suspected=not one.is_borne_out,
+                courses=one.best.courses,
+                is_fitted=True,
+            )
+        )
+    return named
 
 
-def _fit(name: str, turns: Sequence[_Turn], seed: int, has_more: bool) -> Fit:
-    """Errors of the simulation as given, with its parameters fitted, and of the model that the last turn left.
+def _evidence(tried: _Tried, named: Collection[str]) -> Iterator[Evidence]:
+    """Effects through the model, then those beside it."""
+    seen = set[str]()
+    for one in tried.stood:
+        if one.switch.id not in seen:
+            seen.add(one.switch.id)
+            note = "" if one.carried > 0.0 or one.switch.id in named else "not borne out by unseen rows"
+            yield Evidence(one.switch.id, one.main, one.gain, one.p_value, one.switch.id in named, note)
+    for row in tried.answer.evidence:
+        if row.id not in seen:
+            yield replace(row, named=row.id in named)
+    response = next(iter(tried.first.comparison.responses))
+    for id_, parameter in ({} if tried.through is None else tried.through.own).items():
+        yield Evidence(id_, response, 0.0, 1.0, False, f"not testable here: fitted as {parameter}")
+
+
+def _next_runs(tried: _Tried, named: Sequence[NamedEffect]) -> Iterator[NextRun]:
+    for effect in named:
+        if effect.cannot_be_told_from:
+            yield NextRun(effect.experiment, (effect.id, *effect.cannot_be_told_from), None, None)
+
+
+def _fit(name: str, tried: _Tried, seed: int, has_more: bool) -> Fit:
+    """Errors of the simulation as given, with its parameters fitted, and of the model with what was put in.
 
     What that model cannot express is in the last errors as a correction beside it.
     """
-    first, last = turns[0], turns[-1]
-    comparison, one = last.refit.comparison, last.answer.fit[name]
+    comparison, one = tried.last.comparison, tried.answer.fit[name]
     recorded, held = comparison.recorded[name], comparison.held_out
-    before, middle = first.refit.nominal.simulated[name], first.refit.comparison.simulated[name]
-    after = one.after if has_more and _corrected(last, name) else comparison.simulated[name]
+    before, middle = tried.first.nominal.simulated[name], tried.first.comparison.simulated[name]
+    after = one.after if has_more and _corrected(tried, name) else comparison.simulated[name]
     floor = one.heldout.noise_floor or 0.0
     return replace(
         one,
         train=Errors(_rms((recorded - before)[~held]), _rms((recorded - after)[~held])),
         heldout=Errors(_rms((recorded - before)[held]), _rms((recorded - after)[held]), one.heldout.noise_floor),
         recalibrated_heldout=_rms((recorded - middle)[held]),
-        gap_closed=_closed((recorded - middle)[held], (recorded - after)[held], floor, seed) if len(turns) > 1
+        gap_closed=_closed((recorded - middle)[held], (recorded - after)[held], floor, seed) if tried.put
         else one.gap_closed,
-        placebo_gain=first.answer.fit[name].placebo_gain,
         before=before,
         recalibrated=middle,
         after=after,
     )  # fmt: skip
 
 
-def _corrected(last: _Turn, name: str) -> bool:
+def _corrected(tried: _Tried, name: str) -> bool:
     """Whether the correction beside the model makes the error of the fitted rows smaller."""
-    comparison, rows = last.refit.comparison, ~last.refit.comparison.held_out
-    after = comparison.recorded[name] - last.answer.fit[name].after
+    comparison, rows = tried.last.comparison, ~tried.last.comparison.held_out
+    after = comparison.recorded[name] - tried.answer.fit[name].after
     return _rms(after[rows]) < (1.0 - _FLOOR) * _rms(comparison.difference(name)[rows])
+
+
+def _is_borne_out(tried: _Tried, name: str, floor: float) -> bool:
+    """Whether a response is off by more than its noise, and unseen rows gain by a correction beside the model."""
+    comparison = tried.last.comparison
+    rest, held = comparison.difference(name), comparison.held_out
+    if _rms(rest[~held]) <= _NEAR * floor:
+        return False
+    after = comparison.recorded[name] - tried.answer.fit[name].after
+    return not held.any() or _rms(after[held]) ** 2 <= (1.0 - LEAST) * _rms(rest[held]) ** 2
 
 
 def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity | None:
     """Share of the way from the refitted model to the noise that was gone, with a block bootstrap interval."""
     blocks = np.array_split(np.flatnonzero(np.isfinite(middle) & np.isfinite(after)), 20)
     return share_closed([block for block in blocks if len(block)], middle, after, floor, seed)
+
+
+def _is_near(given: Comparison, fitted: Comparison, floor: Mapping[str, float]) -> bool:
+    """Whether unseen errors are near the noise in every response, or parameters went nearly all of the way there."""
+    was, now = (unseen_squares(one, floor) for one in (given, fitted))
+    ways = {name: (np.sqrt(was[name]) - np.sqrt(now[name])) / max(np.sqrt(was[name]) - 1.0, 1e-300) for name in now}
+    return all(now[name] <= _NEAR**2 or ways[name] >= _NEARLY_ALL for name in now)
 
 
 def _is_recalibrated(refit: Refitted) -> bool:
@@ -357,20 +460,14 @@ def _is_recalibrated(refit: Refitted) -> bool:
     )
 
 
-def _is_near_noise(answer: Diagnosis) -> bool:
-    """Whether no response is further off in unseen rows than its noise makes it."""
-    held = [fit.heldout for fit in answer.fit.values()]
-    return all(of.noise_floor is not None and of.rmse_after <= _NEAR * of.noise_floor for of in held)
-
-
-def _mode(runnable: Runnable, turns: Sequence[_Turn]) -> Finding:
+def _mode(runnable: Runnable, tried: _Tried) -> Finding:
     what = "own model" if runnable.mode == "C" else "a black box that can be run again"
-    refit, times = turns[0].refit, sum(turn.refit.runs for turn in turns)
-    refitted = {name: dict(vars(one)) for name, one in turns[-1].refit.quantities.items()}
+    times = tried.first.runs + sum(one.refit.runs for one in tried.put)
+    refitted = {name: dict(vars(one)) for name, one in tried.last.quantities.items()}
     return FINDINGS.finding(
         "mode",
-        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(refit.values)} parameters refitted, simulated {times} "
-        "times.",
+        f"Mode {runnable.mode}: {what}, {runnable.name!r}; {len(tried.first.values)} parameters refitted, simulated "
+        f"{times} times.",
         evidence={"mode": runnable.mode, "refitted": refitted},
     )
 

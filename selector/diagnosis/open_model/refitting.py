@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import lsq_linear
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
@@ -115,22 +115,32 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
     return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
-def noise_of(fit: RefitProblem, courses: Mapping[str, Vector]) -> dict[str, NoiseModel]:
-    """What counts as one standard deviation of every response: the size of what is left of it, by how long it lasts.
+def noise_of(fit: RefitProblem, slopes: _Slopes, *, repeated: bool = False) -> dict[str, NoiseModel]:
+    """What counts as one standard deviation of every response: the size of what its parameters leave of it.
 
     What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
-    is wrong most often; an even weight, which counts readings that repeat each other once, finds the parameters that
-    make the error small. Of a recording that equals its simulation rounding is left: less is no standard deviation.
+    is wrong most often, and a weight by how long it lasts those responses least that lack something; an even weight
+    finds the parameters that make all errors small. It is what parameters leave that nothing holds: a wrong name plate
+    is no noise. With `repeated` readings that repeat each other count once: for intervals. Of a recording that equals
+    its simulation rounding is left: less is no standard deviation.
     """
-    found = {}
+    found, kept = {}, ~fit.comparison.held_out
     for name in fit.comparison.responses:
-        left = np.where(fit.comparison.held_out, np.nan, fit.comparison.recorded[name] - courses[name])
-        model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
-        size = float(np.sqrt(np.nanmean(left**2)) * np.sqrt(model.correlation_samples))
+        left = fit.comparison.recorded[name] - slopes.courses[name]
+        seen = np.isfinite(left) & kept
+        columns = slopes.tangents[name]
+        left = left - columns @ np.linalg.lstsq(columns[seen], left[seen], rcond=_TOLD)[0]
+        left = np.where(kept, left, np.nan)
+        size = float(np.sqrt(np.nanmean(left**2)))
+        if repeated:
+            model = noise_model(left, [part for part in fit.parts[name] if part.stop - part.start > 8])
+            size *= float(np.sqrt(model.correlation_samples))
         found[name] = NoiseModel(np.zeros(0), max(size, rounding_of(fit.comparison, name), 1e-300))
     return found
 
 
+_TOLD = 1e-3
+"""Of the largest singular value: directions of parameters that a response tells of."""
 Say = Callable[[int, int, str], None]
 _Start = tuple[Vector, "_Slopes"]
 
@@ -140,12 +150,14 @@ _UNDETERMINED = 0.8
 """A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
-_ROUNDS = 10
-_SETTLED = 0.02
-"""Change of a parameter in nameplate units that a new estimate of the noise may make without being followed."""
-_STEPS = 12
-_WITHOUT_SLOPES = 5
-"""Rounds after which finite differences are taken anew, if the fit has not settled before."""
+_SETTLED = 0.01
+"""Change of a parameter in nameplate units that is not followed."""
+_STEPS, _HALVINGS = 20, 5
+_GAINS = 1e-4
+"""Share of the weighted sum of squares that a step has to gain to be worth another one."""
+_AS_FORETOLD = 0.5
+_ANEW = 3
+"""How often finite differences are taken anew at most."""
 _USUAL_SLOPES = 2
 _NEAR = 0.1
 """Way from where finite differences were taken, in nameplate units, within which they hold."""
@@ -164,6 +176,9 @@ class Refitted:
     findings: tuple[Finding, ...]
     #: (n_rows,): Response → parameter → change of its course with the parameter, per unit of the parameter
     slopes: Mapping[str, Mapping[str, Vector]]
+    #: Parameter → standard deviation of its nameplate; how many of them it has gone, but of those that nothing holds
+    spread: Mapping[str, float]
+    away: Mapping[str, float]
 
 
 def refitted(
@@ -176,7 +191,7 @@ def refitted(
     start: Refitted | None = None,
     progress: Say | None = None,
 ) -> Refitted:
-    """The simulation with its own parameters fitted to the recordings, by Levenberg–Marquardt on weighted residuals.
+    """The simulation with its own parameters fitted to the recordings, by Gauss–Newton on weighted residuals.
 
     Every parameter is held by its nameplate: what the file says ± 20 %, or anywhere within the bounds that somebody has
     thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
@@ -228,17 +243,9 @@ def refitted(
     )
     earlier = {} if start is None else start.values
     z, slopes = _best_start(fit, [{**earlier, **one} for one in starts], start)
-    for turn in range(_ROUNDS):
-        courses = slopes.courses
-        fit = replace(fit, noise=noise_of(fit, courses))
-        before, (z, slopes) = z, _fitted(fit, z, slopes)
-        settled = bool(np.all(np.abs(z - before) < _SETTLED))
-        if settled and bool(np.all(np.abs(z - slopes.taken_at) < _NEAR)):
-            break
-        if settled or turn % _WITHOUT_SLOPES == _WITHOUT_SLOPES - 1:
-            slopes = _slopes(fit, z, slopes.courses)
+    z, slopes = _fitted(fit, z, slopes)
     courses, tangents = slopes.courses, slopes.taken
-    fit = replace(fit, noise=noise_of(fit, courses))
+    fit = replace(fit, noise=noise_of(fit, slopes, repeated=True))
     white = fit.white_tangents(tangents)
     inner = white.T @ white + np.diag(np.where(fit.free, 1e-12, 1.0))
     covariance = np.linalg.pinv(inner, hermitian=True)
@@ -259,7 +266,9 @@ def refitted(
     by_name = {
         response: dict(zip(names, (columns / fit.spread).T, strict=True)) for response, columns in tangents.items()
     }
-    return Refitted(nominal, comparison, values, quantities, done, tuple(findings), by_name)
+    spread = dict(zip(names, fit.spread.tolist(), strict=True))
+    away = {name: float(z[k]) for k, name in enumerate(names) if not fit.free[k]}
+    return Refitted(nominal, comparison, values, quantities, done, tuple(findings), by_name, spread, away)
 
 
 def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, float]) -> float:
@@ -283,17 +292,17 @@ class _Slopes:
     taken: Mapping[str, Matrix]
     tangents: Mapping[str, Matrix]
 
-    def moved(self, z: Vector, courses: Mapping[str, Vector]) -> _Slopes:
-        """At another point, so that they say what the step did (C. G. Broyden 1965, Math. Comp. 19, 577–593)."""
+    def mended(self, z: Vector, courses: Mapping[str, Vector]) -> _Slopes:
+        """So that they say what a step did, courses there (C. G. Broyden 1965, Math. Comp. 19, 577–593)."""
         step = z - self.at
         length = float(step @ step)
         if length == 0.0:
-            return replace(self, courses=courses)
+            return self
         tangents = {
             name: columns + np.outer(courses[name] - self.courses[name] - columns @ step, step / length)
             for name, columns in self.tangents.items()
         }
-        return replace(self, at=z, courses=courses, tangents=tangents)
+        return replace(self, tangents=tangents)
 
 
 def _slopes(
@@ -314,7 +323,7 @@ def _best_start(fit: RefitProblem, starts: Sequence[Mapping[str, float]], earlie
     slopes = _slopes(fit, found[0], courses, _known(fit, earlier))
     if len(found) == 1:
         return found[0], slopes
-    weighed = replace(fit, noise=noise_of(fit, courses))
+    weighed = replace(fit, noise=noise_of(fit, slopes))
     columns = weighed.white_tangents(slopes.tangents)[:, ~fit.free]
     best, least = slopes, np.inf
     for z in found:
@@ -353,40 +362,51 @@ def _known(fit: RefitProblem, earlier: Refitted | None) -> dict[str, dict[str, V
 
 
 def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
-    """Parameters with the smallest weighted residual, in standard deviations of the nameplate, and slopes there."""
+    """Parameters with the smallest weighted residual, in standard deviations of the nameplate, and slopes there.
+
+    Gauss–Newton steps within the limits, shortened until they gain. The noise is estimated anew before each; slopes are
+    mended by every step, and taken anew where a step does less than they said, and where it has settled.
+    """
     if not fit.names:
         return z, slopes
-    held = np.where(fit.free, 0.0, 1.0)
-    white = fit.white(slopes.courses)
-    large = 1e3 * float(np.sqrt(np.mean(white**2)) + 1.0)
-    latest = {slopes.at.tobytes(): slopes.courses}
-    mended = slopes
+    held, (low, high) = np.where(fit.free, 0.0, 1.0), fit.limits
+    anew = 0
+    for _ in range(_STEPS):
+        fit = replace(fit, noise=noise_of(fit, slopes))
+        white, columns = fit.white(slopes.courses), fit.white_tangents(slopes.tangents)
+        cost = float(white @ white + np.sum((held * z) ** 2))
+        step = _step(columns, white, held, z, low, high)
+        foretold = cost - float(np.sum((white - columns @ step) ** 2) + np.sum((held * (z + step)) ** 2))
+        gained = 0.0
+        for _ in range(_HALVINGS):
+            moved = np.clip(z + step, low, high)
+            try:
+                courses = fit.courses(moved)
+            except InputError:  # it runs away there
+                gained = -np.inf
+            else:
+                left = fit.white(courses)
+                gained = cost - float(left @ left + np.sum((held * moved) ** 2))
+                slopes = slopes.mended(moved, courses)
+            if gained > 0.0:
+                z, slopes = moved, replace(slopes, at=moved, courses=courses)
+                break
+            step = 0.5 * step if np.isfinite(gained) else 0.25 * step
+        settled = gained <= _GAINS * cost or bool(np.all(np.abs(step) < _SETTLED))
+        if settled and bool(np.all(np.abs(z - slopes.taken_at) < _NEAR)):
+            break
+        if settled or gained < _AS_FORETOLD * foretold:
+            if anew == _ANEW:
+                break
+            slopes, anew = _slopes(fit, z, slopes.courses), anew + 1
+    return z, slopes
 
-    def at(x: Vector) -> Mapping[str, Vector]:
-        if x.tobytes() not in latest:
-            courses = fit.courses(x)
-            latest.clear()
-            latest[x.tobytes()] = courses
-        return latest[x.tobytes()]
 
-    def left(x: Vector) -> Vector:
-        try:
-            return np.r_[fit.white(at(x)), held * x]
-        except InputError:
-            # it runs away there
-            return np.full(len(white) + len(x), large)
-
-    def slopes_at(x: Vector) -> Matrix:
-        nonlocal mended
-        mended = mended.moved(np.array(x), at(x))
-        return np.vstack([-fit.white_tangents(mended.tangents), np.diag(held)])
-
-    low, high = fit.limits
-    inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
-    x = least_squares(
-        left, inside, slopes_at, bounds=(low, high), x_scale="jac", max_nfev=_STEPS, xtol=1e-4, ftol=1e-6, gtol=1e-12
-    ).x
-    return np.asarray(x), mended.moved(np.asarray(x), at(x))
+def _step(columns: Matrix, white: Vector, held: Vector, z: Vector, low: Vector, high: Vector) -> Vector:
+    """The step to the smallest sum of squares within the limits, as the slopes have it."""
+    triangle = np.linalg.qr(np.column_stack([np.vstack([columns, np.diag(held)]), np.r_[white, -held * z]]), mode="r")
+    room = low - z, np.maximum(high - z, low - z + 1e-12)
+    return np.asarray(lsq_linear(triangle[:, :-1], triangle[:, -1], room).x)
 
 
 def _directions(

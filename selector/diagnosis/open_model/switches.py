@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant
+from selector.diagnosis.effects.effect import Effect, Quantity
 from selector.diagnosis.open_model.refitting import Refitted, Say, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel
 from selector.errors import InputError
 from selector.physics.model_text import Key, plain_values
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 Changes = Callable[[Sequence[float]], Sequence[tuple[Key, Any]]]
 
@@ -26,6 +25,8 @@ _HEAT_EXPONENTS = (1.0, 1.5, 2.0)
 _AREA_M2 = 0.1
 _OF_LARGEST = (1.0 / 60.0, 1.0 / 15.0)
 """Sizes of dry friction that are tried, in parts of the largest that a machine may have."""
+_FASTEST, _SLOWEST, _MODES, _DISSIPATION = 0.15, 0.08, 20, 0.4
+"""Frequencies of a mode that are tried, of the sampling rate and of each other; ψ of its joint."""
 NEW = "missing"
 """Name of a source or film that a diagnosis has added."""
 
@@ -52,9 +53,10 @@ def switches(model: OwnModel) -> tuple[Switch, ...]:
 
     Drives: friction by sign, direction and speed, viscous, a constant force, play, pitch error, cogging, dead time.
     Networks of heat: heat at every node by speed or at all times, films of hall and coolant, films that grow with
-    speed. Gauging: lag, wear. Of vibrations and thermal modes nothing: the effects' own shapes serve for them.
+    speed. Gauging: lag of filter and springs, wear. Vibrations: an imbalance of every shaft at tool and workpiece, a
+    member that hangs on one of them. Of thermal modes nothing: the effects' own shapes serve for them.
     """
-    kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging}
+    kinds = {"drive": _of_drive, "thermal": _of_heat, "gauging": _of_gauging, "vibration": _of_vibration}
     return tuple(kinds[model.kind](model)) if model.kind in kinds else ()
 
 
@@ -185,7 +187,9 @@ def _of_heat(model: OwnModel) -> Iterator[Switch]:
     if plain["model"]["kind"] != "network":
         return
     conditions, films = plain["conditions"], plain.get("films", {})
-    top_rpm = _largest(conditions["spindle_speed_rpm"])
+    # what is not said under [conditions] may be recorded
+    has_coolant = "coolant_on" in conditions or _recorded(model, "coolant_on")
+    top_rpm = _top_rpm(model, conditions["spindle_speed_rpm"])
     for node, section in plain["nodes"].items():
         place = section.get("place") or node
         for exponent in _HEAT_EXPONENTS:
@@ -194,7 +198,7 @@ def _of_heat(model: OwnModel) -> Iterator[Switch]:
             yield _source(node, place, "thermal.speed_heating", "speed_w", 20.0, law, shape)
         yield _source(node, place, "thermal.second_source", "on_w", 20.0)
         yield _source(node, place, "thermal.second_source", "turning_w", 20.0)
-        if "coolant_on" in conditions:
+        if has_coolant:
             yield _source(node, place, "thermal.coolant", "coolant_w", 20.0, is_amount=False)
             if not any(node in film["area_m2"] and film.get("fluid") == "coolant" for film in films.values()):
                 yield _film(node, place, "thermal.coolant", {"while_coolant": True, "fluid": "coolant"})
@@ -227,8 +231,18 @@ def _film(node: str, place: str, id_: str, law: Mapping[str, Any]) -> Switch:
     return Switch(id_, ("film",), (unit,), (10.0,), changes, (f"films.{name}.still_w_per_m2_k",), place)
 
 
-def _largest(course: Any) -> float:
-    """Largest value of a number, steps or a sine; a column's is not known: 1000."""
+def _recorded(model: OwnModel, key: str) -> str | None:
+    """The recorded channel that drives a condition: the one that ``[inputs]`` names, else the one called so."""
+    said = getattr(model.file.inputs, key, None) or key
+    return said if said in model.recording.names else None
+
+
+def _top_rpm(model: OwnModel, course: Any) -> float:
+    """Largest speed that was recorded, else that of the file: a number, steps or a sine; a column's is not known."""
+    driven = getattr(model.file.inputs, "spindle_speed", None)
+    turning = [one.name for one in model.recording.channels if one.name == driven or one.role == "spindle_speed"]
+    if turning:
+        return float(np.nanmax(np.abs(model.recording.frame[turning[0]].to_numpy())))
     if isinstance(course, list | tuple):
         return max(abs(float(value)) for _, value in course)
     if isinstance(course, Mapping):
@@ -237,15 +251,59 @@ def _largest(course: Any) -> float:
 
 
 def _of_gauging(model: OwnModel) -> Iterator[Switch]:
-    ends = {"time_constant_s": ("gauging.lag", 0.01, "gauge"), "wheel_wear": ("gauging.wear", 0.05, "wheel")}
+    ends = {
+        "time_constant_s": ("gauging.lag", (0.01, 0.1), "gauge"),
+        "lag_s": ("gauging.lag", (0.05, 0.4), "wheel and springs"),
+        "wheel_wear": ("gauging.wear", (0.05,), "wheel"),
+    }
     for name, one in model.parameters.items():
-        for end, (id_, size, place) in ends.items():
-            if name.rpartition(".")[2].startswith(end) and one.value == 0.0:
-                path: Key = tuple(name.split("."))
+        id_, sizes, place = ends.get(name.rpartition(".")[2], ("", (), ""))
+        path: Key = tuple(name.split("."))
+        if one.value == 0.0:
+            for size in sizes:
                 yield Switch(
-                    id_, (path[-1],), (one.unit,), (min(size, one.high),),  # type: ignore[arg-type]
+                    id_, (str(path[-1]),), (one.unit,), (min(size, one.high),),
                     lambda a, path=path: ((path, a[0]),), (name,), place,  # type: ignore[misc]
                 )  # fmt: skip
+
+
+def _of_vibration(model: OwnModel) -> Iterator[Switch]:
+    plain = plain_values(model.file)
+    finals = dict.fromkeys(str(member) for member in (model.file.finals.tool, model.file.finals.workpiece))
+    turning = {one.shaft for one in model.file.sources.values() if any(line.order == 1.0 for line in one.lines)}
+    for shaft in model.file.shafts:
+        if shaft not in turning:
+            yield from (_imbalance(shaft, member) for member in finals)
+    fastest_hz = _FASTEST / float(np.median(np.diff(model.recording.time_s(model.recording.runs[0]))))
+    for member in finals:
+        for hz in np.geomspace(_SLOWEST * fastest_hz, fastest_hz, _MODES).tolist():
+            yield _hanging(plain, member, float(hz))
+
+
+def _imbalance(shaft: str, member: str) -> Switch:
+    name = f"{NEW} imbalance of {shaft}"
+    changes = _at(("sources",), lambda a: {name: {
+        "member": member, "shaft": shaft,
+        "lines": [{"order": 1.0, "unbalance_kg_m": max(math.hypot(*a), 1e-12), "phase_rad": math.atan2(a[1], a[0])}],
+    }})  # fmt: skip
+    fitted = tuple(f"sources.{name}.lines.1.{key}" for key in ("unbalance_kg_m", "phase_rad"))
+    words = ("imbalance, in phase", "imbalance, a quarter later")
+    return Switch("vibration.imbalance", words, ("kg·m",) * 2, (1e-5, 1e-5), changes, fitted, member, is_amount=False)
+
+
+def _hanging(plain: Mapping[str, Any], member: str, hz: float) -> Switch:
+    name, held = f"{NEW} on {member}", (2.0 * math.pi * hz) ** 2
+    joint = {"between": [name, member], "dissipation": _DISSIPATION}
+    number = len(plain["joints"])
+
+    def changes(a: Sequence[float]) -> Sequence[tuple[Key, Any]]:
+        mass = {"mass_kg": max(float(a[0]), 1e-6)}
+        return (("members", name), mass), (("joints", number), {**joint, "stiffness_n_per_m": held * mass["mass_kg"]})
+
+    fitted = (f"members.{name}.mass_kg", f"joints.{number + 1}.stiffness_n_per_m", f"joints.{number + 1}.dissipation")
+    size = 0.01 * float(plain["members"][member]["mass_kg"])
+    shape = {"frequency_hz": Quantity(hz, "Hz")}
+    return Switch("vibration.mode", ("mass that swings",), ("kg",), (size,), changes, fitted, member, shape)
 
 
 _SHOWS = 1e-6
@@ -257,38 +315,16 @@ class ThroughModel:
     """Effects as a model shows them."""
 
     model: OwnModel  #: The refitted one
-    variants: Mapping[str, Mapping[str, Sequence[Variant]]]  #: Response → effect → shapes
-    switch_of: Mapping[int, Switch]  #: `id` of the columns of a shape, which copies of it share → what makes it
+    #: (n_rows, n_amounts): What makes an effect → response → its change with every amount [unit per unit]
+    columns: Mapping[Switch, Mapping[str, Matrix]]
     own: Mapping[str, str]  #: Effects that are parameters which recalibration fits → that parameter
 
     def effects(self, known: Sequence[Effect]) -> tuple[Effect, ...]:
-        """The effects to be tested: without those that recalibration fits; those through the model are read from it."""
-        return tuple(replace(one, reading=self._reading(one)) for one in known if one.id not in self.own)
-
-    def shapes(self, known: Sequence[Effect], comparison: Comparison) -> dict[str, dict[str, list[Variant]]]:
-        """Response → effect → its shapes through the model, and beside them its own where the file has it in part.
-
-        Of friction by direction a file has dry friction, but not viscous friction.
-        """
-        found = {response: {id_: list(given) for id_, given in of.items()} for response, of in self.variants.items()}
-        for response, variants in found.items():
-            for effect in known:
-                given = [self.switch(one) for one in variants.get(effect.id, ())]
-                in_part = any(one is not None and one.is_part for one in given)
-                if in_part and effect.testable(comparison, response) is None:
-                    variants[effect.id] += effect.variants(comparison, response)
-        return found
-
-    def switch(self, variant: Variant) -> Switch | None:
-        """What makes this shape; None if it is not of the model."""
-        return self.switch_of.get(id(variant.columns))
-
-    def _reading(self, effect: Effect) -> Callable[[Fitted, Comparison], Reading]:
-        def reading(fitted: Fitted, comparison: Comparison) -> Reading:
-            switch = self.switch(fitted.variant)
-            return effect.reading(fitted, comparison) if switch is None else _of_switch(effect, switch, fitted)
-
-        return reading
+        """Those of its family, and faults of the data, that are tested beside it: what it can have is put into it."""
+        inside = {one.id for one in self.columns if not one.is_part}
+        families = {one.family for one in known}
+        alike = {self.model.kind, "data"} if self.model.kind in families else families
+        return tuple(one for one in known if one.id not in self.own and one.id not in inside and one.family in alike)
 
 
 def through_model(model: OwnModel, fitted: Refitted, *, progress: Say | None = None) -> ThroughModel:
@@ -301,8 +337,7 @@ def through_model(model: OwnModel, fitted: Refitted, *, progress: Say | None = N
     responses = comparison.responses
     base = {name: comparison.simulated[name] for name in responses}
     scale = {name: float(np.nanstd(comparison.difference(name))) for name in responses}
-    found: dict[str, dict[str, list[Variant]]] = {name: {} for name in responses}
-    switch_of: dict[int, Switch] = {}
+    found: dict[Switch, dict[str, Matrix]] = {}
     known = switches(at)
     for number, switch in enumerate(known):
         if progress is not None:
@@ -311,21 +346,14 @@ def through_model(model: OwnModel, fitted: Refitted, *, progress: Say | None = N
             columns = _columns(at, switch, comparison, base)
         except InputError:
             continue
-        for name in responses:
-            one = columns[name]
-            size = np.sqrt(np.nanmean(one**2, axis=0)) * np.array(switch.sizes)
-            if not np.isfinite(one).all() or (size <= _SHOWS * scale[name]).any():
-                continue
-            limits = tuple((0.0, np.inf) for _ in switch.sizes) if switch.is_amount else None
-            variant = Variant(one, switch.amounts, switch.shape, switch.place, bounds=limits)
-            found[name].setdefault(switch.id, []).append(variant)
-            switch_of[id(variant.columns)] = switch
-    return ThroughModel(at, found, switch_of, own_effects(model))
+        sizes = np.array(switch.sizes)
+        shows = [np.sqrt(np.mean(columns[name] ** 2, axis=0)) * sizes > _SHOWS * scale[name] for name in responses]
+        if all(np.isfinite(columns[name]).all() for name in responses) and np.any(shows, axis=0).all():
+            found[switch] = columns
+    return ThroughModel(at, found, own_effects(model))
 
 
-def _columns(
-    model: OwnModel, switch: Switch, comparison: Comparison, base: Mapping[str, Vector]
-) -> dict[str, NDArray[np.float64]]:
+def _columns(model: OwnModel, switch: Switch, comparison: Comparison, base: Mapping[str, Vector]) -> dict[str, Matrix]:
     """Response → change with every amount [unit of the response per unit of the amount], shape (n_rows, n_amounts)."""
     moved = []
     for k, size in enumerate(switch.sizes):
@@ -336,23 +364,3 @@ def _columns(
         name: np.nan_to_num(np.column_stack([(courses[name] - base[name]) / size for courses, size in moved]))
         for name in comparison.responses
     }
-
-
-def _of_switch(effect: Effect, switch: Switch, fitted: Fitted) -> Reading:
-    pairs = zip(switch.amounts, switch.units, strict=True)
-    amounts = {key: fitted.coefficient(unit, column=k) for k, (key, unit) in enumerate(pairs)}
-    words = " and ".join(
-        f"{key} {one.value:.3g} ({one.low:.3g} to {one.high:.3g}) {'' if one.unit == '1' else one.unit}".rstrip()
-        for key, one in amounts.items()
-    )
-    chosen = ", ".join(f"{key} {one.value:g} {one.unit}" for key, one in switch.shape.items())
-    statement = (
-        f"{effect.title} at {switch.place} is not in the model: {words}"
-        f"{f' ({chosen})' if chosen else ''}; {fitted.rms:.3g} {fitted.unit} rms in {fitted.response}."
-    )
-    # under the keys of the file where there is one for each, else under their words
-    keys = [word.replace(" ", "_").replace(",", "") for word in amounts]
-    if len(amounts) == 1 or switch.id == "drive.asymmetric_friction":
-        keys = [name.rpartition(".")[2] for name in switch.parameters[: len(amounts)]]
-    shape = {key: replace(fitted.parameter(key), value=one.value) for key, one in switch.shape.items()}
-    return Reading(statement, dict(zip(keys, amounts.values(), strict=True)) | shape)

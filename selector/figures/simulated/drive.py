@@ -125,23 +125,13 @@ def frequency_response(
         colour = style.GROUPS[number % len(style.GROUPS)]
         decibels = 20.0 * np.log10(np.maximum(np.abs(amplitude), 10.0 ** (1.5 * _FLOOR_DB / 20.0)))
         for values, axis, unit in ((decibels, "y", "dB"), (phases_deg[name], "y2", "°")):
-            drawn.add_scatter(
-                x=frequency_hz.astype(np.float32),
-                y=values.astype(np.float32),
-                yaxis=axis,
-                mode="lines",
-                name=style.label(name),
-                legendgroup=str(number),
-                showlegend=axis == "y" and len(amplitudes) > 1,
-                line={"color": colour, "width": 1.8, "dash": ("solid", "dash", "dot")[number % 3]},
-                hovertemplate=f"%{{x:.4g}} Hz: %{{y:.4g}} {unit}<extra>{style.label(name)}</extra>",
-            )
+            hover = f"%{{x:.4g}} Hz: %{{y:.4g}} {unit}<extra>{style.label(name)}</extra>"
+            legend = {"legendgroup": str(number), "showlegend": axis == "y" and len(amplitudes) > 1}
+            dash = ("solid", "dash", "dot")[number % 3]
+            style.curve(drawn, frequency_hz, values, colour, style.label(name), hover, dash=dash, yaxis=axis, **legend)
     every = 20.0 * np.log10(np.maximum(np.abs(np.concatenate(list(amplitudes.values()))), 1e-12))
     low, high = float(every.min()), float(every.max())
-    drawn.add_shape(
-        type="line", xref="x domain", x0=0, x1=1, yref="y", y0=-20.0 * math.log10(math.sqrt(2.0)),
-        y1=-20.0 * math.log10(math.sqrt(2.0)), line={"color": style.MUTED, "width": 1, "dash": "dot"},
-    )  # fmt: skip
+    style.rule(drawn, -20.0 * math.log10(math.sqrt(2.0)), across=True)
     least = min(float(np.min(p)) for p in phases_deg.values())
     ticks = _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
     drawn.update_layout(
@@ -179,18 +169,8 @@ def friction_over_speed(
         if near is not None and k == 1:
             speed, friction = _around(motion, near)
         speed, friction = through_standstill(speed, friction)
-        drawn.add_scatter(
-            x=(speed * times).astype(np.float32),
-            y=friction.astype(np.float32),
-            xaxis=f"x{axis}",
-            yaxis=f"y{axis}",
-            mode="lines",
-            connectgaps=False,
-            showlegend=False,
-            name="dry friction",
-            line={"color": style.PREDICTED, "width": 1.4},
-            hovertemplate=f"%{{x:.4g}} {unit}: %{{y:.4g}} {measures.force}<extra></extra>",
-        )
+        hover, place = f"%{{x:.4g}} {unit}: %{{y:.4g}} {measures.force}", {"xaxis": f"x{axis}", "yaxis": f"y{axis}"}
+        style.curve(drawn, speed * times, friction, style.PREDICTED, None, hover, width=1.4, showlegend=False, **place)
         drawn.layout[f"xaxis{axis}"] = {
             "anchor": f"y{axis}",
             "domain": [0.0, 1.0] if near is None else ([0.0, 0.46] if k == 0 else [0.56, 1.0]),

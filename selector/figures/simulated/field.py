@@ -56,12 +56,8 @@ def machine_field(
     )
     for scene, points, values, colours, text, bar_at, hover in parts:
         drawn.add_mesh3d(
-            x=points[:, 0].astype(np.float32),
-            y=points[:, 1].astype(np.float32),
-            z=points[:, 2].astype(np.float32),
-            i=corners[:, 0].astype(count),
-            j=corners[:, 1].astype(count),
-            k=corners[:, 2].astype(count),
+            **dict(zip("xyz", points.T.astype(np.float32), strict=True)),
+            **dict(zip("ijk", corners.T.astype(count), strict=True)),
             intensity=values.astype(np.float32),
             colorscale=colours,
             colorbar={"title": {"text": text, "side": "right"}, "thickness": 14, "len": 0.7, "x": bar_at},
@@ -75,9 +71,7 @@ def machine_field(
         marks = _on_the_surface(np.array(list(places_m.values()), dtype=np.float64), place, corners)
         names = [style.label(name) for name in places_m]
         drawn.add_scatter3d(
-            x=marks[:, 0].astype(np.float32),
-            y=marks[:, 1].astype(np.float32),
-            z=marks[:, 2].astype(np.float32),
+            **dict(zip("xyz", marks.T.astype(np.float32), strict=True)),
             mode="markers+text" if len(names) <= _MOST_LABELS else "markers",
             text=names,
             textposition="top center",
@@ -105,10 +99,8 @@ def machine_field(
     heading = "temperature" + (f", with {len(places_m)} thermometer{'s' * (len(places_m) != 1)}" if places_m else "")
     larger = f"{scale:,.0f}".replace(",", " ")
     for at, text in ((0.22, heading), (0.76, f"deformation, drawn {larger} times larger")):
-        drawn.add_annotation(
-            text=f"<b>{text}</b>", x=at, y=1.0, xref="paper", yref="paper", xanchor="center", yanchor="bottom",
-            showarrow=False,
-        )  # fmt: skip
+        above = {"xref": "paper", "yref": "paper", "xanchor": "center", "yanchor": "bottom"}
+        style.words(drawn, f"<b>{text}</b>", at, 1.0, **above)
     return drawn
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,14 +12,19 @@ import plotly.graph_objects as go
 from selector.figures import style
 from selector.figures.panels import Line, Panel, shown_samples, stacked
 from selector.number_text import number_text
-from selector.physics.gauging.gauge.transducer import LinearGauge
 from selector.types import Vector
+
+if TYPE_CHECKING:
+    from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
+    from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
+    from selector.physics.gauging.sizes.size_distribution import TradeOff
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SEEN, TRUE = style.RESIDUAL, style.PREDICTED
 _RIGHT_PX = 150
 _LABEL_PX = 17
 _CURVE_PX, _ERROR_PX, _GAP_PX, _BOTTOM_PX = 300, 130, 16, 44
+_STROKES_SHOWN = 6.0
 _SHOWN_ERRORS = 4.0
 """The error of the line is shown up to so many times its largest one within the valid range."""
 
@@ -56,11 +62,11 @@ def gauge_characteristic(
         (allowance_um, error_um, "2", LINE, "solid", "error of the line"),
     ):
         unit = "µm" if axis else "V"
-        drawn.add_scatter(
-            x=x.astype(np.float32), y=y.astype(np.float32), xaxis=f"x{axis}", yaxis=f"y{axis}", mode="lines", name=name,
-            line={"color": colour, "width": 2.0, "dash": dash},
-            hovertemplate=f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
-        )  # fmt: skip
+        hover, place = (
+            f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
+            {"xaxis": f"x{axis}", "yaxis": f"y{axis}"},
+        )
+        style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, **place)
     _band(drawn, line_um, allowance_um)
     _thresholds(drawn, allowance_um, voltage_v, thresholds, (low, high), split * inside + _GAP_PX / 2, inside)
     across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
@@ -141,18 +147,18 @@ def part_in_time(
     return drawn
 
 
-def chain_waveform(
-    time_s: Vector, probe_um: Vector, surface_um: Vector, contact_n: Vector, generator_v: Vector, smoothed_v: Vector
-) -> go.Figure:
-    """A few strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
+def chain_waveform(motion: GaugeMotion, transducer: Transducer) -> go.Figure:
+    """The last strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
 
-    `probe_um` is the position of the tip, towards the workpiece, and `surface_um` where that stands on the same count
-    [µm].
+    The position of the tip counts towards the workpiece, and so does where that stands [µm].
     """
-    start = float(time_s[0])
-    time, end = time_s - start, float(time_s[-1]) - start
-    force = float(contact_n.max())
-    stroke = float(np.ptp(probe_um))
+    stroke_s = 0.5 / transducer.electromagnet.frequency_hz
+    kept = motion.time_s >= motion.time_s[-1] - _STROKES_SHOWN * stroke_s
+    start = float(motion.time_s[kept][0])
+    time, end = motion.time_s[kept] - start, float(motion.time_s[-1]) - start
+    probe_um, contact_n = 1e6 * motion.probe_m[kept], motion.contact_n[kept]
+    surface_um = 1e6 * transducer.rest_gap_m - motion.allowance_um[kept]
+    force, stroke = float(contact_n.max()), float(np.ptp(probe_um))
     panels = [
         Panel(
             "probe [µm]",
@@ -166,8 +172,8 @@ def chain_waveform(
         Panel(
             "voltage [V]",
             [
-                Line("rectified", time, np.abs(generator_v), style.BEFORE, width=1.2),
-                Line("smoothed", time, smoothed_v, SEEN, width=2.2),
+                Line("rectified", time, np.abs(motion.generator_v[kept]), style.BEFORE, width=1.2),
+                Line("smoothed", time, motion.smoothed_v[kept], SEEN, width=2.2),
             ],
             170,
             least=0.0,
@@ -191,10 +197,7 @@ def _band(drawn: go.Figure, line_um: tuple[float, float], allowance_um: Vector) 
     """Shade where the line holds, as far as it is drawn."""
     first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
     for axis in ("", "2"):
-        drawn.add_shape(
-            type="rect", xref=f"x{axis}", x0=first, x1=last, yref=f"y{axis} domain", y0=0, y1=1,
-            fillcolor=CURVE, opacity=0.08, line={"width": 0}, layer="below",
-        )  # fmt: skip
+        style.zone(drawn, first, last, CURVE, 0.08, panel=axis)
 
 
 def _thresholds(
@@ -216,20 +219,12 @@ def _thresholds(
     for k, place in zip(order, placed, strict=True):
         until, volts = thresholds[k]
         reads = float(np.interp(volts, rising_v, at_um))
-        drawn.add_shape(
-            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=volts, y1=volts,
-            line={"color": THRESHOLD, "width": 1.4, "dash": "dot"}, layer="below",
-        )  # fmt: skip
-        drawn.add_scatter(
-            x=[reads], y=[volts], mode="markers", showlegend=False, name=f"stage {k + 1}",
-            marker={"color": THRESHOLD, "size": 9, "line": {"color": "#ffffff", "width": 1.4}},
-            hovertemplate=f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}<extra></extra>",
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=f"{number_text(volts, 4)} V, end of stage {k + 1}", font={"color": THRESHOLD, "size": 12},
-            x=1.0, xref="paper", xanchor="left", xshift=6, y=(floor_px + place) / inside_px, yref="paper",
-            yanchor="middle", showarrow=False,
-        )  # fmt: skip
+        style.rule(drawn, volts, THRESHOLD, across=True, width=1.4, layer="below")
+        hover = f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}"
+        look = {"marker": {"line": {"color": "#ffffff", "width": 1.4}}, "showlegend": False}
+        style.points(drawn, [reads], [volts], THRESHOLD, f"stage {k + 1}", hover, **look)
+        text, y = f"{number_text(volts, 4)} V, end of stage {k + 1}", (floor_px + place) / inside_px
+        style.words(drawn, text, y=y, colour=THRESHOLD, **style.BESIDE, yref="paper")
 
 
 DRAWN, LIMIT, WANTED = style.BEFORE, style.RESIDUAL, style.MUTED
@@ -268,17 +263,14 @@ def size_histogram(
         hovertemplate="%{x:.4g} µm: %{y:.3g} % per µm<extra>Monte Carlo</extra>",
     )  # fmt: skip
     for k, (name, (at_um, per_um)) in enumerate(curves.items()):
-        drawn.add_scatter(
-            x=at_um.astype(np.float32), y=(100.0 * per_um).astype(np.float32), mode="lines", name=style.label(name, 60),
-            line={"color": CURVES[k % len(CURVES)], "width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]},
-            hovertemplate=f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>",
-        )  # fmt: skip
+        hover = f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>"
+        look = {"width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]}
+        style.curve(drawn, at_um, 100.0 * per_um, CURVES[k % len(CURVES)], style.label(name, 60), hover, **look)
     ends = [float(edges[0]), float(edges[-1]), wanted_um, *(tolerance_um or ())]
     room = 0.06 * (max(ends) - min(ends))
-    _upright(drawn, [(wanted_um, "wanted", WANTED, "dash")])
-    if tolerance_um is not None:
-        limits = [(value, name, LIMIT, "solid") for value, name in zip(tolerance_um, ("lower", "upper"), strict=True)]
-        _upright(drawn, limits)
+    for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower", "upper"):
+        style.rule(drawn, value, colour, dash=dash, width=1.8, y1=0.93)
+        style.words(drawn, name, value, 0.93, colour, yref="y domain", yanchor="bottom")
     top = max(float(density.max()), *(float(per_um.max()) for _, per_um in curves.values()), 1e-12)
     drawn.update_layout(
         bargap=0,
@@ -316,24 +308,12 @@ def sizes_over_parts(
     )  # fmt: skip
     ends = [float(size_um.min()), float(size_um.max()), wanted_um, *(tolerance_um or ())]
     room = 0.08 * max(max(ends) - min(ends), 1e-6)
-    lines = [(wanted_um, "wanted", WANTED, "dash")]
-    if tolerance_um is not None:
-        lines += [(tolerance_um[0], "lower limit", LIMIT, "solid"), (tolerance_um[1], "upper limit", LIMIT, "solid")]
-    for value, name, colour, dash in lines:
-        drawn.add_shape(
-            type="line", xref="x domain", x0=0, x1=1, yref="y", y0=value, y1=value,
-            line={"color": colour, "width": 1.4, "dash": dash},
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=name, font={"color": colour, "size": 12}, x=1.0, xref="paper", xanchor="left", xshift=6, y=value,
-            yref="y", yanchor="middle", showarrow=False,
-        )  # fmt: skip
+    for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower limit", "upper limit"):
+        style.rule(drawn, value, colour, across=True, dash=dash, width=1.4)
+        style.words(drawn, name, y=value, colour=colour, **style.BESIDE, yref="y")
     shown = list(dressed)[:MOST_DRESSINGS] if len(dressed) <= MOST_DRESSINGS else []
     for part in shown:
-        drawn.add_shape(
-            type="line", xref="x", x0=part - 0.5, x1=part - 0.5, yref="y domain", y0=0, y1=1,
-            line={"color": style.CHOSEN, "width": 1.4, "dash": "dot"},
-        )  # fmt: skip
+        style.rule(drawn, part - 0.5, style.CHOSEN, width=1.4)
     drawn.update_layout(
         margin={"r": 100},
         xaxis={"title": {"text": "part [number]"}, "range": [0.5 - 0.01 * len(size_um), 0.5 + 1.01 * len(size_um)]},
@@ -342,22 +322,14 @@ def sizes_over_parts(
     return drawn
 
 
-def filter_trade_off(
-    time_constant_s: Vector,
-    bias_um: Vector,
-    sd_um: Vector,
-    best: tuple[float, float],
-    present: tuple[float, float],
-    title: str,
-) -> go.Figure:
+def filter_trade_off(one: TradeOff, title: str) -> go.Figure:
     """Bias², variance and their sum over the time constant of the filter, both on logarithmic axes.
 
-    `bias_um` and `sd_um` are mean error and standard deviation of the finished size with each T_Φ [µm]; `best` and
-    `present`, the best filter and the one of the gauge with its own threshold, are (time constant [s], mean square
-    error [µm²]). `title` is plain text, as `style.label` makes it.
+    The present filter is the one of the gauge with its own threshold. `title` is plain text, as `style.label` makes it.
     """
-    bias2, variance = bias_um**2, sd_um**2
+    time_constant_s, bias2, variance = one.time_constant_s, one.bias_um**2, one.sd_um**2
     total = bias2 + variance
+    best, present = (one.best_s, one.best_rms_um**2), (one.present_s, one.present_rms_um**2)
     drawn = style.figure(title, 400)
     for values, name, colour, dash, width in (
         (bias2, "bias²", style.RESIDUAL, "dash", 1.8),
@@ -367,21 +339,16 @@ def filter_trade_off(
         seen = values > 0
         if not seen.any():
             continue
-        drawn.add_scatter(
-            x=(1e3 * time_constant_s[seen]).astype(np.float32), y=values[seen].astype(np.float32), mode="lines",
-            name=name, line={"color": colour, "width": width, "dash": dash},
-            hovertemplate=f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>",
-        )  # fmt: skip
+        hover = f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>"
+        style.curve(drawn, 1e3 * time_constant_s[seen], values[seen], colour, name, hover, width=width, dash=dash)
     for (at_s, value), name, colour, symbol in (
         (best, "best", style.CHOSEN, "star"),
         (present, "present", style.BASELINES["all sensors"], "diamond"),
     ):
-        drawn.add_scatter(
-            x=[_rounded(1e3 * at_s)], y=[_rounded(value)], mode="markers",
-            name=f"{name}: {number_text(1e3 * at_s)} ms",
-            marker={"color": colour, "size": 13, "symbol": symbol, "line": {"color": "#ffffff", "width": 1}},
-            hovertemplate=f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²<extra></extra>",
-        )  # fmt: skip
+        text, hover = f"{name}: {number_text(1e3 * at_s)} ms", f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²"
+        look = {"symbol": symbol, "line": {"color": "#ffffff", "width": 1}}
+        place = [_rounded(1e3 * at_s)], [_rounded(value)]
+        style.points(drawn, *place, colour, text, hover, size=13, marker=look)
     positive = np.concatenate([row[row > 0] for row in (bias2, variance, total, np.array([best[1], present[1]]))])
     high = math.log10(float(positive.max()))
     low = max(math.log10(float(positive.min())), high - _DECADES)
@@ -422,13 +389,9 @@ def _edges(size_um: Vector) -> Vector:
     return np.linspace(low, high, count + 1)
 
 
-def _upright(drawn: go.Figure, marks: Sequence[tuple[float, str, str, str]]) -> None:
-    for value, name, colour, dash in marks:
-        drawn.add_shape(
-            type="line", xref="x", x0=value, x1=value, yref="y domain", y0=0, y1=0.93,
-            line={"color": colour, "width": 1.8, "dash": dash},
-        )  # fmt: skip
-        drawn.add_annotation(
-            text=name, font={"color": colour, "size": 12}, x=value, xref="x", y=0.93, yref="y domain",
-            yanchor="bottom", showarrow=False,
-        )  # fmt: skip
+def _marked(
+    tolerance_um: tuple[float, float] | None, wanted_um: float, *limits: str
+) -> list[tuple[float, str, str, str]]:
+    """(size, name, colour, dash) of the wanted size and of the limits, called like this."""
+    ends = zip(tolerance_um, limits, strict=True) if tolerance_um is not None else ()
+    return [(wanted_um, "wanted", WANTED, "dash"), *((value, name, LIMIT, "solid") for value, name in ends)]

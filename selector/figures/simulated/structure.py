@@ -176,46 +176,22 @@ def structure_diagram(structure: Structure, sources: Sequence[Source], views: Se
     drawn = style.figure(title, _ROOM_PX + _LAYER_PX * len(places.layers))
     views = views or [View("", dict.fromkeys(structure.names, PATH))]
     lines = [_course(joint, at, places) for joint in structure.joints]
-    drawn.add_scatter(
-        **_band(lines, views[0].joints), mode="lines", hoverinfo="skip", showlegend=False,
-        line={"color": _BAND, "width": 11},
-    )  # fmt: skip
+    style.curve(drawn, **_band(lines, views[0].joints), colour=_BAND, width=11, showlegend=False)
     for line, width in zip(lines, _widths(structure.joints), strict=True):
-        drawn.add_scatter(
-            x=line[0],
-            y=line[1],
-            mode="lines",
-            showlegend=False,
-            line={"color": style.MUTED, "width": width},
-            hoverinfo="skip",
-        )
-    middle = [(float(np.mean(x)), float(np.mean(y))) for x, y in lines]
-    drawn.add_scatter(
-        x=[x for x, _ in middle],
-        y=[y for _, y in middle],
-        mode="markers",
-        showlegend=False,
-        marker={"size": 14, "color": "rgba(0,0,0,0)"},
-        text=[_told_joint(joint) for joint in structure.joints],
-        hovertemplate="%{text}<extra></extra>",
-    )
+        style.curve(drawn, *line, style.MUTED, width=width, showlegend=False)
+    x, y = [float(np.mean(x)) for x, _ in lines], [float(np.mean(y)) for _, y in lines]
+    told = [_told_joint(joint) for joint in structure.joints]
+    style.points(drawn, x, y, "rgba(0,0,0,0)", None, "%{text}", size=14, text=told, showlegend=False)
     names = structure.names
-    drawn.add_scatter(
-        x=[at[name][0] for name in names],
-        y=[at[name][1] for name in names],
-        mode="markers",
-        showlegend=False,
-        marker={**_markers(names, views[0]), "opacity": 1.0, "line": {"color": style.INK, "width": 1.2}},
-        text=[f"{style.label(one.name)}: {number_text(one.mass_kg)} kg" for one in structure.members],
-        hovertemplate="%{text}<extra></extra>",
-    )
+    told = [f"{style.label(one.name)}: {number_text(one.mass_kg)} kg" for one in structure.members]
+    look = {**_markers(names, views[0]), "opacity": 1.0, "line": {"color": style.INK, "width": 1.2}}
+    x, y = [at[name][0] for name in names], [at[name][1] for name in names]
+    style.points(drawn, x, y, None, None, "%{text}", marker=look, text=told, showlegend=False)
+    below = {"yshift": -20, "yanchor": "top", "bgcolor": "rgba(255,255,255,0.8)", "borderpad": 1}
     for name in names:
-        drawn.add_annotation(
-            x=at[name][0], y=at[name][1], yshift=-20, yanchor="top", text=_told_member(name, sources),
-            showarrow=False, font={"size": 11}, bgcolor="rgba(255,255,255,0.8)", borderpad=1,
-        )  # fmt: skip
-    drawn.add_shape(type="line", xref="paper", x0=0, x1=1, yref="y", y0=0, y1=0, line={"color": style.INK, "width": 3})
-    drawn.add_annotation(x=1, xref="paper", xanchor="right", y=0, yanchor="top", text="ground", showarrow=False)
+        style.words(drawn, _told_member(name, sources), *at[name], size=11, **below)
+    style.rule(drawn, 0, style.INK, across=True, dash="solid", width=3)
+    style.words(drawn, "ground", 1, 0, xref="paper", xanchor="right", yanchor="top")
     drawn.update_xaxes(visible=False, range=[0, 1], fixedrange=True)
     drawn.update_yaxes(visible=False, range=[-0.3, len(places.layers) + 0.35], fixedrange=True)
     drawn.update_layout(margin={"l": 10, "r": 10, "b": 10})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -96,26 +97,14 @@ def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
     rows += [(name, -j, _OUT) for name, j in _largest(films, "surface")]
     rows.append(("stayed in the machine" if kept >= 0 else "given off by the machine itself", -kept, _KEPT))
     drawn = style.figure(title, 130 + 24 * len(rows))
-    drawn.add_bar(
-        x=[j / joules for _, j, _ in rows],
-        y=list(range(len(rows))),
-        orientation="h",
-        marker={"color": [colour for _, _, colour in rows]},
-        text=[number_text(j / joules) for _, j, _ in rows],
-        textposition="outside",
-        cliponaxis=False,
-        hovertemplate=f"%{{x:.4g}} {unit}<extra></extra>",
-        showlegend=False,
+    told = {"text": [number_text(j / joules) for _, j, _ in rows], "showlegend": False, **style.TOLD_BARS}
+    colours = [colour for _, _, colour in rows]
+    style.bars(
+        drawn, [j / joules for _, j, _ in rows], [*range(len(rows))], colours, None, f"%{{x:.4g}} {unit}", **told
     )
     drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
     drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
-    drawn.update_yaxes(
-        range=[len(rows) - 0.5, -0.5],
-        tickvals=list(range(len(rows))),
-        ticktext=[style.label(name, 40) for name, _, _ in rows],
-        showgrid=False,
-        ticks="",
-    )
+    drawn.update_yaxes(**style.rows_of([style.label(name, 40) for name, _, _ in rows]))
     return drawn
 
 
@@ -168,23 +157,30 @@ _PANELS: tuple[tuple[str, tuple[str, ...], int], ...] = (
 _OTHER_PX, _MOST_OTHERS = 90, 6
 
 
-def courses(recording: Recording, run: str) -> go.Figure:
-    """Displacements, temperatures, speed, and up to six further roles of a run; nothing is left out of a panel."""
+def courses(
+    recording: Recording, run: str, faults_s: Mapping[str | None, Sequence[tuple[float, float]]] = MappingProxyType({})
+) -> go.Figure:
+    """Displacements, temperatures, speed, and up to six further roles of a run; nothing is left out of a panel.
+
+    `faults_s`: channel, or None for all of them → stretches that are shaded, from the start of the run [s].
+    """
     time_s = recording.time_s(run)
+    end_s = float(time_s[-1])
     panels, drawn_channels = [], []
-    taken: set[str] = set()
-    for text, roles, height in _PANELS:
-        taken |= set(roles)
-        if chosen := _recorded(recording, run, roles):
-            panels.append(Panel(f"{text} [{_unit(chosen[0])}]", _recorded_lines(recording, run, chosen), height))
-            drawn_channels += chosen
+    taken = {role for _, roles, _ in _PANELS for role in roles}
     others = dict.fromkeys(channel.role for channel in recording.channels if channel.role not in taken)
-    for role in list(others)[:_MOST_OTHERS]:
-        if chosen := _recorded(recording, run, (role,)):
-            text = f"{role.replace('_', ' ')} [{_unit(chosen[0])}]"
-            panels.append(Panel(text, _recorded_lines(recording, run, chosen), _OTHER_PX))
+    further = [(role.replace("_", " "), (role,), _OTHER_PX) for role in list(others)[:_MOST_OTHERS]]
+    for text, roles, height in (*_PANELS, *further):
+        if chosen := _recorded(recording, run, roles):
+            spans: dict[tuple[float, float], str] = {}
+            for name in [None, *(channel.name for channel in chosen)]:
+                for start, stop in faults_s.get(name, ()):
+                    span = max(start, 0.0), min(stop, end_s)
+                    spans[span] = ", ".join(filter(None, [spans.get(span), name]))
+            lines = _recorded_lines(recording, run, chosen)
+            panels.append(Panel(f"{text} [{_unit(chosen[0])}]", lines, height, spans_s=spans))
             drawn_channels += chosen
-    drawn = stacked(f"Run {style.label(run)}", panels, float(time_s[-1]))
+    drawn = stacked(f"Run {style.label(run)}", panels, end_s)
     for line, channel in zip(drawn.data, drawn_channels, strict=True):
         named = f"<extra>{style.label(channel.name)}</extra>"
         line.update(name=style.label(channel.name), hovertemplate=line.hovertemplate.partition("<extra>")[0] + named)

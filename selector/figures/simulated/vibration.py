@@ -84,13 +84,10 @@ def response_over_frequency(
             "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
         }  # fmt: skip
         if split_hz is not None and has_chains:
-            drawn.add_shape(
-                type="line", xref=f"x{key}", x0=split_hz, x1=split_hz, yref=f"y{key} domain", y0=0, y1=1,
-                line={"color": style.INK, "width": 1, "dash": "dot"},
-            )  # fmt: skip
+            style.rule(drawn, split_hz, style.INK, panel=key)
     if has_chains:
         for name, dash in (("coupled", "solid"), ("chains", "dash")):
-            drawn.add_scatter(x=[None], y=[None], mode="lines", name=name, line={"color": style.INK, "dash": dash})
+            style.curve(drawn, [None], [None], style.INK, name, dash=dash)
     return drawn
 
 
@@ -105,25 +102,18 @@ def _stack(title: str, count: int, panel_px: int, gap_px: int) -> tuple[go.Figur
 
 def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str, key: str, *, is_first: bool) -> None:
     name = style.label(one.source, 16)
-    common = {"xaxis": f"x{key}", "yaxis": f"y{key}", "legendgroup": name, "name": name}
+    common: dict[str, Any] = {"xaxis": f"x{key}", "yaxis": f"y{key}", "legendgroup": name}
     told = "%{x:.4g} Hz: %{y:.3g} µm/N<extra>" + name
-    drawn.add_scatter(
-        x=frequency_hz.astype(np.float32), y=one.coupled_um_per_n.astype(np.float32), mode="lines",
-        line={"color": colour, "width": 1.8}, showlegend=is_first, hovertemplate=f"{told}, coupled</extra>", **common,
-    )  # fmt: skip
+    coupled = f"{told}, coupled</extra>"
+    style.curve(drawn, frequency_hz, one.coupled_um_per_n, colour, name, coupled, showlegend=is_first, **common)
+    common["showlegend"] = False
     if one.chains_um_per_n is not None:
-        drawn.add_scatter(
-            x=frequency_hz.astype(np.float32), y=one.chains_um_per_n.astype(np.float32), mode="lines",
-            connectgaps=False, line={"color": colour, "width": 1.6, "dash": "dash"}, showlegend=False,
-            hovertemplate=f"{told}, chains</extra>", **common,
-        )  # fmt: skip
+        look = {"width": 1.6, "dash": "dash"}
+        style.curve(drawn, frequency_hz, one.chains_um_per_n, colour, name, f"{told}, chains</extra>", **look, **common)
     there = one.lines_hz[(one.lines_hz >= frequency_hz[0]) & (one.lines_hz <= frequency_hz[-1])]
     at = np.exp(np.interp(np.log(there), np.log(frequency_hz), np.log(np.maximum(one.coupled_um_per_n, 1e-300))))
-    drawn.add_scatter(
-        x=there.astype(np.float32), y=at.astype(np.float32), mode="markers", showlegend=False,
-        marker={"color": "#ffffff", "size": 7, "line": {"color": colour, "width": 2}},
-        hovertemplate=f"{told}, line</extra>", **common,
-    )  # fmt: skip
+    hollow = {"line": {"color": colour, "width": 2}}
+    style.points(drawn, there, at, "#ffffff", name, f"{told}, line</extra>", size=7, marker=hollow, **common)
 
 
 def line_amplitudes(
@@ -142,29 +132,23 @@ def line_amplitudes(
         key = "" if number == 0 else str(number + 1)
         for source in dict.fromkeys(one.source for one in ranked):
             mine = [k for k in rows if ranked[k].source == source]
-            drawn.add_bar(
-                x=[ranked[k].motion_um[final] for k in mine], y=mine, orientation="h", width=0.62,
-                xaxis=f"x{key}",
-                name=style.label(source, 16), legendgroup=style.label(source, 16), showlegend=number == 0,
-                marker={"color": colours[source]}, hovertemplate="%{x:.4g} µm<extra></extra>",
-            )  # fmt: skip
+            name = style.label(source, 16)
+            more = {"width": 0.62, "xaxis": f"x{key}", "legendgroup": name, "showlegend": number == 0}
+            motions = [ranked[k].motion_um[final] for k in mine]
+            style.bars(drawn, motions, mine, colours[source], name, "%{x:.4g} µm", **more)
         others = [one.chains_um[final] if other == "chains" else one.coupled_um[final] for one in ranked]
         if any(value is not None for value in others):
-            drawn.add_scatter(
-                x=others, y=rows, xaxis=f"x{key}", mode="markers", name=f"by the {_OTHER[other]}", legendgroup=other,
-                showlegend=number == 0, hovertemplate=f"%{{x:.4g}} µm<extra>{_OTHER[other]}</extra>",
-                marker={"symbol": "x-thin", "size": 10, "line": {"color": style.INK, "width": 2}},
-            )  # fmt: skip
+            look = {"symbol": "x-thin", "line": {"color": style.INK, "width": 2}}
+            more = {"xaxis": f"x{key}", "legendgroup": other, "showlegend": number == 0}
+            name, hover = f"by the {_OTHER[other]}", f"%{{x:.4g}} µm<extra>{_OTHER[other]}</extra>"
+            style.points(drawn, others, rows, style.INK, name, hover, size=10, marker=look, **more)
         start = number * (width + 0.04)
         drawn.layout[f"xaxis{key}"] = {
             "domain": [start, min(start + width, 1.0)], "title": {"text": f"{final_text(final)} [µm]"},
             "rangemode": "tozero", "nticks": 5, "exponentformat": "none", "anchor": "y",
         }  # fmt: skip
     drawn.update_layout(barmode="overlay")
-    drawn.update_yaxes(
-        range=[len(rows) - 0.4, -0.6], tickvals=rows, ticktext=[line_text(one) for one in ranked], showgrid=False,
-        ticks="",
-    )  # fmt: skip
+    drawn.update_yaxes(**style.rows_of([line_text(one) for one in ranked]))
     return drawn
 
 
@@ -243,16 +227,11 @@ def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
             for start, stop in _stretches(one, level):
                 x += [start, stop, None]
                 y += [row, row, None]
-        drawn.add_scatter(
-            x=x, y=y, mode="lines", name=name, line={"color": colour, "width": _STRIP_PX - 7}, hoverinfo="skip"
-        )
+        style.curve(drawn, x, y, colour, name, width=_STRIP_PX - 7)
     ends = [extreme(one.frequency_hz[one.frequency_hz > 0]) for one in shown for extreme in (np.min, np.max)]
     low, high = float(np.log10(min(ends))), float(np.log10(max(ends)))
     drawn.update_xaxes(type="log", title_text="frequency [Hz]", range=[low, high], **log_ticks(low, high))
-    drawn.update_yaxes(
-        range=[len(shown) - 0.4, -0.6], tickvals=list(range(len(shown))), ticktext=[chain_text(one) for one in shown],
-        showgrid=False, ticks="",
-    )  # fmt: skip
+    drawn.update_yaxes(**style.rows_of([chain_text(one) for one in shown]))
     return drawn
 
 
@@ -263,14 +242,8 @@ def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
     drawn.update_layout(margin={"b": 92}, legend={"y": -0.2, "yanchor": "top"})
     courses = [_courses(one) for one in accuracy[:MOST_STRIPS]]
     for (_, name, colour, dash), (x, y) in zip(_PARTS, courses[0], strict=True):
-        drawn.add_scatter(
-            x=x, y=y, mode="lines", name=name, line={"color": colour, "width": 1.8, "dash": dash},
-            hovertemplate="%{x:.4g} Hz: %{y:.3g} %<extra></extra>",
-        )  # fmt: skip
-    drawn.add_shape(
-        type="rect", xref="x domain", x0=0, x1=1, yref="y", y0=_LEAST, y1=100 * LIMITS[0], fillcolor=style.CHOSEN,
-        opacity=0.14, line={"width": 0}, layer="below",
-    )  # fmt: skip
+        style.curve(drawn, x, y, colour, name, "%{x:.4g} Hz: %{y:.3g} %", dash=dash)
+    style.zone(drawn, _LEAST, 100 * LIMITS[0], style.CHOSEN, 0.14, across=True)
     # the ranges of chains are shorter than all of them together
     drawn.update_xaxes(type="log", title_text="frequency [Hz]", **log_ticks(0.0, 0.0))
     drawn.update_yaxes(
@@ -363,10 +336,7 @@ def errors_over_wavelength(
             "exponentformat": "none",
         }  # fmt: skip
     for name, fill in (("copied motion", style.INK), ("W by the force", "#ffffff")):
-        drawn.add_scatter(
-            x=[None], y=[None], mode="markers", name=name,
-            marker={"color": fill, "size": 9, "line": {"color": style.INK, "width": 1.8}},
-        )  # fmt: skip
+        style.points(drawn, [None], [None], fill, name, marker={"line": {"color": style.INK, "width": 1.8}})
     return drawn
 
 
@@ -379,31 +349,22 @@ def _add_errors(
         by_source.setdefault(one.sources[0] if len(one.sources) == 1 else _SEVERAL, []).append(one)
     for source, mine in by_source.items():
         colour, name = colours.get(source, style.MUTED), style.label(source, 16)
-        between: list[list[float | None]] = [[], []]
+        x: list[float | None] = []
+        y: list[float | None] = []
         for one in mine:
-            between[0] += [one.wavelength_mm, one.wavelength_mm, None]
-            between[1] += [one.published_um or None, one.kinematic_um or None, None]
-        drawn.add_scatter(
-            x=between[0], y=between[1], mode="lines", line={"color": colour, "width": 1}, hoverinfo="skip",
-            showlegend=False, legendgroup=name, **axes,
-        )  # fmt: skip
+            x += [one.wavelength_mm, one.wavelength_mm, None]
+            y += [one.published_um or None, one.kinematic_um or None, None]
+        style.curve(drawn, x, y, colour, width=1, showlegend=False, legendgroup=name, **axes)
         for heights, fill, told in (
             ([one.kinematic_um or None for one in mine], colour, "copied motion"),
             ([one.published_um or None for one in mine], "#ffffff", "W by the force"),
         ):
-            drawn.add_scatter(
-                x=[one.wavelength_mm for one in mine],
-                y=heights,
-                mode="markers",
-                name=name,
-                legendgroup=name,
-                showlegend=fill == colour
-                and (is_first or name not in [trace.legendgroup for trace in drawn.data[:-1]]),
-                marker={"color": fill, "size": 9, "line": {"color": colour, "width": 1.8}},
-                text=[f"{number_text(one.frequency_hz, 4)} Hz, {one.kind}" for one in mine],
-                hovertemplate=f"%{{text}}: %{{y:.3g}} µm, %{{x:.4g}} mm<extra>{told}</extra>",
-                **axes,
-            )
+            is_new = is_first or name not in [trace.legendgroup for trace in drawn.data[:-1]]
+            text = [f"{number_text(one.frequency_hz, 4)} Hz, {one.kind}" for one in mine]
+            more = {"text": text, "legendgroup": name, "showlegend": fill == colour and is_new, **axes}
+            hover = f"%{{text}}: %{{y:.3g}} µm, %{{x:.4g}} mm<extra>{told}</extra>"
+            look = {"line": {"color": colour, "width": 1.8}}
+            style.points(drawn, [one.wavelength_mm for one in mine], heights, fill, name, hover, marker=look, **more)
 
 
 def _add_zones(
@@ -422,15 +383,10 @@ def _add_zones(
         start, stop = max(start, low), min(stop, high)
         if stop <= start:
             continue
-        drawn.add_shape(
-            type="rect", xref=f"x{key}", x0=10**start, x1=10**stop, yref=f"y{key} domain", y0=0, y1=1,
-            fillcolor=ZONES[name], line={"width": 0}, layer="below",
-        )  # fmt: skip
+        style.zone(drawn, 10**start, 10**stop, ZONES[name], 1.0, panel=key)
         if stop - start > 0.08 * (high - low):
-            drawn.add_annotation(
-                text=name, xref=f"x{key}", x=(start + stop) / 2, yref=f"y{key} domain", y=1.0, yanchor="top",
-                showarrow=False, font={"color": style.MUTED, "size": 12},
-            )  # fmt: skip
+            at = {"xref": f"x{key}", "yref": f"y{key} domain", "yanchor": "top"}
+            style.words(drawn, name, (start + stop) / 2, 1.0, style.MUTED, **at)
 
 
 def _lobing_mm(cutting: Cutting, surface: Surface) -> tuple[float, float]:

@@ -44,6 +44,9 @@ def kernel(function: F) -> F:
 
 _U = np.uint64
 
+COUNT: Any = np.int64
+"""Where a count that is handed on begins: for a plain 0 what it is handed to would be compiled once more."""
+
 
 @kernel
 def eliminate(a: Any, stride: int, rows: int, columns: int, pivots: int, tolerance: float) -> int:
@@ -128,7 +131,7 @@ def gather(gram: Any, cross: Any, order: Any, n: int, a: Any, stride: int) -> No
 @kernel
 def set_rss(gram: Any, cross: Any, state: Any, a: Any, order: Any) -> float:
     """Residual sum of squares, total scaled to 1, of the columns with ``state == KEPT``, from scratch."""
-    n = 0
+    n = COUNT(0)
     for j in range(state.size):
         if state[j] == KEPT:
             order[n] = j

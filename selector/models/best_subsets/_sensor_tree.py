@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from selector.models.best_subsets._algebra import DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
+from selector.models.best_subsets._algebra import COUNT, DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
 
 DEPTH, WORK, EVALUATED, BOUNDED, VISITED = 0, 1, 2, 3, 4
 LANES = 8
@@ -45,7 +45,7 @@ class Path(NamedTuple):
 @kernel
 def brought(owners: Any, path: Any, sensor: int) -> int:
     """Collect in `path.fresh` the columns that `sensor`, marked as inside, adds to the set; returns how many."""
-    n = 0
+    n = COUNT(0)
     for i in range(owners.start[sensor], owners.start[sensor + 1]):
         column = owners.columns[i]
         complete = True
@@ -140,7 +140,7 @@ def joined(
     gram: Any, cross: Any, path: Any, held: int, n: int, rss: float, store: bool, floor: float
 ) -> tuple[int, float]:
     """As `reduced` for any number of new columns; stops early when the RSS falls below `floor`."""
-    first = 0
+    first = COUNT(0)
     while first < n and rss >= floor:
         width = min(LANES, n - first)
         last = first + width >= n

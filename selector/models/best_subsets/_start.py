@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.models.best_subsets._algebra import DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
+from selector.models.best_subsets._algebra import COUNT, DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
 
 PHASE, SIZE, PASS, IMPROVED = 0, 1, 2, 3
 BEGIN, FORWARD, BACKWARD, FILL = 0, 1, 2, 3
@@ -61,8 +61,8 @@ def descend(
     while swaps < 4 * p:
         now = v[p, p]
         best = now - 1e-13 - 1e-9 * abs(now)
-        leave = -1
-        enter = -1
+        leave = COUNT(-1)
+        enter = COUNT(-1)
         for i in range(p):
             if state[i] != KEPT or root[i] == KEPT:
                 continue
@@ -126,7 +126,7 @@ def starting_sets(
     p = root.size
     a = np.empty((p + 1) * (p + 2))
     order = np.empty(p, np.int64)
-    first = 0
+    first = COUNT(0)
     for j in range(p):
         if root[j] == KEPT:
             first += 1
@@ -170,7 +170,7 @@ def starting_sets(
 @kernel
 def _step_forward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
-    enter = -1
+    enter = COUNT(-1)
     most = -1.0
     for j in range(p):
         if state[j] != KEPT and root[j] == FREE and v[j, j] > PIVOT_TOLERANCE:
@@ -188,7 +188,7 @@ def _step_forward(root: Any, state: Any, v: Any) -> bool:
 @kernel
 def _step_backward(root: Any, state: Any, v: Any) -> bool:
     p = state.size
-    leave = -1
+    leave = COUNT(-1)
     least = np.inf
     for i in range(p):
         if state[i] == KEPT and root[i] != KEPT and v[i, i] > 0.0:
@@ -208,7 +208,7 @@ def _fill_up(
     gram: Any, cross: Any, root: Any, size: int, state: Any, best_rss: Any, best_state: Any, a: Any, order: Any
 ) -> None:
     """A set of the next size: the best of this size and the first column that may still come in."""
-    enter = -1
+    enter = COUNT(-1)
     for j in range(root.size):
         state[j] = best_state[size, 0, j]
         if enter < 0 and state[j] != KEPT and root[j] == FREE:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from selector.models.best_subsets._algebra import (
+    COUNT,
     DROPPED,
     FREE,
     KEPT,
@@ -233,7 +234,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
     for j in range(p):
         current[j] = tree.state[slot, j]
     n[NODES] += 1
-    kept = 0
+    kept = COUNT(0)
     for j in range(p):
         if current[j] == KEPT:
             order[kept] = j
@@ -256,8 +257,8 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
         if d > 0.0:
             r -= big[j * stride + total] ** 2 / d
     # columns that depend on the kept ones bring nothing
-    t = 0
-    null = -1
+    t = COUNT(0)
+    null = COUNT(-1)
     nulls = 0
     for i in range(kept, total):
         if big[i * stride + i] > PIVOT_TOLERANCE:
@@ -297,7 +298,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
             r -= inv[j * sp + t] * pm[j * sp + t]
     if leaf or a == t:
         if a == t:
-            few = 0
+            few = COUNT(0)
             keep = False
         n[WORK] -= t * t
         enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
@@ -309,7 +310,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
         ranking[j] = j
         missing = missing or diagonal[j] <= 0.0
     fresh = False
-    dependent = -1
+    dependent = COUNT(-1)
     if missing:
         fresh = inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal)
         n[WORK] -= 10 * t * t * t
@@ -321,7 +322,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
     bound = bound0
     now = bound0
     last = -np.inf
-    fixed = 0
+    fixed = COUNT(0)
     for solve in range(MAX_SOLVES):
         spread_shares(wz, t, a)
         now = relax(pm, sp, t, a, r, diagonal, wz, wm, u, h, ranking)
@@ -390,7 +391,7 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
     for j in range(t):
         largest = max(largest, z[j])
     best = -1.0
-    at = -1
+    at = COUNT(-1)
     for j in range(t):
         share = z[j] / largest
         shares[free[j]] = share

@@ -20,8 +20,8 @@ from selector.physics.drive.ball_bar.circle import (
 )
 from selector.physics.drive.file.model_file import (
     Columns,
-    circle_plan,
     columns_needed,
+    file_circles,
     file_reference,
     longest_s,
     moved_axes,
@@ -191,7 +191,7 @@ class DriveModel:
         if not isinstance(self.file.motion, CircleMotion):
             return {"": None}
         turns = {1: "ccw", -1: "cw"}
-        return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in circle_plan(self.file).circles}
+        return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in file_circles(self.file)}
 
     def with_parameters(self, values: Mapping[str, float]) -> DriveModel:
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
@@ -273,9 +273,9 @@ class DriveModel:
         return DriveSimulation(Recording.from_runs(tables, outputs, provenance), axes, traces or {})
 
     def _circles(self, seed: int) -> DriveSimulation:
-        plan, geometry = circle_plan(self.file), PairGeometry()
-        if self.file.ball_bar is not None:
-            geometry = value_of(PairGeometry, self.file.ball_bar)
+        errors = self.file.ball_bar
+        geometry = PairGeometry() if errors is None else value_of(PairGeometry, errors)
+        noise_um = float(getattr(errors, "noise_um", 0.0))
         axes = {name: axis.axis for name, axis in self.axes.items()}
         said, slow, period_s = self.file.run.step_s, slow_feed_words(self.file), self.file.run.period_s
         along = {name: axis.course for name, axis in self.axes.items()}
@@ -290,7 +290,15 @@ class DriveModel:
                 require_few_steps(name, axis, circle.duration_s, step_s, period_s=period_s, because=slow)
             with told_of(f"run {run}"):
                 traces[run], runs[run] = ball_bar_run(
-                    axes, circle, geometry, plan, courses=along, step_s=said, seed=seed, number=number
+                    axes,
+                    circle,
+                    geometry,
+                    period_s=period_s,
+                    noise_um=noise_um,
+                    courses=along,
+                    step_s=said,
+                    seed=seed,
+                    number=number,
                 )
             times_s[run] = next(iter(runs[run].values())).recorded.motion.time_s
         return self.gathered(runs, times_s, seed, traces)

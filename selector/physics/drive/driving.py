@@ -10,7 +10,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.physics.channel_differences import ChannelDifference
+from selector.physics.channel_differences import ChannelDifference, as_recorded
 from selector.physics.checks import require_within, told_of
 from selector.physics.drive.drive_model import INPUTS, KINDS, DriveModel, DriveSimulation, axis_channels
 from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
@@ -239,7 +239,9 @@ def driven_runs(
     gathered = model.gathered(runs, times, noise)
     apart = {name for done in runs.values() for name, one in done.items() if one.added is not None}
     names = {name: channels[name].found if name in apart else _together(channels[name].found) for name in driven}
-    simulation = replace(gathered, recording=_as_recorded(gathered.recording, model, recording, names))
+    own = {name: axis_channels(name, model.file_axes[name], loaded=True, added=True) for name in driven}
+    renamed = {own[name][kind].name: there for name in driven for kind, there in names[name].items() if kind != "added"}
+    simulation = replace(gathered, recording=as_recorded(gathered.recording, recording, renamed))
     findings += [*lacking_findings(channels, driven, needed), *channel_findings(channels, recording)]
     return DrivenSimulation(simulation, names, tuple(findings), opened)
 
@@ -362,30 +364,6 @@ def _on_grid(recording: Recording, run: str, channel: str, reference: Reference)
     period_s = (time_s[-1] - time_s[0]) / (len(time_s) - 1)
     at = np.floor(reference.time_s / period_s + min(_SAME_CLOCK * len(time_s), 0.25)).astype(np.int64)
     return np.asarray(values[np.minimum(at, len(values) - 1)], dtype=np.float64)
-
-
-def _as_recorded(
-    simulated: Recording, model: DriveModel, recording: Recording, matched: Mapping[str, Mapping[str, str]]
-) -> Recording:
-    """The simulation with the names, places and axes of the recorded channels; others keep theirs."""
-    recorded_by_name = {channel.name: channel for channel in recording.channels}
-    other: dict[str, Channel] = {}
-    for name, channels in matched.items():
-        for kind, own in axis_channels(name, model.file_axes[name], loaded=True, added=True).items():
-            if kind in channels and kind != "added" and own.name in simulated.names:
-                there = recorded_by_name[channels[kind]]
-                other[own.name] = Channel(there.name, own.role, own.unit, there.place or own.place, name, there.xyz_m)
-    taken = {channel.name for channel in other.values()}
-    channels_out = []
-    for channel in simulated.channels:
-        new = other.get(channel.name, channel)
-        called = new.name
-        while channel.name not in other and called in recorded_by_name.keys() | taken:
-            called += " (simulated)"  # a name that the recording uses for something else
-        taken.add(called)
-        channels_out.append(replace(new, name=called))
-    names = dict(zip(simulated.names, (channel.name for channel in channels_out), strict=True))
-    return Recording(simulated.frame.rename(columns=names), tuple(channels_out), simulated.provenance)
 
 
 def _nothing_drives(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,9 +27,7 @@ BORDER_S = 0.05
 class IdentifiedAxis:
     """What the fit found."""
 
-    #: Parameters: `mass_kg`, `guide_damping_ns_per_m`, `coulomb_n`, then `coulomb_negative_n` or `offset_n`, and
-    #: `stribeck_n` (breakaway minus sliding) if asked for
-    names: tuple[str, ...]
+    names: tuple[str, ...]  #: Parameters: `mass_kg`, `guide_damping_ns_per_m`, `coulomb_n`, `offset_n`
     #: values and standard_errors: (n_parameters,): Estimates and their standard errors, for residuals that are
     #: independent of each other after decimation; where they are not, as with unmodelled friction, the true errors are
     #: larger
@@ -44,7 +42,6 @@ class IdentifiedAxis:
     time_s: Vector
     force_n: Vector
     modelled_force_n: Vector
-    stribeck_speed_m_per_s: float | None = None  #: The speed that was given for `stribeck_n`
 
     def __post_init__(self) -> None:
         keep_arrays(self, "values", "standard_errors", "time_s", "force_n", "modelled_force_n")
@@ -61,14 +58,7 @@ class IdentifiedAxis:
     @property
     def friction(self) -> Friction:
         """Dry friction and offset; InputError if the record makes a friction negative."""
-        negative = self["coulomb_negative_n"] if "coulomb_negative_n" in self.names else None
-        offset = self["offset_n"] if "offset_n" in self.names else 0.0
-        sliding = Friction(self["coulomb_n"], negative, offset_n=offset)
-        if self.stribeck_speed_m_per_s is None:
-            return sliding
-        more, speed = self["stribeck_n"], self.stribeck_speed_m_per_s
-        held = None if negative is None else negative + more
-        return replace(sliding, static_n=sliding.coulomb_n + more, static_negative_n=held, stribeck_speed_m_per_s=speed)
+        return Friction(self["coulomb_n"], offset_n=self["offset_n"])
 
 
 def servo_bandwidth_hz(servo: Servo, mass_kg: float) -> float:
@@ -113,8 +103,6 @@ def identified_rigid_axis(
     force_n: ArrayLike,
     *,
     bandwidth_hz: float,
-    asymmetric: bool = False,
-    stribeck_speed_m_per_s: float | None = None,
     delay_s: float = 0.0,
 ) -> IdentifiedAxis:
     """Mass, viscous and dry friction, offset from recorded position and force.
@@ -127,17 +115,19 @@ def identified_rigid_axis(
     known forces from outside, on the axis [N], every `period_s` [s]. `bandwidth_hz` is the highest frequency that the
     motion contains in earnest: that of the loop, see `servo_bandwidth_hz` [Hz].
 
-    `asymmetric` is Coulomb friction by direction; it then stands for the offset too: sliding cannot tell them apart.
-    `stribeck_speed_m_per_s` is v_s of a friction that falls from breakaway to sliding, as `Friction` has it; None:
-    constant sliding friction. `delay_s` is how much later than recorded the force acts [s]: half a sample for a command
-    that is held.
+    `delay_s` is how much later than recorded the force acts [s]: half a sample for a command that is held.
 
     InputError: different lengths, missing values, a record too short, or a motion that does not excite every parameter.
     """
     position, force = _checked(position_m, force_n)
     cut_off_hz = CUT_OFF * bandwidth_hz
     _, speed, acceleration = filtered_motion(period_s, position, cut_off_hz)
-    columns = _columns(speed, acceleration, asymmetric, stribeck_speed_m_per_s)
+    columns = {
+        "mass_kg": acceleration,
+        "guide_damping_ns_per_m": speed,
+        "coulomb_n": np.sign(speed),
+        "offset_n": np.ones_like(speed),
+    }
     time_s = np.arange(len(force), dtype=np.float64) * period_s
     if delay_s:
         force = np.interp(time_s - delay_s, time_s, force)
@@ -173,7 +163,6 @@ def identified_rigid_axis(
         time_s=time_s[inner][::decimation],
         force_n=y,
         modelled_force_n=modelled,
-        stribeck_speed_m_per_s=stribeck_speed_m_per_s,
     )
 
 
@@ -185,7 +174,7 @@ def identified_axis_of_servo(
     *,
     delay_s: float = 0.0,
 ) -> IdentifiedAxis:
-    """As `identified_rigid_axis`, of symmetric friction, from the control's output.
+    """As `identified_rigid_axis`, from the control's output.
 
     The bandwidth is that of the servo with the mass found.
 
@@ -201,19 +190,6 @@ def identified_axis_of_servo(
         if abs(bandwidth_hz / before - 1.0) < 1e-3:
             break
     return found
-
-
-def _columns(
-    speed: Vector, acceleration: Vector, asymmetric: bool, stribeck_speed_m_per_s: float | None
-) -> dict[str, Vector]:
-    columns = {"mass_kg": acceleration, "guide_damping_ns_per_m": speed}
-    if asymmetric:
-        columns |= {"coulomb_n": np.where(speed > 0, 1.0, 0.0), "coulomb_negative_n": np.where(speed < 0, -1.0, 0.0)}
-    else:
-        columns |= {"coulomb_n": np.sign(speed), "offset_n": np.ones_like(speed)}
-    if stribeck_speed_m_per_s is not None:
-        columns["stribeck_n"] = np.sign(speed) * np.exp(-((speed / stribeck_speed_m_per_s) ** 2))
-    return columns
 
 
 def _decimated(values: Vector, factor: int) -> Vector:

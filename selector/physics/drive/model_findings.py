@@ -14,7 +14,7 @@ from selector.physics.drive.drive_summary import limited_samples, stick_slip
 from selector.physics.drive.file.model_file import OUTPUT_UNITS
 from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.closed_loop import growing_poles, loop_poles
+from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import (
     Axis,
@@ -23,7 +23,7 @@ from selector.physics.drive.parts.axis import (
     passive_fading_speed_m_per_s,
 )
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.simulation import AxisRun, fastest_rate_per_s
+from selector.physics.drive.simulation import AxisRun
 from selector.physics.model_fields import unlikely_values
 
 

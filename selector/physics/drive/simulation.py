@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from selector.errors import InputError
 from selector.physics.drive.finding_table import UNSTABLE_LOOP
 from selector.physics.drive.kernel import _packed as at
-from selector.physics.drive.kernel.axis_system import largest_stable_step_s, mechanical_poles
+from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, largest_stable_step_s
 from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, unloaded_state
 from selector.physics.drive.trajectory import COURSES, Motion, ParameterCourse, Reference
@@ -266,11 +266,6 @@ def _named(axis: Axis, reference: Reference) -> str:
 PER_MODE = 0.2
 """Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
 period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120)."""
-
-
-def fastest_rate_per_s(axis: Axis) -> float:
-    """Largest |pole| of the axis, with its control if that is continuous [rad/s]."""
-    return float(np.abs(mechanical_poles(axis)).max())
 
 
 def advised_step_s(axis: Axis, period_s: float) -> float:

@@ -80,11 +80,9 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
     """
     by_name = {channel.name: channel for channel in recording.channels}
     found: dict[str, str] = {}
-    for kind, own in KINDS.items():
-        said = getattr(file.recorded, kind)
-        if said is not None:
-            _require_channel(kind, said, own, by_name, found)
-            found[kind] = said
+    for kind, said in _said(file).items():
+        _require_channel(kind, said, KINDS[kind], by_name, found)
+        found[kind] = said
     for kind, own in KINDS.items():
         same = by_name.get(own.name)
         if kind not in found and same is not None and same.unit == own.unit and own.name not in found.values():
@@ -96,15 +94,17 @@ def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]
     return found
 
 
+def _said(file: GaugingFile) -> dict[str, str]:
+    return {kind: said for kind in KINDS if (said := getattr(file.recorded, kind)) is not None}
+
+
 def roles_asked(file: GaugingFile, recording: Recording, unread: Sequence[str]) -> dict[str, str]:
     """Column → role that it has to be read with, where a guess says otherwise; of `unread` ones nothing else says it.
 
     Columns that ``[recorded]`` names, and unread ones that are called as in a simulation.
     """
     units = {channel.name: channel.unit for channel in recording.channels}
-    said = {
-        getattr(file.recorded, kind): own for kind, own in KINDS.items() if getattr(file.recorded, kind) is not None
-    }
+    said = {name: KINDS[kind] for kind, name in _said(file).items()}
     asked = {own.name: own.role for own in KINDS.values() if own.name in unread and own.name not in said}
     wrong = [name for name, own in said.items() if name in unread or units.get(name, own.unit) != own.unit]
     if asked or wrong:

@@ -56,10 +56,9 @@ _EARLY_ERRORS, _SHARE, _EARLY_LEAST_UM = 4.0, 0.15, 1e-3
 """Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told."""
 
 
-def early_findings(model: GaugingModel, formula: SizeDistribution) -> Iterator[Finding]:
+def early_findings(model: GaugingModel, formula: SizeDistribution, linear: SizeDistribution) -> Iterator[Finding]:
     """Surfaces, noise that the gauge sees, and noise of the relay that trip it early; `formula` is by first passage."""
-    setup, parts = model.setup, model.file.run.parts
-    linear = size_distribution(setup, method="linear", parts=parts)
+    setup = model.setup
     early_um = formula.mean_um - linear.mean_um
     if formula.ripple_rate >= 1.0:
         yield _of_surface(model, formula, early_um)
@@ -308,7 +307,9 @@ class GaugingSummary:
     gauge: LinearGauge  #: The line at the end of the last stage
     characteristic: Characteristic | None  #: Of a whole gauge; None of a linear one
     stages: tuple[StageSummary, ...]  #: In the order of the grinding
-    formula: SizeDistribution  #: Of finished sizes, by first passage
+    #: formula and linear: Of finished sizes, by first passage and by eq. 25
+    formula: SizeDistribution
+    linear: SizeDistribution
     sizes: FinishedSizes  #: By Monte Carlo: of the parts of the file, or of as many such batches as make 2000 parts
     capability: Capability | None  #: None where the file has no tolerance
     trade_off: TradeOff  #: Error of the finished size against T_Φ
@@ -340,7 +341,7 @@ def gauging_summary(
             where="key thresholds.volts" if model.file.thresholds is not None else "key grinding.stages",
             advice="lower the thresholds, or leave them out: they are then calculated (eq. 23)",
         )
-    formula = size_distribution(setup, parts=parts)
+    formula, linear = size_distribution(setup, parts=parts), size_distribution(setup, method="linear", parts=parts)
     tolerance, curve = model.values.tolerance, model.characteristic
     known = None if tolerance is None else capability(sizes.finished_um, tolerance)
     filters = trade_off(setup, parts=parts)
@@ -354,6 +355,7 @@ def gauging_summary(
             for stage, rate, volts in zip(setup.grinding.stages, setup.rates_um_per_s, setup.thresholds_v, strict=True)
         ),
         formula=formula,
+        linear=linear,
         sizes=sizes,
         capability=known,
         trade_off=filters,
@@ -364,7 +366,7 @@ def gauging_summary(
         linear_within_um=mattering_um(model),
         findings=(
             *threshold_findings(model, seed),
-            *early_findings(model, formula),
+            *early_findings(model, formula, linear),
             *_off(model, sizes, by_name.get(CENTRED)),
             *_capability(model, formula, known, by_name.get(BEST_CENTRED)),
             *_filter(by_name),

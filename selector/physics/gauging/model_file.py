@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, removal_rate_um_per_s, wear_share
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import (
     FEWEST_SIZES,
     MOST_FEED_SD,
@@ -198,17 +198,12 @@ _FEWEST, _MOST = 500, 20_000
 def planned_s(parts: FileParts) -> float:
     """How long a freshly dressed wheel needs for a part of mean allowance, with the lags of removal and filter [s]."""
     grinding = parts.grinding
-    return grinding_s(parts, grinding.allowance_um) + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
+    return grinding_s(parts) + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
 
 
-def grinding_s(parts: FileParts, allowance_um: float) -> float:
-    """The time that feed alone needs from this allowance to the end of the last stage [s]."""
-    stages, wear = parts.grinding.stages, wear_share(parts.grinding)
-    ends = (allowance_um, *(stage.until_um for stage in stages))
-    return sum(
-        (before - after) / removal_rate_um_per_s(stage.feed_um_per_s, wear)
-        for (before, after), stage in zip(pairwise(ends), stages, strict=True)
-    )
+def grinding_s(parts: FileParts) -> float:
+    """The time that feed alone needs from the mean allowance to the end of the last stage [s]."""
+    return feeds_s(parts.grinding, Relay(), [stage.until_um for stage in parts.grinding.stages])
 
 
 def sampling_s(file: GaugingFile, parts: FileParts) -> float:
@@ -336,7 +331,7 @@ def early_slips(file: GaugingFile) -> Iterator[Contradiction]:
 
 def _of_times(parts: FileParts) -> Iterator[Contradiction]:
     """Times that are longer than the grinding."""
-    lasts_s = grinding_s(parts, parts.grinding.allowance_um)
+    lasts_s = grinding_s(parts)
     for key, time_s in slow_times(parts).items():
         if time_s > lasts_s:
             name, meant = key.rsplit(".", 1)[-1], 1e-3 * time_s

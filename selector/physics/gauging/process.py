@@ -11,62 +11,56 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_not_negative, require_positive
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
 _SECONDS = {"ms": 1e-3, "µs": 1e-6}
+_TURNING, _CHANGING = Usual(2.0, 5e3, {"1/s": 60.0}), Usual(0.05, 1e5, {"1/ms": 1e3})
 _SIZE = {"mm": 1e3, "nm": 1e-3, "m": 1e6}
 
 
 @dataclass(frozen=True)
-class Stage:
+class Stage(Checked):
     """A feed that holds until the gauge gives the next command."""
 
     #: Infeed of the wheel, on the same count as the allowance [µm/s]
     feed_um_per_s: Annotated[
         float,
+        ABOVE_0,
         Unit("µm/s"),
         Limits(1e-6, 1e6),
         Fit(),
         Usual(0.3, 300.0, {"mm/min": 1e3 / 60, "µm/min": 1 / 60, "mm/s": 1e3, "m/s": 1e6}),
     ]
     #: Allowance at which the next stage, or the end, is wanted [µm]
-    until_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(either_sign=50.0), Usual(0.0, 1e3, _SIZE)]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "feed_um_per_s")
-        require_finite(self, "until_um")
+    until_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Fit(either_sign=50.0), Usual(0.0, 1e3, _SIZE)]
 
 
 @dataclass(frozen=True)
-class Grinding:
+class Grinding(Checked):
     """How the allowance of a part falls."""
 
     #: allowance_um and allowance_sd_um: Mean and standard deviation over the parts at the start [µm]
-    allowance_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
+    allowance_um: Annotated[float, ABOVE_0, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
     stages: tuple[Stage, ...]  #: The last one's `until_um` is x_k, the size at which the feed is to stop
-    allowance_sd_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
+    allowance_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
     #: Standard deviation of the feed from part to part, as a share
-    feed_sd: Annotated[float, Limits(0.0, 100.0), Fit(up_to=0.2)] = 0.0
+    feed_sd: Annotated[float, FROM_0, Limits(0.0, 100.0), Fit(up_to=0.2)] = 0.0
     #: Time constant with which removal follows infeed: springs of the machine over sharpness of the wheel [s]
-    lag_s: Annotated[float, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
+    lag_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
     #: Radius that the wheel loses, as a share of what it removes, when freshly dressed: the allowance falls slower
-    wheel_wear: Annotated[float, Limits(0.0, 1e3), Fit(up_to=0.5), Usual(0.0, 0.95, {"%": 0.01})] = 0.0
+    wheel_wear: Annotated[float, FROM_0, Limits(0.0, 1e3), Fit(up_to=0.5), Usual(0.0, 0.95, {"%": 0.01})] = 0.0
     #: wear_growth_per_part and dress_every: The share grows by this with every part, as a share of itself, and is as at
     #: first again after so many parts; 0: never dressed
-    wear_growth_per_part: Annotated[float, Unit("1/part"), Limits(0.0, 10.0), Fit(up_to=0.1)] = 0.0
-    dress_every: Annotated[int, Limits(0, 1000000000)] = 0
+    wear_growth_per_part: Annotated[float, FROM_0, Unit("1/part"), Limits(0.0, 10.0), Fit(up_to=0.1)] = 0.0
+    dress_every: Annotated[int, FROM_0, Limits(0, 1000000000)] = 0
     #: Length that the tip loses: the gauge sees so much less allowance than there is, stops earlier, and leaves each
     #: part larger by it than the one before [µm]
-    probe_wear_um_per_part: Annotated[float, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
+    probe_wear_um_per_part: Annotated[float, FINITE, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "allowance_um")
-        require_not_negative(
-            self, "allowance_sd_um", "feed_sd", "lag_s", "wheel_wear", "wear_growth_per_part", "dress_every"
-        )
-        require_finite(self, "probe_wear_um_per_part")
+        super().__post_init__()
         ends = [self.allowance_um, *(stage.until_um for stage in self.stages)]
         if not self.stages or any(b >= a for a, b in pairwise(ends)):
             raise InputError(
@@ -85,21 +79,25 @@ class Grinding:
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(Checked):
     """What the probe meets on a turn of the workpiece: grooves, keyways or holes, and run-out."""
 
     #: [r/min]
-    workpiece_rpm: Annotated[float, Unit("r/min"), Limits(0.0, 1e6), Fit(), Usual(2.0, 5e3, {"1/s": 60.0})] = 0.0
-    grooves: Annotated[int, Limits(0, 10000)] = 0  #: Interruptions on the circumference; 0: a whole surface
+    workpiece_rpm: Annotated[float, FROM_0, Unit("r/min"), Limits(0.0, 1e6), Fit(), _TURNING] = 0.0
+    grooves: Annotated[int, FROM_0, Limits(0, 10000)] = 0  #: Interruptions on the circumference; 0: a whole surface
     #: Part of the circumference that they take
-    groove_share: Annotated[float, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
+    groove_share: Annotated[float, FROM_0, Limits(0.0, 1.0), Fit(low=0.0, high=0.95)] = 0.0
     #: How much deeper the probe reaches in them [µm]
-    groove_depth_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=1e3), Usual(0.0, 3e4, {"nm": 1e-3})] = 0.0
+    groove_depth_um: Annotated[
+        float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=1e3), Usual(0.0, 3e4, {"nm": 1e-3})
+    ] = 0.0
     #: Amplitude of the once-per-turn change of the allowance [µm]
-    runout_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})] = 0.0
+    runout_um: Annotated[
+        float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})
+    ] = 0.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "workpiece_rpm", "grooves", "groove_share", "groove_depth_um", "runout_um")
+        super().__post_init__()
         turning = self.grooves > 0 or self.runout_um > 0
         wrong = (
             ("groove_share", f"grooves on {self.groove_share:g} of the circumference")
@@ -118,29 +116,25 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Checked):
     """What the gauge sees besides the allowance: centred, Gaussian, R(τ) = D·exp(−β|τ|) (G eq. 2)."""
 
     #: √D_x [µm]
-    sd_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
+    sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     #: β [1/s]
-    rate_per_s: Annotated[float, Unit("1/s"), Limits(1e-6, 1e7), Fit(), Usual(0.05, 1e5, {"1/ms": 1e3})] = 100.0
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "sd_um")
-        require_positive(self, "rate_per_s")
+    rate_per_s: Annotated[float, ABOVE_0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), _CHANGING] = 100.0
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class Tolerance(Checked):
     """Limits of the finished size, counted from the nominal size."""
 
     #: lower_um and upper_um: [µm]
-    lower_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
-    upper_um: Annotated[float, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
+    lower_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
+    upper_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
 
     def __post_init__(self) -> None:
-        require_finite(self, "lower_um", "upper_um")
+        super().__post_init__()
         if self.lower_um >= self.upper_um:
             raise InputError(
                 f"[{self.lower_um:g}, {self.upper_um:g}] µm",

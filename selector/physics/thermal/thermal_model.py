@@ -238,25 +238,19 @@ class FileModel:
         acting = {name: held_at(conditions, name, time_s) for name in self.inputs}
         # a coolant that is never switched on, or a machine that is never switched off, needs no channel
         said = {n: course for n, course in acting.items() if n in ALWAYS_RECORDED or np.ptp(course) > 0}
-        columns: dict[str, Vector] = dict(said)
+        read: list[tuple[str, Vector, float, float]] = []
         for sensor in self._sensors:
             true = lagged(time_s, degc[sensor.at or sensor.name], sensor.lag_s)
-            columns[sensor.name] = read_out(
-                true,
-                noise=sensor.noise_k * instruments,
-                resolution=sensor.resolution_k * instruments,
-                seed=seed,
-                channel=sensor.name,
-            )
+            read.append((sensor.name, true, sensor.noise_k, sensor.resolution_k))
         for gauge in self._gauges:
             true = um[gauge.of or gauge.name]
-            columns[gauge.name] = read_out(
-                true - (true[0] if gauge.zeroed else 0.0),
-                noise=gauge.noise_um * instruments,
-                resolution=gauge.resolution_um * instruments,
-                seed=seed,
-                channel=gauge.name,
-            )
+            zero = true[0] if gauge.zeroed else 0.0
+            read.append((gauge.name, true - zero, gauge.noise_um, gauge.resolution_um))
+        columns: dict[str, Vector] = dict(said)
+        for name, true, noise, resolution in read:
+            if instruments:
+                true = read_out(true, noise=noise, resolution=resolution, seed=seed, channel=name)
+            columns[name] = true
         table = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
         provenance = {
             "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": instruments},

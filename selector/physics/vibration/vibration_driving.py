@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
+from selector.physics.channel_differences import as_recorded
 from selector.physics.checks import require_within, told_of
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
@@ -304,7 +305,7 @@ def driven_runs(
         )
         findings.append(told)
     simulation = VibrationSimulation(
-        _as_recorded(model.recorded(signals, seed), recording, names),
+        as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
         shaft_rpm,
         dict.fromkeys(recording.runs, phases),
@@ -444,24 +445,6 @@ def _without_sign(channel: str, rpm: Vector) -> Iterator[Finding]:
         "cut the run where the shaft turns round if this matters" if both else "",
         level="warning" if both else "info",
     )
-
-
-def _as_recorded(simulated: Recording, recording: Recording, names: Mapping[str, str]) -> Recording:
-    """The simulation with the names, places and axes of the recorded channels; others keep theirs."""
-    taken = {*recording.names}
-    channels = []
-    for channel in simulated.channels:
-        if channel.name in names:
-            there = recording.channel(names[channel.name])
-            channels.append(Channel(there.name, channel.role, channel.unit, there.place or channel.place, there.axis))
-            continue
-        called = channel.name
-        while called in taken:
-            called += " (simulated)"  # a name that the recording uses for something else
-        taken.add(called)
-        channels.append(replace(channel, name=called))
-    renamed = dict(zip(simulated.names, (channel.name for channel in channels), strict=True))
-    return Recording(simulated.frame.rename(columns=renamed), tuple(channels), simulated.provenance)
 
 
 def _nothing_drives(model: VibrationModel, recording: Recording) -> OptionError:

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.linalg import expm
 
 from selector.proof.case import Window
-from selector.proof.concealment import Noise
+from selector.proof.concealment import Noise, coloured
+from selector.proof.world import Runs
 from selector.recording import Channel
 from selector.types import Vector
 
 Reading = Callable[[Vector, Vector, float], Vector]
 """(times [s], course, size) → what is read."""
-Runs = Mapping[str, Sequence[Vector]]
 RUNS = ("r1", "r2", "r3")
 
 
@@ -117,6 +117,7 @@ def frozen(length_s: float, unit_s: float, from_s: float) -> Fault:
 
 PERIOD_S = 10.0
 LENGTH_S = 5.0 * 3600.0
+RESOLUTION_K = 0.002
 SENSORS = ("T1", "T2", "T3", "T4")
 CHANNELS = (
     Channel("T1", "temperature", "degC", place="front bearing"),
@@ -155,8 +156,8 @@ class Heated:
         ]
 
 
-def heated(generator: np.random.Generator, *, colour: str = "white", resolution: float = 0.002) -> Heated:
-    """A machine with its duty, drawn; its sensors read in steps of `resolution` [K]."""
+def heated(generator: np.random.Generator, colour: str = "white") -> Heated:
+    """A machine with its duty, drawn; its sensors read in steps of 2 mK."""
     draw = generator.uniform
     time = np.arange(0.0, LENGTH_S, PERIOD_S)
     # heat from body to body and to the hall [1/s]; heat of the bearings [K/s] at 10 000 r/min
@@ -185,7 +186,7 @@ def heated(generator: np.random.Generator, *, colour: str = "white", resolution:
                 rise = step[:4, :4] @ rise + step[:4, 4:] @ (heat * (speed[k] / 1e4) ** 1.5)
         for i, name in enumerate(SENSORS):
             read = hall + rises[:, i] + 0.002 * generator.standard_normal(len(time))
-            courses[name].append(np.round(read / resolution) * resolution)
+            courses[name].append(np.round(read / RESOLUTION_K) * RESOLUTION_K)
             true[name].append(hall + rises[:, i])
         courses["Tamb"].append(np.round(hall, 2))
         courses["n"].append(np.round(speed))
@@ -193,11 +194,10 @@ def heated(generator: np.random.Generator, *, colour: str = "white", resolution:
         "Z": np.array([draw(0.8, 1.6), draw(-1.2, -0.4), draw(0.6, 1.4), draw(0.8, 2.0)]),
         "Y": np.array([draw(-0.6, 0.2), draw(0.6, 1.4), draw(-1.0, -0.3), draw(-0.8, 1.2)]),
     }
-    noise = {
-        "Z": coloured(colour, draw(0.3, 0.7), generator),
-        "Y": coloured(colour, draw(0.3, 0.7), generator),
-        "T3": Noise(0.04, step=0.05),
-    }
+    noise = {"T3": Noise(0.04, step=0.05)}
+    for name in ("Z", "Y"):
+        sd, rounding = draw(0.3, 0.7), 0.1 if colour == "white" else 0.01
+        noise[name] = coloured(colour, sd, rounding, float(draw(0.5, 0.85)) if colour == "ar" else 0.0)
     machine = Heated(time, courses, true, gains, noise)
     for response in ("Z", "Y"):
         courses[response].extend(machine.grown([true[name] for name in SENSORS], response))
@@ -209,15 +209,6 @@ def regressed(machine: Heated, courses: Mapping[str, Sequence[Vector]], response
     if response in SENSORS:
         return list(machine.true[response])
     return machine.grown([courses[name] for name in SENSORS], response)
-
-
-def coloured(colour: str, sd: float, generator: np.random.Generator) -> Noise:
-    """Noise of a displacement [µm]."""
-    if colour == "ar":
-        return Noise(sd, phi=float(generator.uniform(0.5, 0.85)), step=0.01)
-    if colour == "heavy-tailed":
-        return Noise(sd, tails=3.0, step=0.01)
-    return Noise(sd, step=0.1)
 
 
 def _duty(generator: np.random.Generator, time_s: Vector, *, monotonous: bool) -> Vector:

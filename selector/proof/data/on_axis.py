@@ -12,12 +12,12 @@ from selector.proof.case import TrueEffect
 from selector.proof.data import faults
 from selector.proof.data.faults import Fault
 from selector.proof.data.on_heat import fault_plan
-from selector.proof.drive.recorded import Change, Drive, axis_world, plus
+from selector.proof.drive.recorded import Drive
+from selector.proof.drive.servo import Part, together
 from selector.proof.drive.true_axis import LENGTH_S, Bench
-from selector.proof.world import Plan, size_with
+from selector.proof.world import Plan, plus, scenarios_of
 
 Drawing = Callable[[np.random.Generator], Fault]
-_UNIT_D_PRIME = 8.0
 
 
 def misread(drawing: Drawing, channel: str, accept: tuple[str, ...] = ()) -> Any:
@@ -36,46 +36,16 @@ def misread(drawing: Drawing, channel: str, accept: tuple[str, ...] = ()) -> Any
     return prepared
 
 
-def beside(
-    drawing: Drawing,
-    channel: str,
-    id: str,  # noqa: A002 - the word of the contract
-    change: Change,
-    first: float,
-) -> Any:
-    """The same beside missing physics, each as strong as the other."""
-
-    def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-        run, fault, start = int(generator.integers(0, 2)), drawing(generator), bench.axis
-        read = fault.read(bench.stamps, (channel,), (run,))
-
-        def changed(size: float) -> Any:
-            return change(start, size) if size else start
-
-        physics = size_with(axis_world(bench, lambda size: (), true=changed, first=first), _UNIT_D_PRIME)
-        alone = axis_world(bench, lambda size: (), true=lambda size: start, recorded_as=read, first=0.3)
-        reading = size_with(alone, _UNIT_D_PRIME)
-
-        def effects(size: float) -> tuple[TrueEffect, ...]:
-            windows = fault.windows((run,), size * reading)
-            return (TrueEffect(id, (id,), ("E", "I")), TrueEffect(fault.id, (fault.id,), (channel,), None, windows))
-
-        return {
-            "true": lambda size: changed(size * physics),
-            "recorded_as": lambda courses, size: read(courses, size * reading),
-            "effects": effects,
-            "lacking": ({"true": lambda size: start}, {"recorded_as": None}),
-        }
-
-    return prepared
-
-
 def _moment(generator: np.random.Generator) -> float:
     return float(generator.uniform(0.2, 0.6) * LENGTH_S)
 
 
 def _entry(plan: Plan, prepared: Any, bench: Mapping[str, Any] | None = None, first: float = 1.0) -> Drive:
     return Drive(plan, "data", None, bench or {}, world={"first": first}, prepared=prepared)
+
+
+def _fault(id: str, drawing: Drawing, channel: str) -> Part:  # noqa: A002 - the word of the contract
+    return Part(id, first=0.3, channels=(channel,), place=None, drawing=drawing)
 
 
 _END_S = LENGTH_S - 0.05
@@ -105,16 +75,22 @@ DRIVES = (
         misread(lambda g: faults.frozen(_END_S, 0.3, _moment(g)), "E"),
     ),
     _entry(
-        fault_plan("data.several/coulomb+step", kind="several", verdicts=("missing-physics",)),
-        beside(lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E", "drive.coulomb", plus("coulomb_n"), 1.0),
+        fault_plan("data.several/coulomb+step", kind="several"),
+        together(
+            Part("drive.coulomb", plus("coulomb_n"), place=None),
+            _fault("data.step", lambda g: faults.jumped(_END_S, 0.1, _moment(g)), "E"),
+        ),
         {"friction": False},
         0.3,
     ),
     _entry(
-        fault_plan("data.several/ripple+gain", kind="several", verdicts=("missing-physics",)),
-        beside(lambda g: faults.stretched(_END_S, 0.01), "I", "drive.ripple", plus("ripple_n"), 4.0),
+        fault_plan("data.several/ripple+gain", kind="several"),
+        together(
+            Part("drive.ripple", plus("ripple_n"), 4.0, place=None),
+            _fault("data.gain", lambda g: faults.stretched(_END_S, 0.01), "I"),
+        ),
         {},
         0.3,
     ),
 )
-SCENARIOS = tuple(drive.scenario for drive in DRIVES)
+SCENARIOS = scenarios_of(drive.case for drive in DRIVES)

@@ -13,18 +13,17 @@ import numpy as np
 
 from selector.proof.case import TrueEffect, Window
 from selector.proof.data import faults
-from selector.proof.data.faults import CHANNELS, LENGTH_S, RUNS, SENSORS, Fault, Heated, Runs, heated, regressed
-from selector.proof.world import Plan, World, scenarios_of
+from selector.proof.data.faults import CHANNELS, LENGTH_S, RUNS, SENSORS, Fault, Heated, heated, regressed
+from selector.proof.world import Made, Plan, Runs, World, scenarios_of
 from selector.types import Vector
 
 Drawing = Callable[[np.random.Generator], Fault]
-Made = Callable[[np.random.Generator], World]
 
 RESPONSES = ("Z", "Y")
 _UNDECIDED = ("data-fault", "miscalibrated")
 """In every run the same: the recording is wrong, or the simulation."""
 
-fault_plan = partial(Plan, family="data", kind="data", verdicts=("data-fault",))
+fault_plan = partial(Plan, family="data", kind="data")
 """A plan of the data family."""
 _absorbed = partial(fault_plan, hidden=("absorbed",))
 
@@ -166,7 +165,7 @@ def _exchanged_inputs(generator: np.random.Generator) -> World:
 
 def _clean(colour: str) -> tuple[Plan, Made]:
     made = _case(lambda g: faults.moved(LENGTH_S, 1.0), colour=colour)
-    return fault_plan(f"clean.data/{colour}", kind="clean", verdicts=("nothing-missing",)), made
+    return fault_plan(f"clean.data/{colour}", kind="clean"), made
 
 
 _RESPONSES: tuple[tuple[Plan, Made], ...] = (

@@ -2,39 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from selector.proof.drive import friction_and_joints, servo
 from selector.proof.drive.friction_and_joints import softer
-from selector.proof.drive.recorded import Change, Drive, plan, plus
-from selector.proof.drive.true_axis import Bench, given_from
-from selector.types import Vector
-
-Runs = Mapping[str, Sequence[Vector]]
+from selector.proof.drive.recorded import FORCE, Drive
+from selector.proof.drive.true_axis import Bench
+from selector.proof.world import Change, Runs, plus, scenarios_of, twin
 
 _ANY = ("data-fault", "missing-physics")
 _VALUES = ("drive.mass", "drive.viscous", "drive.coulomb", "drive.elasticity", "drive.delay", "data.gain")
 
 
-def _clean(
-    name: str,
-    bench: Mapping[str, Any],
-    note: str = "",
-    lost: float = 0.0,
-    verdicts: tuple[str, ...] = ("nothing-missing",),
-    **world: Any,
-) -> Drive:
-    made = plan(f"clean.drive/{name}", (), kind="clean", verdicts=verdicts, lost=lost, note=note)
-    return Drive(made, "", None, bench, world=world)
+def _clean(name: str, bench: Mapping[str, Any], note: str = "", lost: float = 0.0, **rest: Any) -> Drive:
+    told: dict[str, Any] = {"kind": "clean", "lost": lost, "note": note, "id": "", **rest}
+    return Drive.of(f"clean.drive/{name}", None, bench, **told)
 
 
 def _scaled_current(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """The force per ampere of the simulation is up to 20 % off."""
     share = 1.0 + float(generator.choice([-1.0, 1.0]) * generator.uniform(0.1, 0.2))
-    plain = given_from(bench.axis)
+    plain = bench.machine
     other = plain._replace(force_per_a=plain.force_per_a * share)
     return {"given": lambda size: other if size else plain}
 
@@ -68,7 +59,7 @@ def _late(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
 
 def _guessed(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """Mass, friction and stiffness of the simulation are nominal values, each up to 20 % off."""
-    plain = given_from(bench.axis)
+    plain = bench.machine
     shares = 1.0 + generator.choice([-1.0, 1.0], 3) * generator.uniform(0.1, 0.2, 3)
     names = ("table_kg", "viscous_ns_per_m", "coulomb_n")
     other = plain._replace(**{name: getattr(plain, name) * share for name, share in zip(names, shares, strict=True)})
@@ -76,16 +67,16 @@ def _guessed(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
 
 
 def _miscalibrated(name: str, prepared: Any, tolerated: tuple[str, ...], verdicts: tuple[str, ...], note: str) -> Drive:
-    made = plan(
+    return Drive.of(
         f"miscalibrated.drive/{name}",
-        (),
         kind="miscalibrated",
         verdicts=("miscalibrated", *verdicts),
         tolerated=tolerated,
         size=1.0,
         note=note,
+        id="",
+        prepared=prepared,
     )
-    return Drive(made, "", None, prepared=prepared)
 
 
 CLEAN = (
@@ -111,10 +102,10 @@ CLEAN = (
         {"friction": False},
         "Rows were lost; the simulation has its own grid.",
         0.05,
-        simulation_period_s=1e-3,
+        world={"simulation_period_s": 1e-3},
     ),
     _clean("one-run", {"styles": ("strokes",)}, "A single run; its last 30 % are held out."),
-    _clean("force", {"jitter_s": 0.0}, "Position and force only.", names=("x", "F"), responses=("x", "F")),
+    _clean("force", {"jitter_s": 0.0}, "Position and force only.", world=FORCE),
 )
 MISCALIBRATED = (
     _miscalibrated("current", _scaled_current, ("data.gain",), ("data-fault",), "Force per ampere is off."),
@@ -147,15 +138,18 @@ def _undecidable(
     changes: tuple[tuple[Change, float], tuple[Change, float]],
     bench: Mapping[str, Any],
     note: str,
-    axis: Mapping[str, float] | None = None,
+    start: Mapping[str, float] | None = None,
     world: Mapping[str, Any] = _NO_SCALE,
 ) -> Drive:
-    (change, first), rival = changes
-    made = plan(f"undecidable.drive/{name}", (), kind="undecidable", note=note)
+    (change, first), (other, other_first) = changes
+
+    def rival(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
+        return {"true": lambda size: other(bench.machine, size) if size else bench.machine, "first": other_first}
+
+    told: dict[str, Any] = {"kind": "undecidable", "note": note, "id": id, "accept": accept, "rival": rival}
     channels = tuple(world.get("responses", ("E", "I")))
-    return Drive(
-        made, id, change, bench, axis or {}, {**world, "first": first}, accept=accept, channels=channels, rival=rival
-    )
+    named = f"undecidable.drive/{name}"
+    return Drive.of(named, change, bench, start, first=first, world=world, channels=channels, **told)
 
 
 _LAG_OR_SOFT = ("drive.delay", "drive.elasticity")
@@ -197,17 +191,16 @@ UNDECIDABLE = (
         {"names": ("r", "v", "E"), "responses": ("E",)},
     ),
 )
-TWINS = tuple(
-    drive.twin
-    for drive in (*friction_and_joints.DRIVES, *servo.DRIVES)
-    if drive.plan.name
-    in (
-        "drive.coulomb/absorbed",
-        "drive.stribeck/creeping",
-        "drive.backlash/small",
-        "drive.elasticity/friction",
-        "drive.pitch_error/half-lead",
-        "drive.offset_force/brake",
-    )
+_TWINS = (
+    "drive.coulomb/absorbed",
+    "drive.stribeck/creeping",
+    "drive.backlash/small",
+    "drive.elasticity/friction",
+    "drive.pitch_error/half-lead",
+    "drive.offset_force/brake",
 )
-SCENARIOS = (*(drive.scenario for drive in (*CLEAN, *MISCALIBRATED, *UNDECIDABLE)), *TWINS)
+_LACKING = (*friction_and_joints.DRIVES, *servo.DRIVES)
+SCENARIOS = (
+    *scenarios_of(drive.case for drive in (*CLEAN, *MISCALIBRATED, *UNDECIDABLE)),
+    *(twin(*drive.case) for drive in _LACKING if drive.plan.name in _TWINS),
+)

@@ -6,16 +6,17 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from selector.proof.drive.recorded import Change, Drive, lacking, plus
+from selector.proof.concealment import Measure, ruled_out
+from selector.proof.drive.recorded import FORCE, Drive
+from selector.proof.world import Change, plus, scenarios_of
 
 OWN_VALUE = ("missing-physics", "miscalibrated")
 """A value of the simulation that is wrong may be called either."""
 
-_guide = partial(lacking, place="guide")
+_guide = partial(Drive.of, place="guide")
 _viscous = partial(_guide, change=plus("viscous_ns_per_m"), verdicts=OWN_VALUE)
 _coulomb, _peak = plus("coulomb_n"), plus("break_away_n")
 _by_position = partial(_guide, change=plus("viscous_by_position_per_m"), tolerated=("drive.viscous",), first=0.3)
-_FORCE = {"names": ("x", "F"), "responses": ("x", "F")}
 
 _FRICTION = (
     _guide("drive.coulomb/small", _coulomb, {"friction": False, "slips": True}),
@@ -35,7 +36,7 @@ _FRICTION = (
         hidden=("small", "absorbed"),
         tolerated=("drive.mass", "drive.viscous"),
         note="Mass and viscous coefficient were fitted without it and took in what they could.",
-        world={"refitted": ("table_kg", "viscous_ns_per_m"), **_FORCE},
+        world={"refitted": ("table_kg", "viscous_ns_per_m"), **FORCE},
         channels=("x", "F"),
     ),
     _guide(
@@ -58,7 +59,7 @@ _FRICTION = (
         plus("viscous_by_direction"),
         {"friction": False, "styles": ("strokes", "strokes", "sines"), "colour": "heavy-tailed", "coarse_scale": True},
         {"viscous_ns_per_m": 700.0},
-        hidden=("small", "ruled out in E"),
+        hidden=("small", ruled_out("E")),
         first=0.02,
     ),
     _guide(
@@ -91,20 +92,20 @@ _FRICTION = (
     _viscous(
         "drive.viscous/ruled-out",
         bench={"styles": ("sines", "strokes", "gentle"), "colour": "quantised", "coarse_scale": True},
-        axis={"feed_forward": 1.0},
-        hidden=("small", "ruled out in E"),
+        start={"feed_forward": 1.0},
+        hidden=("small", ruled_out("E")),
         first=30.0,
     ),
     _by_position(
         "drive.varying_damping/small",
         bench={"styles": ("strokes", "gentle", "other"), "fastest": 0.2},
-        axis={"viscous_ns_per_m": 900.0},
+        start={"viscous_ns_per_m": 900.0},
     ),
     _by_position(
         "drive.varying_damping/ruled-out",
         bench={"friction": False, "styles": ("sines", "strokes", "other"), "fastest": 0.2, "coarse_scale": True},
-        axis={"viscous_ns_per_m": 700.0},
-        hidden=("small", "ruled out in E"),
+        start={"viscous_ns_per_m": 700.0},
+        hidden=("small", ruled_out("E")),
     ),
 )
 
@@ -120,15 +121,14 @@ def _screw(
     name: str,
     change: Change,
     bench: Mapping[str, Any],
-    axis: Mapping[str, float],
+    start: Mapping[str, float],
     first: float,
-    *hidden: str,
-    channels: tuple[str, ...] = ("E",),
+    *hidden: str | Measure,
     **rest: Any,
 ) -> Drive:
     """Of a loop that is closed on the motor."""
-    on_motor = {"on_scale": False, **bench}
-    return lacking(name, change, on_motor, axis, first=first, hidden=hidden, channels=channels, place="screw", **rest)
+    told: dict[str, Any] = {"channels": ("E",), "place": "screw", **rest}
+    return Drive.of(name, change, {"on_scale": False, **bench}, start, first=first, hidden=hidden, **told)
 
 
 _PLAY, _SOFTER, _LEAD = plus("play_m", 1e-6), softer(1e-10), plus("lead_m", 1e-6)
@@ -183,14 +183,14 @@ _JOINTS = (
         "absorbed",
         **_VARYING,
     ),
-    _screw("drive.pitch_error/lead", _LEAD, {}, {"lead_pitch_m": 0.01}, 0.1, "small", "ruled out in I"),
+    _screw("drive.pitch_error/lead", _LEAD, {}, {"lead_pitch_m": 0.01}, 0.1, "small", ruled_out("I")),
     _screw(
         "drive.pitch_error/half-lead",
         _LEAD,
         {"styles": ("cycles", "cycles", "cycles"), "colour": "cycle-locked"},
         {"lead_pitch_m": 0.008},
         0.1,
-        "ruled out in I",
+        ruled_out("I"),
         note="The machine repeats a cycle, and so does half of the noise.",
     ),
     _screw(
@@ -205,4 +205,4 @@ _JOINTS = (
     ),
 )
 DRIVES = (*_FRICTION, *_JOINTS)
-SCENARIOS = tuple(drive.scenario for drive in DRIVES)
+SCENARIOS = scenarios_of(drive.case for drive in DRIVES)

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from selector.proof.case import TrueEffect, Window
-from selector.proof.drive.recorded import Drive, plan
+from selector.proof.case import Window
+from selector.proof.drive.recorded import Drive
 from selector.proof.drive.true_axis import LENGTH_S, RUNS, Bench
-from selector.proof.world import HIDDEN_FACTOR
+from selector.proof.world import scenarios_of
 from selector.types import Vector
 
 Course = Callable[[Vector], Vector]
@@ -131,8 +131,7 @@ def _outside(
 ) -> Drive:
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
         courses, windows = drawn(generator)
-        effect = TrueEffect(f"hidden.{name}", (f"hidden.{name}",), channels, None, windows)
-        arguments: dict[str, Any] = {"effects": lambda size: (effect,)}
+        arguments: dict[str, Any] = {"windows": windows}
         if enters == "current":
             arguments["recorded_as"] = lambda runs, size: {
                 channel: [
@@ -145,16 +144,18 @@ def _outside(
             arguments[enters] = lambda run, time_s, size: size * courses[run](time_s)
         return arguments
 
-    made = plan(
+    return Drive.of(
         f"hidden.drive/{name}",
-        (),
+        None,
+        bench,
+        first=first,
         kind="out-of-catalogue",
-        verdicts=("unexplained",),
-        factor=HIDDEN_FACTOR,
         tolerated=tolerated,
         note=note,
+        id=f"hidden.{name}",
+        channels=channels,
+        prepared=prepared,
     )
-    return Drive(made, f"hidden.{name}", None, bench, world={"first": first}, prepared=prepared)
 
 
 DRIVES = (
@@ -167,4 +168,4 @@ DRIVES = (
         "crosstalk", crosstalk, "current", ("I",), 0.1, "The square of an unrecorded signal leaks into the current."
     ),
 )
-SCENARIOS = tuple(drive.scenario for drive in DRIVES)
+SCENARIOS = scenarios_of(drive.case for drive in DRIVES)

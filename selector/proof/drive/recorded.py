@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from selector.proof.case import Scenario, TrueEffect
+from selector.proof.case import TrueEffect
 from selector.proof.drive.true_axis import (
     RUNS,
     STEP_S,
     Bench,
-    GivenAxis,
     TrueAxis,
     bench,
     command_times,
-    given_from,
     given_motion,
     true_motion,
 )
-from selector.proof.world import Plan, World, scenario, twin
+from selector.proof.world import Missing, Runs, World
 from selector.recording import Channel
 from selector.types import Vector
 
-Runs = Mapping[str, Sequence[Vector]]
 Disturbance = Callable[[int, Vector, float], Vector]
 """(number of the run, times [s], size) → course."""
 
@@ -39,14 +36,16 @@ CHANNELS = {
     "a": Channel("a", "acceleration", "m/s^2", place="table", axis="X"),
     "brake": Channel("brake", "state", "1", place="holding brake, 1 = open"),
 }
+FORCE: Mapping[str, Any] = {"names": ("x", "F"), "responses": ("x", "F")}
+"""Arguments of `axis_world`: position and force, and nothing else."""
 
 
 def axis_world(
     bench: Bench,
-    effects: Callable[[float], tuple[TrueEffect, ...]],
     *,
+    effects: Callable[[float], tuple[TrueEffect, ...]] = lambda size: (),
     true: Callable[[float], TrueAxis],
-    given: Callable[[float], GivenAxis] | None = None,
+    given: Callable[[float], TrueAxis] | None = None,
     delay_s: Callable[[float], float] | None = None,
     force: Disturbance | None = None,
     shift: Disturbance | None = None,
@@ -108,7 +107,7 @@ def axis_world(
                 courses["brake"].append(np.ones(len(when)))
         return courses
 
-    def said(axis: GivenAxis) -> dict[str, list[Vector]]:
+    def said(axis: TrueAxis) -> dict[str, list[Vector]]:
         courses: dict[str, list[Vector]] = {name: [] for name in responses}
         for command in bench.commands:
             _, x_table, amps = given_motion(axis, command)
@@ -121,7 +120,7 @@ def axis_world(
                 courses[name].append(whole[name][::every])
         return courses
 
-    plain = given_from(true(0.0))
+    plain = true(0.0)
     every_ms = round(simulation_period_s / 1e-3)
     own_times = [command_times(command)[::every_ms] for command in bench.commands]
 
@@ -151,9 +150,7 @@ def axis_world(
     )
 
 
-def _refitted(
-    axis: GivenAxis, names: Sequence[str], bench: Bench, true: Runs, given: Runs, period_s: float
-) -> GivenAxis:
+def _refitted(axis: TrueAxis, names: Sequence[str], bench: Bench, true: Runs, given: Runs, period_s: float) -> TrueAxis:
     """The simulation with parameters fitted to the motor's force in all runs but the last (linear, one step)."""
     force = "F" if "F" in given else "I"
     columns: list[Vector] = []
@@ -169,91 +166,17 @@ def _refitted(
     return axis._replace(**{name: getattr(axis, name) + float(d) for name, d in zip(names, change, strict=True)})
 
 
-Change = Callable[[TrueAxis, float], TrueAxis]
-
-
 @dataclass(frozen=True)
-class Drive:
-    """A drive scenario."""
+class Drive(Missing):
+    """A drive scenario; `bench` has arguments of `selector.proof.drive.true_axis.bench`, `world` of `axis_world`."""
 
-    plan: Plan
-    id: str  #: Of the effect; empty = none
-    change: Change | None = None  #: (axis, size) -> axis: The true axis with the effect; called with size > 0 only
-    bench: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.true_axis.bench`
-    axis: Mapping[str, float] = field(default_factory=dict)  #: Parameters of the axis that are set whatever was drawn
-    world: Mapping[str, Any] = field(default_factory=dict)  #: Arguments of `selector.proof.drive.recorded.axis_world`
-    #: accept, channels and place: Of the true effect; the id alone is right unless told
-    accept: tuple[str, ...] = ()
     channels: tuple[str, ...] = ("E", "I")
-    place: str | None = None
-    rival: tuple[Change, float] | None = None  #: Another effect that this record does not tell from it
-    #: (bench, generator) -> mapping, or None: Further arguments of `axis_world` that depend on the machine; `true`
-    #: among them replaces `change`. Of several effects ``"lacking"`` has the arguments that are otherwise where the
-    #: first one is lacking, the second one, ….
-    prepared: Callable[[Bench, np.random.Generator], Mapping[str, Any]] | None = None
+    family = "drive"
 
-    def made(self, generator: np.random.Generator) -> World:
-        """The world of this scenario with what the generator draws."""
-        drawn = bench(generator, **self.bench)
-        start = drawn.axis._replace(**self.axis)
-        change = self.change
-        arguments: dict[str, Any] = {
-            "true": lambda size: change(start, size) if change is not None and size else start,
-            "effects": self.shown,
-        }
-        arguments |= self.world
-        if self.prepared is not None:
-            arguments |= self.prepared(Bench(**{**vars(drawn), "axis": start}), generator)
-        if self.rival is not None:
-            other, first = self.rival
-            theirs = {"true": lambda size: other(start, size) if size else start, "first": first}
-            arguments["rival"] = axis_world(drawn, **(arguments | theirs))
-        lacking = arguments.pop("lacking", ())
-        world = axis_world(drawn, **arguments)
-        return replace(world, lacking=tuple(axis_world(drawn, **(arguments | other)) for other in lacking))
+    def drawn(self, generator: np.random.Generator) -> Bench:
+        """An axis with its loop, and what it is told."""
+        return bench(generator, start=self.start, **self.bench)
 
-    def shown(self, size: float) -> tuple[TrueEffect, ...]:
-        """The true effect, acting always."""
-        if not self.id:
-            return ()
-        return (TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place),)
-
-    @property
-    def scenario(self) -> Scenario:
-        """Cases of any strength."""
-        return scenario(self.plan, self.made, has_strength=bool(self.id) and not self.plan.size)
-
-    @property
-    def twin(self) -> Scenario:
-        """The same with the effect off."""
-        return twin(self.plan, self.made)
-
-
-def plan(name: str, hidden: Sequence[str] = ("small",), **rest: Any) -> Plan:
-    """A plan of the drive family in which one effect is missing, unless told otherwise."""
-    return Plan(name, **{"family": "drive", "kind": "single", "hidden": tuple(hidden)} | rest)
-
-
-def lacking(
-    name: str,
-    change: Change | None = None,
-    bench: Mapping[str, Any] | None = None,
-    axis: Mapping[str, float] | None = None,
-    *,
-    hidden: Sequence[str] = ("small",),
-    first: float = 1.0,
-    world: Mapping[str, Any] | None = None,
-    **rest: Any,
-) -> Drive:
-    """A drive whose simulation lacks the effect before the slash of its name, such as ``drive.coulomb/small``.
-
-    `first` and `world` are arguments of `axis_world`; `rest` are further fields of `Plan` and `Drive`.
-    """
-    planned = plan(name, hidden, **{key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__})
-    worlds = {"first": first, **(world or {})}
-    return Drive(planned, name.partition("/")[0], change, bench or {}, axis or {}, worlds, **rest)
-
-
-def plus(name: str, factor: float = 1.0) -> Change:
-    """The change that adds `factor` × size to a parameter of the axis."""
-    return lambda axis, size: axis._replace(**{name: getattr(axis, name) + factor * size})
+    def world_of(self, bench: Bench, **more: Any) -> World:
+        """See `axis_world`."""
+        return axis_world(bench, **more)

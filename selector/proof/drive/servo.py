@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 
 from selector.proof.case import TrueEffect, Window
+from selector.proof.concealment import like_known, ruled_out
+from selector.proof.data.faults import Fault
 from selector.proof.drive.friction_and_joints import OWN_VALUE, softer
-from selector.proof.drive.recorded import Change, Drive, axis_world, lacking, plan, plus
+from selector.proof.drive.recorded import FORCE, Drive, axis_world
 from selector.proof.drive.true_axis import LENGTH_S, RUNS, STEP_S, Bench, TrueAxis, true_motion
-from selector.proof.world import size_with
+from selector.proof.world import Change, Prepared, Runs, plus, scenarios_of, size_with
 from selector.types import Vector
-
-Runs = Mapping[str, Sequence[Vector]]
 
 
 def _limited(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A limit of the current that is size × 1 % below the highest that the programme asks for."""
     still = np.zeros(round(LENGTH_S / STEP_S))
-    start = bench.axis
+    start = bench.machine
     currents = [true_motion(start, command, still)[3] for command in bench.commands]
     # the loop asks for more than the current that follows it with a lag
     asked = [amps + start.current_lag_s * np.gradient(amps, STEP_S) for amps in currents]
@@ -69,35 +69,35 @@ def _braked(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     }
 
 
-_ripple = partial(lacking, change=plus("ripple_n"), place="motor", first=3.0)
-_mass = partial(lacking, change=plus("table_kg"), place="table", verdicts=OWN_VALUE)
+_ripple = partial(Drive.of, change=plus("ripple_n"), place="motor", first=3.0)
+_mass = partial(Drive.of, change=plus("table_kg"), place="table", verdicts=OWN_VALUE)
 _late = {"delay_s": lambda size: 1e-6 * size}
-_delay = partial(lacking, axis={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, world=_late)
-_limit = partial(lacking, hidden=("rare",), place="drive", first=5.0, prepared=_limited)
+_delay = partial(Drive.of, start={"feed_forward": 1.0}, place="command", verdicts=OWN_VALUE, first=2.0, world=_late)
+_limit = partial(Drive.of, hidden=("rare",), place="drive", first=5.0, prepared=_limited)
 
 DRIVES = (
-    _ripple("drive.ripple/cogging", bench={"styles": ("gentle", "strokes", "other")}, axis={"ripple_m": 0.0025}),
+    _ripple("drive.ripple/cogging", bench={"styles": ("gentle", "strokes", "other")}, start={"ripple_m": 0.0025}),
     _ripple(
         "drive.ripple/slow",
         bench={"styles": ("gentle", "gentle", "other"), "fastest": 0.1, "coarse_scale": True, "colour": "ar"},
-        axis={"ripple_m": 0.010, "ripple_phase": 1.0},
-        hidden=("small", "ruled out in E"),
+        start={"ripple_m": 0.010, "ripple_phase": 1.0},
+        hidden=("small", ruled_out("E")),
         note="A turn of the motor takes half a second.",
     ),
     _ripple(
         "drive.ripple/force",
         bench={"styles": ("gentle", "sines", "other"), "friction": False, "jitter_s": 0.0},
-        axis={"ripple_m": 0.032},
+        start={"ripple_m": 0.032},
         note="Force and position of a linear motor; nothing else is recorded.",
-        world={"names": ("x", "F"), "responses": ("x", "F")},
+        world=FORCE,
         channels=("x", "F"),
     ),
     _mass("drive.mass/workpiece", bench={"colour": "ar"}),
     _mass(
         "drive.mass/absorbed",
         bench={"friction": False, "styles": ("strokes", "sines", "gentle")},
-        axis={"viscous_ns_per_m": 350.0},
-        hidden=("absorbed", "like I"),
+        start={"viscous_ns_per_m": 350.0},
+        hidden=("absorbed", like_known("I")),
         tolerated=("drive.viscous", "data.gain"),
         note="Current goes with acceleration nearly alone, so that its gain takes in most.",
         first=2.0,
@@ -105,7 +105,7 @@ DRIVES = (
     _mass(
         "drive.mass/ruled-out",
         bench={"coarse_scale": True, "styles": ("strokes", "sines", "strokes"), "colour": "heavy-tailed"},
-        hidden=("small", "ruled out in E"),
+        hidden=("small", ruled_out("E")),
     ),
     _delay(
         "drive.delay/bus", bench={"friction": False}, note="Speed is fed forward in full: only the delay lags with it."
@@ -113,14 +113,14 @@ DRIVES = (
     _delay("drive.delay/rubbing", bench={"styles": ("gentle", "sines", "other"), "colour": "quantised"}),
     _limit("drive.saturation/current", bench={"styles": ("strokes", "strokes", "strokes"), "friction": False}),
     _limit("drive.saturation/rubbing", bench={"styles": ("strokes", "one speed", "strokes"), "colour": "heavy-tailed"}),
-    lacking(
+    Drive.of(
         "drive.offset_force/sets-in",
         bench={"friction": False},
         verdicts=("missing-physics", "data-fault"),
         first=3.0,
         prepared=_loaded,
     ),
-    lacking(
+    Drive.of(
         "drive.offset_force/brake",
         plus("offset_n"),
         {"friction": False},
@@ -131,7 +131,7 @@ DRIVES = (
         place="table",
         prepared=_braked,
     ),
-    lacking(
+    Drive.of(
         "drive.offset_force/constant",
         plus("offset_n"),
         hidden=("absorbed",),
@@ -151,55 +151,66 @@ _UNIT_D_PRIME = 8.0
 
 @dataclass(frozen=True)
 class Part:
-    """One of several effects: its id, the change of the axis, a first size, where it shows."""
+    """One of several effects: id, change of the axis, a first size, where it shows; or a fault that is drawn."""
 
     id: str
-    change: Change
-    first: float
+    change: Change | None = None
+    first: float = 1.0
     channels: tuple[str, ...] = ("E", "I")
-    place: str = "guide"
+    place: str | None = "guide"
     sign: float = 1.0
+    drawing: Callable[[np.random.Generator], Fault] | None = None
 
 
-def together(*parts: Part) -> Any:
+def together(*parts: Part) -> Prepared:
     """What `Drive.prepared` needs: the parts, each scaled so that alone it has the same strength at size 1."""
+    everything = tuple(range(len(parts)))
 
     def prepared(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
-        start = bench.axis
-        sizes = [_alone(bench, start, part) for part in parts]
+        sizes = [part.sign for part in parts]
+        faults: dict[int, tuple[int, Fault]] = {}
+        for k, part in enumerate(parts):
+            if part.drawing is not None:
+                faults[k] = int(generator.integers(0, 2)), part.drawing(generator)
 
-        def without(lacking: int | None, size: float) -> TrueAxis:
-            axis = start
-            for number, (part, own) in enumerate(zip(parts, sizes, strict=True)):
-                axis = part.change(axis, size * own) if size and number != lacking else axis
+        def true(acting: tuple[int, ...], size: float) -> TrueAxis:
+            axis = bench.machine
+            for k in acting:
+                change = parts[k].change
+                axis = change(axis, size * sizes[k]) if size and change is not None else axis
             return axis
 
-        effects = tuple(TrueEffect(part.id, (part.id,), part.channels, part.place) for part in parts)
-        return {
-            "true": partial(without, None),
-            "effects": lambda size: effects,
-            "lacking": tuple({"true": partial(without, k)} for k in range(len(parts))),
-        }
+        def read(acting: tuple[int, ...], courses: Runs, size: float) -> Runs:
+            for k, (run, fault) in faults.items():
+                if k in acting:
+                    courses = fault.read(bench.stamps, parts[k].channels, (run,))(courses, size * sizes[k])
+            return courses
+
+        def arguments(*acting: int) -> dict[str, Any]:
+            return {"true": partial(true, acting), "recorded_as": partial(read, acting)}
+
+        def effects(size: float) -> tuple[TrueEffect, ...]:
+            windows = {k: fault.windows((run,), size * sizes[k]) for k, (run, fault) in faults.items()}
+            told = enumerate(parts)
+            return tuple(TrueEffect(one.id, (one.id,), one.channels, one.place, windows.get(k, ())) for k, one in told)
+
+        alone = [axis_world(bench, **arguments(k), first=part.first) for k, part in enumerate(parts)]
+        sizes[:] = [part.sign * size_with(world, _UNIT_D_PRIME) for part, world in zip(parts, alone, strict=True)]
+        lacking = tuple(arguments(*(other for other in everything if other != k)) for k in everything)
+        return {**arguments(*everything), "effects": effects, "lacking": lacking}
 
     return prepared
 
 
-def _alone(bench: Bench, start: TrueAxis, part: Part) -> float:
-    def true(size: float) -> TrueAxis:
-        return part.change(start, part.sign * size) if size else start
-
-    world = axis_world(bench, lambda size: (), true=true, first=part.first)
-    return part.sign * size_with(world, _UNIT_D_PRIME)
-
-
-def _drive(name: str, parts: Sequence[Part], bench: dict[str, Any], axis: dict[str, float], note: str = "") -> Drive:
-    return Drive(
-        plan(name, (), kind="several", note=note),
-        "several",
+def _several(name: str, parts: Sequence[Part], *bench_and_start: Mapping[str, Any], note: str = "") -> Drive:
+    return Drive.of(
+        f"drive.several/{name}",
         None,
-        bench,
-        axis,
-        {"first": 0.3},
+        *bench_and_start,
+        first=0.3,
+        kind="several",
+        note=note,
+        id="several",
         prepared=together(*parts),
     )
 
@@ -214,27 +225,26 @@ _DIRECTION = Part("drive.asymmetric_friction", plus("viscous_by_direction"), 0.0
 _MASS = Part("drive.mass", plus("table_kg"), 1.0, ("E", "I"), "table", sign=-1.0)
 
 SEVERAL = (
-    _drive("drive.several/coulomb+lead", (_COULOMB, _LEAD), {"friction": False, "on_scale": False}, {}),
-    _drive("drive.several/play+ripple", (_PLAY, _RIPPLE), {"on_scale": False}, {"ripple_m": 0.003}),
-    _drive("drive.several/play+elasticity", (_PLAY, _ELASTIC), {"on_scale": False, "colour": "ar"}, {}),
-    _drive(
-        "drive.several/position+direction",
+    _several("coulomb+lead", (_COULOMB, _LEAD), {"friction": False, "on_scale": False}),
+    _several("play+ripple", (_PLAY, _RIPPLE), {"on_scale": False}, {"ripple_m": 0.003}),
+    _several("play+elasticity", (_PLAY, _ELASTIC), {"on_scale": False, "colour": "ar"}),
+    _several(
+        "position+direction",
         (_POSITION, _DIRECTION),
         {"friction": False, "fastest": 0.2, "styles": ("strokes", "sines", "strokes")},
         {"viscous_ns_per_m": 700.0},
     ),
-    _drive(
-        "drive.several/mass-coulomb",
+    _several(
+        "mass-coulomb",
         (_MASS, _COULOMB),
         {"friction": False, "styles": ("strokes", "sines", "other")},
-        {},
         note="The table is lighter than simulated and rubs: opposing signs during acceleration.",
     ),
-    _drive(
-        "drive.several/triple",
+    _several(
+        "triple",
         (_COULOMB, _PLAY, _RIPPLE),
         {"on_scale": False, "styles": ("strokes", "gentle", "other")},
         {"ripple_m": 0.004},
     ),
 )
-SCENARIOS = tuple(drive.scenario for drive in (*DRIVES, *SEVERAL))
+SCENARIOS = scenarios_of(drive.case for drive in (*DRIVES, *SEVERAL))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 from scipy.linalg import expm
 
-from selector.proof.concealment import Noise
+from selector.proof.concealment import Noise, coloured
 from selector.types import Matrix, Vector
 
 STEP_S = 1e-4
@@ -180,37 +181,12 @@ GIVEN_STEP_S = 1.25e-4
 """Step of the simulation that is given to the tool [s]."""
 
 
-class GivenAxis(NamedTuple):
-    """Parameters of the simulated axis, in SI units; `rigid` has motor and table move as one.
+def given_motion(axis: TrueAxis, command_m: Vector) -> tuple[Vector, Vector, Vector]:
+    """(motor speed, table position, current) [m/s, m, A] every `COMMAND_S`, of a command given as often.
 
-    Its guide has one Coulomb level, approached along `presliding_m`, and viscous friction; nothing else.
+    The simulation knows masses, stiffness and damping of the screw, loop and lag; its guide has one Coulomb level,
+    approached along `presliding_m`, and viscous friction, and nothing else of the true axis.
     """
-
-    motor_kg: float
-    table_kg: float
-    rigid: bool
-    stiffness_n_per_m: float
-    screw_damping_ns_per_m: float
-    coulomb_n: float
-    presliding_m: float
-    viscous_ns_per_m: float
-    position_gain_per_s: float
-    feed_forward: float
-    speed_gain_ns_per_m: float
-    integral_time_s: float
-    current_lag_s: float
-    force_per_a: float
-    on_scale: bool
-
-
-def given_from(axis: TrueAxis) -> GivenAxis:
-    """The simulation with the parameters of the true axis, as far as it has them."""
-    fields = {name: getattr(axis, name) for name in GivenAxis._fields if name not in ("rigid", "on_scale")}
-    return GivenAxis(rigid=False, on_scale=axis.on_scale > 0.5, **fields)
-
-
-def given_motion(axis: GivenAxis, command_m: Vector) -> tuple[Vector, Vector, Vector]:
-    """(motor speed, table position, current) [m/s, m, A] every `COMMAND_S`, of a command given as often."""
     step, into = _one_step(axis)
     loop = np.array(
         [
@@ -222,24 +198,19 @@ def given_motion(axis: GivenAxis, command_m: Vector) -> tuple[Vector, Vector, Ve
             axis.presliding_m,
         ]
     )
-    found = _given_motion(step, into, loop, axis.on_scale, command_m, np.gradient(command_m, COMMAND_S))
+    found = _given_motion(step, into, loop, axis.on_scale > 0.5, command_m, np.gradient(command_m, COMMAND_S))
     return found[0], found[1], found[2]
 
 
-def _one_step(axis: GivenAxis) -> tuple[Matrix, Matrix]:
+def _one_step(axis: TrueAxis) -> tuple[Matrix, Matrix]:
     """Exact step of (current, motor position, motor speed, table position, table speed), and of what drives it."""
     a, b = np.zeros((5, 5)), np.zeros((5, 2))
     a[0, 0], b[0, 0] = -1.0 / axis.current_lag_s, 1.0 / axis.current_lag_s
     a[1, 2] = a[3, 4] = 1.0
-    if axis.rigid:
-        mass = axis.motor_kg + axis.table_kg
-        for row in (2, 4):
-            a[row, 0], a[row, row], b[row, 1] = axis.force_per_a / mass, -axis.viscous_ns_per_m / mass, -1.0 / mass
-    else:
-        k, d = axis.stiffness_n_per_m, axis.screw_damping_ns_per_m
-        a[2] = np.array([axis.force_per_a, -k, -d, k, d]) / axis.motor_kg
-        a[4] = np.array([0.0, k, d, -k, -d - axis.viscous_ns_per_m]) / axis.table_kg
-        b[4, 1] = -1.0 / axis.table_kg
+    k, d = axis.stiffness_n_per_m, axis.screw_damping_ns_per_m
+    a[2] = np.array([axis.force_per_a, -k, -d, k, d]) / axis.motor_kg
+    a[4] = np.array([0.0, k, d, -k, -d - axis.viscous_ns_per_m]) / axis.table_kg
+    b[4, 1] = -1.0 / axis.table_kg
     whole = expm(np.block([[a, b], [np.zeros((2, 7))]]) * GIVEN_STEP_S)
     return np.ascontiguousarray(whole[:5, :5]), np.ascontiguousarray(whole[:5, 5:])
 
@@ -389,7 +360,7 @@ PERIOD_S = 2e-3
 class Bench:
     """An axis with what it is told and how it is recorded."""
 
-    axis: TrueAxis  #: Without the effect
+    machine: TrueAxis  #: Without the effect
     commands: tuple[Vector, ...]  #: Of every run, every millisecond [m]
     stamps: tuple[Vector, ...]  #: Times of the recorded rows [s]
     jitter: tuple[Vector, ...]  #: How much later than its stamp every row was read [s]
@@ -409,12 +380,13 @@ def bench(
     coarse_scale: bool = False,
     slips: bool = False,
     rounded_s: float = 0.045,
+    start: Mapping[str, float] = MappingProxyType({}),
 ) -> Bench:
     """An axis of a machining centre with its loop, three runs, and noise of a colour.
 
     `friction` False makes the guide hydrostatic: viscous only. With `slips` bristles give way to springs that slip one
     after the other; `coarse_scale` has thrice the noise in the displacement. `colour`: white, ar, heavy-tailed,
-    quantised, coarse (readings repeat), cycle-locked.
+    quantised, coarse (readings repeat), cycle-locked. `start` are parameters that are set whatever was drawn.
     """
     draw = generator.uniform
     table, motor = draw(80.0, 300.0), draw(40.0, 100.0)
@@ -441,7 +413,7 @@ def bench(
     n = int(LENGTH_S / PERIOD_S) - 25
     middle = float(np.mean(np.concatenate(commands)))
     return Bench(
-        axis._replace(middle_m=middle),
+        axis._replace(middle_m=middle)._replace(**start),
         commands,
         tuple(PERIOD_S * np.arange(n, dtype=np.float64) for _ in styles),
         tuple(jitter_s * np.clip(generator.standard_normal(n), -3.0, 3.0) for _ in styles),
@@ -458,17 +430,11 @@ def bench(
 
 def noise_of(colour: str, sd: float, generator: np.random.Generator) -> Noise:
     """Noise of a colour with about this standard deviation."""
-    if colour == "ar":
-        return Noise(sd, phi=float(generator.uniform(0.3, 0.6)), step=sd / 20.0)
-    if colour == "heavy-tailed":
-        return Noise(sd, tails=3.0, step=sd / 20.0)
-    if colour == "quantised":
-        return Noise(0.5 * sd, step=1.5 * sd)
     if colour == "coarse":
         return Noise(0.3 * sd, step=2.0 * sd)
     if colour == "cycle-locked":
         return Noise(sd, cycle_samples=round(CYCLE_S / PERIOD_S), cycle_sd=sd, step=sd / 20.0)
-    return Noise(sd, step=sd / 20.0)
+    return coloured(colour, sd, sd / 20.0, float(generator.uniform(0.3, 0.6)) if colour == "ar" else 0.0)
 
 
 def command_times(commands: Vector) -> Vector:

@@ -5,7 +5,7 @@ A gauge decides when the grinder stops: every part is ground in time, step by st
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 
 from selector.proof.case import TrueEffect
-from selector.proof.concealment import Noise
-from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenarios_of
+from selector.proof.concealment import Noise, coloured
+from selector.proof.world import Made, Plan, Runs, World, scenarios_of
 from selector.recording import Channel
 from selector.types import Vector
 
@@ -105,7 +105,6 @@ def _course(allowance, feed, lag_s, n_rows, every):  # type: ignore[no-untyped-d
     return result
 
 
-Runs = Mapping[str, Sequence[Vector]]
 Change = Callable[["Batches", float], list[Vector]]
 """(batches, size of the effect) → sizes of the parts of every run [µm]."""
 
@@ -238,14 +237,6 @@ def _cycling(generator: np.random.Generator) -> Change:
     return _shifted(changes)
 
 
-def _noise(colour: str, sd: float) -> Noise:
-    if colour == "ar":
-        return Noise(sd, phi=0.4, step=0.02)
-    if colour == "heavy-tailed":
-        return Noise(sd, tails=3.0, step=0.02)
-    return Noise(sd, step=0.02) if colour == "white" else Noise(0.5 * sd, step=1.5 * sd)
-
-
 def _case(
     id: str,  # noqa: A002 - the word of the contract
     change: Change | None = None,
@@ -258,7 +249,7 @@ def _case(
     beside: tuple[str, str] | None = None,
     lacking: tuple[Change, ...] = (),
     **settings: Any,
-) -> Callable[[np.random.Generator], World]:
+) -> Made:
     def world(generator: np.random.Generator) -> World:
         made = batches(generator, **settings)
         time = CYCLE_S * np.arange(PARTS, dtype=np.float64)
@@ -282,7 +273,7 @@ def _case(
             dict.fromkeys(RUNS, time),
             partial(recorded, drawing(generator) if drawing is not None else change),
             lambda size: {"d": [made.growth(run) for run in range(len(RUNS))]},
-            {"d": _noise(colour, float(generator.uniform(0.25, 0.5)))},
+            {"d": coloured(colour, float(generator.uniform(0.25, 0.5)), 0.02, 0.4)},
             lambda size: effects,
             first,
         )
@@ -326,11 +317,9 @@ def _reading(generator: np.random.Generator) -> World:
     )
 
 
-_OUTSIDE: Mapping[str, Any] = {"kind": "out-of-catalogue", "verdicts": ("unexplained",), "factor": HIDDEN_FACTOR}
-_CLEAN: Mapping[str, Any] = {"kind": "clean", "verdicts": ("nothing-missing",)}
 _plan = partial(Plan, family="gauging", kind="single")
 _absorbed = partial(_plan, hidden=("absorbed",))
-_PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
+_PLANS: tuple[tuple[Plan, Made], ...] = (
     (_absorbed("gauging.lag/parts"), _case("gauging.lag", lagging)),
     (
         _absorbed(
@@ -368,12 +357,12 @@ _PLANS: tuple[tuple[Plan, Callable[[np.random.Generator], World]], ...] = (
         _case("gauging.lag", lagging_and_worn, beside=("gauging.wear", "wheel"), lacking=(as_worn_as_lagging, lagging)),
     ),
     (
-        _plan("hidden.gauging/zero-touched", tolerated=("data.step",), **_OUTSIDE),
+        _plan("hidden.gauging/zero-touched", tolerated=("data.step",), kind="out-of-catalogue"),
         _case("hidden.zero-touched", drawing=_touched, place=None),
     ),
-    (_plan("hidden.gauging/cooler", **_OUTSIDE), _case("hidden.cooler", drawing=_cycling, place=None)),
-    (_plan("clean.gauging/white", **_CLEAN), _case("")),
-    (_plan("clean.gauging/ar", **_CLEAN), _case("", colour="ar")),
-    (_plan("clean.gauging/quantised", **_CLEAN), _case("", colour="quantised")),
+    (_plan("hidden.gauging/cooler", kind="out-of-catalogue"), _case("hidden.cooler", drawing=_cycling, place=None)),
+    (_plan("clean.gauging/white", kind="clean"), _case("")),
+    (_plan("clean.gauging/ar", kind="clean"), _case("", colour="ar")),
+    (_plan("clean.gauging/quantised", kind="clean"), _case("", colour="quantised")),
 )
 SCENARIOS = scenarios_of(_PLANS, "gauging.wear/seldom-dressed")

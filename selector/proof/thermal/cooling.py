@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from selector.proof.thermal import hiding
+from selector.proof.concealment import one_axis, opposed
 from selector.proof.thermal.duty import BOTH, Duty, Omission, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import WHITE, of, scenarios_of, thermal_case
+from selector.proof.thermal.scene import FINE, WHITE, of, thermal_case
+from selector.proof.world import scenarios_of
 from selector.types import Matrix, Vector
 
 
@@ -40,14 +41,12 @@ def product(place: str, first: str, second: str, axes: Mapping[str, float] = BOT
     return Omission("thermal.interaction", place=place, shifted=shifted, axes=axes)
 
 
-_N = (of("n"),)
 _CASES = (
     thermal_case(
         "thermal.convection/windage",
         "The turning spindle stirs the air, which cools it faster at any speed. Offset and gain are fitted.",
         (windage(),),
         ("intermittent", "steps", "cooling"),
-        _N,
         hidden=("absorbed",),
         law=(1.9, 2.3),
         refitted=True,
@@ -68,9 +67,7 @@ _CASES = (
         "Windage that shows in Z alone.",
         (windage({"Z": 1.0}, 0.4),),
         ("steps", "intermittent", "cooling"),
-        _N,
-        hidden=("absorbed",),
-        measures=(hiding.one_axis("Z"),),
+        hidden=("absorbed", one_axis("Z")),
         law=(1.9, 2.3),
         noise="heavy",
         periods_s=(20.0,),
@@ -80,7 +77,6 @@ _CASES = (
         "Z follows the product of two temperatures; offset and gain of the simulation were fitted to it.",
         (product("front bearing", "T1", "T4"),),
         ("steps", "intermittent", "warm-up"),
-        _N,
         hidden=("absorbed",),
         must=("T4",),
         refitted=True,
@@ -91,8 +87,7 @@ _CASES = (
         "The product of nose and motor temperatures tilts the head: up in Z, back in Y.",
         (product("headstock nose", "T6", "T3", {"Z": 1.0, "Y": -0.7}),),
         ("intermittent", "steps", "warm-up"),
-        _N,
-        measures=(hiding.opposed,),
+        hidden=(opposed,),
         must=("T3",),
     ),
     thermal_case(
@@ -101,12 +96,10 @@ _CASES = (
         (product("column front, upper", "T4", "T2", {"Y": 1.0}),),
         ("steps", "cooling", "intermittent"),
         (of("n"), of("f")),
-        hidden=("absorbed",),
-        measures=(hiding.one_axis("Y"),),
+        hidden=("absorbed", one_axis("Y")),
         must=("T4",),
         knows=("feed",),
-        noise="white",
-        periods_s=(15.0, 20.0),
+        **FINE,
     ),
 )
-SCENARIOS = scenarios_of(_CASES, 0, 3)
+SCENARIOS = scenarios_of(_CASES, "thermal.convection/windage", "thermal.interaction/product")

@@ -101,26 +101,23 @@ def duty(
     style: str,
     hours: float,
     highest_rpm: float,
-    *,
-    hall_level_degc: float = 21.0,
-    hall_swing_k: float = 0.5,
-    hall_drift_k: float = 0.4,
+    hall: tuple[float, float, float] = (21.0, 0.5, 0.4),
 ) -> Duty:
-    """A run of this style; feed, coolant and hall have programmes of their own."""
+    """A run of this style; feed, coolant and hall have programmes of their own, see `hall_course`."""
     n = int(hours * 3600.0 / STEP_S)
     speed = speed_programme(generator, style, n, highest_rpm)
     feed = held(generator, n, 4.0, 28.0, np.array([0.0, 0.0, 2500.0, 5000.0, 9000.0]))
     coolant = held(generator, n, 12.0, 45.0, np.array([0.0, 1.0]))
     flow = coolant * held(generator, n, 15.0, 40.0, np.array([6.0, 12.0, 20.0]))
-    hall = hall_course(generator, n, hall_level_degc, hall_swing_k, hall_drift_k)
-    tank = np.asarray(hall[0] + generator.uniform(-3.0, 1.0) + 1.2 * wandering(generator, n, 2400.0), dtype=np.float64)
+    air = hall_course(generator, n, *hall)
+    tank = np.asarray(air[0] + generator.uniform(-3.0, 1.0) + 1.2 * wandering(generator, n, 2400.0), dtype=np.float64)
     courses: dict[str, Vector] = {
         "speed": speed,
         "feed": feed,
         "coolant": coolant,
         "flow": flow,
         "coolant_degc": tank,
-        "hall": hall,
+        "hall": air,
     }
     return Duty(run, style, np.asarray(STEP_S * np.arange(n), dtype=np.float64), courses)
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.proof.thermal import hiding
+from selector.proof.concealment import unrelated
 from selector.proof.thermal.duty import BOTH, STEP_S, Duty, Maker, Omission, gated, held, wandering, with_bath
 from selector.proof.thermal.machine import Heat, Machine
-from selector.proof.thermal.scene import STRIDE, Gauge, Scene, of, scenarios_of, warmed
-from selector.proof.world import HIDDEN_FACTOR, Plan
+from selector.proof.thermal.scene import STRIDE, of, thermal_case, warmed
+from selector.proof.world import Made, Plan, scenarios_of
 from selector.types import Matrix, Vector
 
 Draw = Callable[[np.random.Generator, int], Vector]
@@ -83,6 +83,12 @@ def _minutes(low: float, high: float) -> tuple[float, float]:
     return 60.0 * low / STEP_S, 60.0 * high / STEP_S
 
 
+def _by_turns(
+    generator: np.random.Generator, n: int, off_min: tuple[float, float], on_min: tuple[float, float]
+) -> Vector:
+    return gated(generator, n, _minutes(*off_min), _minutes(*on_min))
+
+
 def _door(generator: np.random.Generator, n: int) -> Vector:
     """Cold while the door is open, then the warm air of its curtain for as long."""
     result = np.zeros(n)
@@ -101,10 +107,6 @@ def _thermostat(generator: np.random.Generator, n: int) -> Vector:
     return np.asarray(60.0 * np.sign(np.sin(2.0 * np.pi * phase)))
 
 
-def _crosstalk(generator: np.random.Generator, n: int) -> Vector:
-    return np.asarray(wandering(generator, n, 500.0) ** 2)
-
-
 def _slips(generator: np.random.Generator, n: int) -> Vector:
     """Steps at random times, back more often than onwards."""
     result = np.zeros(n)
@@ -112,10 +114,6 @@ def _slips(generator: np.random.Generator, n: int) -> Vector:
         back = -np.sign(result[at]) if generator.random() < 0.8 else 1.0
         result[at:] += (back or generator.choice([-1.0, 1.0])) * generator.uniform(0.5, 1.5)
     return result
-
-
-def _neighbour(generator: np.random.Generator, n: int) -> Vector:
-    return 80.0 * gated(generator, n, _minutes(10.0, 60.0), _minutes(10.0, 50.0))
 
 
 def _chips(generator: np.random.Generator, n: int) -> Vector:
@@ -130,16 +128,8 @@ def _chips(generator: np.random.Generator, n: int) -> Vector:
     return result
 
 
-def _loads(generator: np.random.Generator, n: int) -> Vector:
-    return held(generator, n, 4.0, 20.0, generator.uniform(-1.0, 1.0, 7))
-
-
-def _blasts(generator: np.random.Generator, n: int) -> Vector:
-    return -60.0 * gated(generator, n, _minutes(12.0, 70.0), _minutes(2.0, 7.0))
-
-
 def _lorries(generator: np.random.Generator, n: int) -> Vector:
-    on = gated(generator, n, _minutes(15.0, 80.0), _minutes(3.0, 9.0))
+    on = _by_turns(generator, n, (15.0, 80.0), (3.0, 9.0))
     return np.asarray(on * held(generator, n, 5.0, 20.0, np.array([-1.0, 0.7, 1.3, -0.5])))
 
 
@@ -151,30 +141,14 @@ def _sun(generator: np.random.Generator, n: int) -> Vector:
     return np.asarray(150.0 * np.exp(-0.5 * ((time - middle) / width) ** 2) * clouds)
 
 
-_N = (of("n"),)
 _MORE = (of("n"), of("f"), of("T10"), of("T11"))
 _SOURCE = ("thermal.second_source",)
+_STYLES = ("steps", "intermittent", "steps")
 
 
-def _case(
-    name: str,
-    note: str,
-    omission: Maker,
-    gauges: tuple[Gauge, ...] = _N,
-    styles: tuple[str, ...] = ("steps", "intermittent", "steps"),
-    tolerated: tuple[str, ...] = (),
-) -> tuple[Plan, Scene]:
-    plan = Plan(
-        f"hidden.thermal/{name}",
-        "thermal",
-        "out-of-catalogue",
-        ("unexplained",),
-        tolerated=tolerated,
-        factor=HIDDEN_FACTOR,
-        note=note,
-        measures=(hiding.unrelated,),
-    )
-    return plan, Scene((omission,), styles, gauges)
+def _case(name: str, note: str, omission: Maker, styles: tuple[str, ...] = _STYLES, **rest: Any) -> tuple[Plan, Made]:
+    told: dict[str, Any] = {"kind": "out-of-catalogue", "hidden": (unrelated,), **rest}
+    return thermal_case(f"hidden.thermal/{name}", note, (omission,), styles, **told)
 
 
 _CASES = (
@@ -193,7 +167,7 @@ _CASES = (
     _case(
         "crosstalk",
         "The square of a signal that nobody records leaks into both probes.",
-        shift_of("crosstalk", _crosstalk, {"Z": 1.0, "Y": -0.6}),
+        shift_of("crosstalk", lambda draw, n: wandering(draw, n, 500.0) ** 2, {"Z": 1.0, "Y": -0.6}),
     ),
     _case(
         "slips",
@@ -204,27 +178,27 @@ _CASES = (
     _case(
         "neighbour",
         "A second machine warms the table whenever it works.",
-        fixture_of("neighbour", _neighbour, 700.0),
-        _MORE,
+        fixture_of("neighbour", lambda draw, n: 80.0 * _by_turns(draw, n, (10.0, 60.0), (10.0, 50.0)), 700.0),
+        gauges=_MORE,
         tolerated=_SOURCE,
     ),
     _case(
         "chips",
         "Hot chips heap up and on the fixture and are taken away at random times.",
         fixture_of("chips", _chips, 500.0, {"Z": 1.0, "Y": 0.4}),
-        _MORE,
+        gauges=_MORE,
         tolerated=_SOURCE,
     ),
     _case(
         "loads",
         "Workpieces of unknown weight stand on the table for a while and tilt the machine.",
-        shift_of("loads", _loads, {"Z": 0.5, "Y": 1.0}),
+        shift_of("loads", lambda draw, n: held(draw, n, 4.0, 20.0, draw.uniform(-1.0, 1.0, 7)), {"Z": 0.5, "Y": 1.0}),
         styles=("intermittent", "steps", "warm-up"),
     ),
     _case(
         "blasts",
         "Compressed air cools the workpiece for some minutes, at random.",
-        fixture_of("blasts", _blasts, 150.0, {"Z": 1.0}),
+        fixture_of("blasts", lambda draw, n: -60.0 * _by_turns(draw, n, (12.0, 70.0), (2.0, 7.0)), 150.0, {"Z": 1.0}),
         tolerated=_SOURCE,
     ),
     _case(
@@ -236,9 +210,9 @@ _CASES = (
         "sun",
         "Sun shines on the table through a window, with clouds.",
         fixture_of("sun", _sun, 600.0, {"Z": 0.3, "Y": 1.0}),
-        _MORE,
         ("intermittent", "steps", "steps"),
-        _SOURCE,
+        gauges=_MORE,
+        tolerated=_SOURCE,
     ),
 )
-SCENARIOS = scenarios_of(_CASES, 0)
+SCENARIOS = scenarios_of(_CASES, "hidden.thermal/door")

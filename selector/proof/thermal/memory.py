@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.signal import lfilter
 
-from selector.proof.thermal import hiding
+from selector.proof.concealment import opposed
 from selector.proof.thermal.duty import BOTH, Duty, Omission
 from selector.proof.thermal.machine import Machine
-from selector.proof.thermal.scene import GRID_S, WHITE, of, scenarios_of, thermal_case
+from selector.proof.thermal.scene import GRID_S, WHITE, of, thermal_case
+from selector.proof.world import scenarios_of
 from selector.types import Matrix, Vector
 
 QUIET_HALL = (21.0, 0.2, 0.03)
-_N = (of("n"),)
 
 
 def member_by(
@@ -71,7 +71,6 @@ _CASES = (
         "One lag, fitted to the first hours of a warm-up; the slower one shows in the long cooling.",
         (member_by("T1", hours=2.5, behind=True),),
         ("warm-up", "cooling", "steps"),
-        _N,
         hidden=("absorbed",),
         hall=QUIET_HALL,
         hours=(6.0, 8.0),
@@ -81,7 +80,6 @@ _CASES = (
         "Only Y bends late; noise is white.",
         (member_by("T6", "scale", {"Y": 1.0}),),
         ("steps", "warm-up", "intermittent"),
-        _N,
         hidden=("absorbed",),
         noise="white",
         hall=QUIET_HALL,
@@ -91,10 +89,10 @@ _CASES = (
         "The late member acts against the rest in Z and with it in Y; coolant, feed and a cabinet do nothing.",
         (member_by("T6", "scale", {"Z": -1.0, "Y": 0.6}),),
         ("intermittent", "steps", "cooling"),
-        (*_N, of("M8"), of("f"), of("T10")),
-        measures=(hiding.opposed,),
+        (of("n"), of("M8"), of("f"), of("T10")),
+        hidden=(opposed,),
         hall=QUIET_HALL,
         refitted=True,
     ),
 )
-SCENARIOS = scenarios_of(_CASES, 0, 3)
+SCENARIOS = scenarios_of(_CASES, "thermal.memory/static", "thermal.memory/opposed")

@@ -6,30 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from selector.proof.case import Kind
 from selector.proof.thermal.duty import Duty, changed, held
-from selector.proof.thermal.scene import CABINETS, Gauge, Scene, decoy, of, scenarios_of
-from selector.proof.world import Plan
+from selector.proof.thermal.scene import CABINETS, Gauge, decoy, of, thermal_case
+from selector.proof.world import Made, Plan, scenarios_of
 from selector.recording import Channel
 from selector.types import Vector
 
 _MIXED = ("steps", "warm-up", "intermittent")
-_N = (of("n"),)
+_N = of("n")
 
 
-def _case(
-    kind: Kind, name: str, note: str, verdicts: tuple[str, ...], lost: float = 0.0, **scene: Any
-) -> tuple[Plan, Scene]:
-    plan = Plan(f"{kind}.thermal/{name}", "thermal", kind, verdicts, lost=lost, note=note)
-    return plan, Scene(**({"styles": _MIXED, "gauges": _N} | scene))
+def _clean(name: str, note: str, *verdicts: str, styles: tuple[str, ...] = _MIXED, **rest: Any) -> tuple[Plan, Made]:
+    right = ("nothing-missing", *verdicts)
+    return thermal_case(f"clean.thermal/{name}", note, (), styles, kind="clean", verdicts=right, **rest)
 
 
-def _clean(name: str, note: str, *verdicts: str, **case: Any) -> tuple[Plan, Scene]:
-    return _case("clean", name, note, ("nothing-missing", *verdicts), **case)
-
-
-def _wrong(name: str, note: str, **scene: Any) -> tuple[Plan, Scene]:
-    return _case("miscalibrated", name, note, ("miscalibrated",), **scene)
+def _wrong(name: str, note: str, **rest: Any) -> tuple[Plan, Made]:
+    return thermal_case(f"miscalibrated.thermal/{name}", note, (), _MIXED, **{"kind": "miscalibrated", **rest})
 
 
 def _shut(generator: np.random.Generator, one: Duty) -> Vector:
@@ -59,24 +52,24 @@ _CASES = (
         styles=("warm-up", "steps", "cooling"),
         noise="quantised",
     ),
-    _clean("distractors", "Four cabinets and a feed that wander with the duty.", gauges=(*_N, of("f"), *CABINETS)),
+    _clean("distractors", "Four cabinets and a feed that wander with the duty.", gauges=(_N, of("f"), *CABINETS)),
     _clean(
         "decoy",
         "Two cabinets that warmed up like the machine in the first run, six random walks.",
         styles=("warm-up", "steps", "intermittent"),
-        gauges=(*_N, decoy("T10", "control cabinet", 3000.0), decoy("T11", "drive cabinet", 7000.0), *_WANDERERS),
+        gauges=(_N, decoy("T10", "control cabinet", 3000.0), decoy("T11", "drive cabinet", 7000.0), *_WANDERERS),
         noise="ar",
     ),
     _clean(
         "dry coolant",
         "The coolant pump's bit toggles, the jets are shut.",
-        gauges=(*_N, of("M8"), of("T8")),
+        gauges=(_N, of("M8"), of("T8")),
         duties=changed(coolant=_shut),
     ),
     _clean(
         "all known",
         "Coolant and feed act, and the simulation has them.",
-        gauges=(*_N, of("M8"), of("T8"), of("f")),
+        gauges=(_N, of("M8"), of("T8"), of("f")),
         knows=("coolant", "feed"),
     ),
     _clean(
@@ -92,7 +85,7 @@ _CASES = (
         "hot hall",
         "30 °C, a hall that drifts by kelvins, a quick programme; five runs.",
         styles=("intermittent", "steps", "intermittent", "warm-up", "steps"),
-        gauges=(*_N, *CABINETS[:2]),
+        gauges=(_N, *CABINETS[:2]),
         hall=(30.0, 1.4, 1.5),
         hours=(3.0, 4.5),
     ),
@@ -107,7 +100,7 @@ _CASES = (
     _wrong(
         "strong beside distractors",
         "15 % too much heat; coolant, feed, cabinets are there.",
-        gauges=(*_N, of("f"), of("M8"), of("T8"), *CABINETS),
+        gauges=(_N, of("f"), of("M8"), of("T8"), *CABINETS),
         knows=("coolant", "feed"),
         gain=1.15,
         noise="ar",

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.proof.case import Kind, Scenario, TrueEffect, Window
+from selector.proof.case import TrueEffect, Window
 from selector.proof.concealment import Noise, d_prime, recalibration, scale_for
 from selector.proof.thermal.duty import (
     BOTH,
@@ -27,8 +27,8 @@ from selector.proof.thermal.duty import (
     with_bath,
     with_power,
 )
-from selector.proof.thermal.machine import Heat, Machine, machine, temperatures
-from selector.proof.world import Measure, Plan, World, scenario, twin
+from selector.proof.thermal.machine import Heat, machine, temperatures
+from selector.proof.world import Made, Plan, World
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -38,7 +38,8 @@ STRIDE = 2
 GRID_S = STRIDE * STEP_S
 """Grid on which temperatures and displacements are kept before they are sampled [s]."""
 WHITE: Mapping[str, Any] = {"noise": "white", "periods_s": (20.0,)}
-"""What a `Scene` says of a recording in which small effects are to be seen."""
+FINE: Mapping[str, Any] = {"noise": "white", "periods_s": (15.0, 20.0)}
+"""What a `Scene` says of a recording in which small effects, or quick ones, are to be seen."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,57 @@ class Gauge:
     lag_s: float = 0.0
     held: bool = False
     noise: float = 0.0
+
+
+def warmed(course: Vector, tau_s: float) -> Vector:
+    """A course behind a first-order lag, from its first value."""
+    return lagged(course, tau_s, STEP_S)
+
+
+def _cabinet(name: str, place: str, tau_s: float, swing_k: float, load_k: float) -> Gauge:
+    def course(one: Duty, generator: np.random.Generator) -> Vector:
+        n = len(one.time_s)
+        own = held(generator, n, 10.0, 50.0, np.array([0.0, 0.4, 1.0]))
+        warm = warmed(swing_k * own + load_k * load(one), tau_s * generator.uniform(0.7, 1.4))
+        return np.asarray(27.0 + warm + 0.6 * wandering(generator, n, 2500.0))
+
+    return Gauge(Channel(name, "temperature", "degC", place), course, noise=0.03)
+
+
+def decoy(name: str, place: str, tau_s: float) -> Gauge:
+    """A cabinet that in the first run happens to warm up as if the spindle did it, and goes its own way afterwards."""
+    own = _cabinet(name, place, 1500.0, 5.0, 0.0)
+
+    def course(one: Duty, generator: np.random.Generator) -> Vector:
+        if one.run != "r1":
+            return own.course(one, generator)
+        return np.asarray(27.0 + 5.0 * warmed(load(one), tau_s) + 0.15 * wandering(generator, len(one.time_s), 1500.0))
+
+    return replace(own, course=course)
+
+
+_GAUGES = {
+    gauge.channel.name: gauge
+    for gauge in (
+        Gauge(Channel("n", "spindle_speed", "rpm"), lambda one, _: one["speed"], 1.0, held=True),
+        Gauge(Channel("f", "feed_rate", "mm/min"), lambda one, _: one["feed"], 1.0, held=True),
+        Gauge(Channel("M8", "state", "1", "coolant pump"), lambda one, _: one["coolant"], 1.0, held=True),
+        Gauge(Channel("Q", "flow", "m^3/s", "coolant"), lambda one, _: one["flow"] / 60000.0, 1e-6, held=True),
+        Gauge(Channel("T8", "temperature", "degC", "coolant tank"), lambda one, _: one["coolant_degc"], lag_s=60.0),
+        Gauge(Channel("T9", "temperature", "degC", "hydraulic tank"), lambda one, _: one["oil_degc"], lag_s=60.0),
+        Gauge(Channel("M20", "state", "1", "hydraulic pump"), lambda one, _: one["hydraulics"], 1.0, held=True),
+        _cabinet("T10", "control cabinet", 1800.0, 6.0, 2.5),
+        _cabinet("T11", "drive cabinet", 3600.0, 4.0, 3.5),
+        _cabinet("T12", "transformer", 900.0, 3.0, 1.0),
+        _cabinet("T13", "chip conveyor", 5400.0, 5.0, 1.5),
+    )
+}
+CABINETS = tuple(_GAUGES[name] for name in ("T10", "T11", "T12", "T13"))
+
+
+def of(name: str) -> Gauge:
+    """A gauge by the name of its channel: n, f, M8, Q, T8, T9, M20, T10…T13."""
+    return _GAUGES[name]
 
 
 @dataclass(frozen=True)
@@ -100,69 +152,34 @@ def noise_of(generator: np.random.Generator, kind: str) -> Noise:
     }[kind]
 
 
-def world_of(scene: Scene) -> Callable[[np.random.Generator], World]:
-    """Worlds of a scene, each from its generator."""
-    return lambda generator: stage_of(scene, generator).world()
-
-
 def thermal_case(
     name: str,
     note: str,
     omissions: tuple[Omission | Maker, ...],
     styles: tuple[str, ...],
-    gauges: tuple[Gauge, ...],
-    *,
-    kind: Kind = "single",
-    hidden: tuple[str, ...] = (),
-    measures: tuple[Measure, ...] = (),
-    **scene: Any,
-) -> tuple[Plan, Scene]:
-    """What is said of a case with effects, see `Plan`, and its scene, see `Scene`."""
-    plan = Plan(name, "thermal", kind, hidden=hidden, note=note, measures=measures)
-    return plan, Scene(omissions, styles, gauges, **scene)
-
-
-def scenarios_of(cases: Sequence[tuple[Plan, Scene]], *twins: int) -> tuple[Scenario, ...]:
-    """The scenarios of some cases, and the clean twins of those with these numbers."""
-    made = [(plan, world_of(scene)) for plan, scene in cases]
-    return (*(scenario(plan, world) for plan, world in made), *(twin(*made[k]) for k in twins))
-
-
-def stage_of(scene: Scene, generator: np.random.Generator) -> Stage:
-    """A machine, its duties and what is left out, drawn for a scene."""
-    tool = machine(generator)
-    hours = float(generator.uniform(*scene.hours))
-    level, swing, drift = scene.hall
-    duties: Sequence[Duty] = [
-        duty(
-            generator,
-            f"r{k + 1}",
-            style,
-            hours,
-            tool.highest_rpm,
-            hall_level_degc=level + float(generator.uniform(-1.2, 1.2)),
-            hall_swing_k=swing,
-            hall_drift_k=drift,
-        )
-        for k, style in enumerate(scene.styles)
-    ]
-    duties = scene.duties(generator, duties)
-    omissions = [one if isinstance(one, Omission) else one(generator, duties) for one in scene.omissions]
-    return Stage(scene, generator, tool, duties, omissions)
+    gauges: tuple[Gauge, ...] = (of("n"),),
+    **rest: Any,
+) -> tuple[Plan, Made]:
+    """What is said of a case, and its worlds; `rest` is of `Plan`, of a single effect unless told, or of `Scene`."""
+    planned = {key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__}
+    scene = Scene(omissions, styles, gauges, **rest)
+    plan = Plan(name, **{"family": "thermal", "kind": "single", "note": note} | planned)
+    return plan, lambda generator: Stage(scene, generator).world()
 
 
 class Stage:
-    """A machine in its runs; solves the heat of the simulation, and of the machine with every omission at its size."""
+    """A machine in its runs, drawn for a scene; solves its heat as simulated, and with every omission at its size."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        generator: np.random.Generator,
-        tool: Machine,
-        duties: Sequence[Duty],
-        omissions: Sequence[Omission],
-    ) -> None:
-        self.scene, self.tool, self.duties, self.omissions = scene, tool, duties, omissions
+    def __init__(self, scene: Scene, generator: np.random.Generator) -> None:
+        self.scene, self.tool = scene, machine(generator)
+        hours = float(generator.uniform(*scene.hours))
+        level, swing, drift = scene.hall
+        duties: list[Duty] = []
+        for k, style in enumerate(scene.styles):
+            hall = (level + float(generator.uniform(-1.2, 1.2)), swing, drift)
+            duties.append(duty(generator, f"r{k + 1}", style, hours, self.tool.highest_rpm, hall))
+        self.duties = scene.duties(generator, duties)
+        self.omissions = [one if isinstance(one, Omission) else one(generator, self.duties) for one in scene.omissions]
         self.exponent = float(generator.uniform(*scene.law))
         self.watts = {
             "front bearing": float(generator.uniform(55.0, 85.0)),
@@ -170,14 +187,15 @@ class Stage:
             "motor": float(generator.uniform(15.0, 35.0)),
             "nut": float(generator.uniform(30.0, 60.0)),
         }
-        self.expansion = tool.displacement()
-        self.base = [self._heat(one) for one in duties]
-        self.fields = [self._solved(heat, one) for heat, one in zip(self.base, duties, strict=True)]
+        self.expansion = self.tool.displacement()
+        self.base = [self._heat(one) for one in self.duties]
+        self.fields = [self._solved(heat, one) for heat, one in zip(self.base, self.duties, strict=True)]
         self._truths: dict[tuple[int, float], dict[str, Vector]] = {}
-        self.weights = [1.0] * len(omissions)
+        several = range(len(self.omissions))
+        self.weights = [1.0 for _ in several]
         self._sample(generator)
-        if len(omissions) > 1:
-            self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in range(len(omissions))]
+        if len(several) > 1:
+            self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in several]
 
     def _heat(self, one: Duty) -> Heat:
         share = one["speed"] / self.tool.highest_rpm
@@ -403,54 +421,3 @@ def _windows(duties: Sequence[Duty], courses: Sequence[Vector]) -> tuple[Window,
             for a, b in zip(edges[::2], edges[1::2], strict=True)
         ]
     return tuple(found)
-
-
-def of(name: str) -> Gauge:
-    """A gauge by the name of its channel: n, f, M8, Q, T8, T9, M20, T10…T13."""
-    return _GAUGES[name]
-
-
-def warmed(course: Vector, tau_s: float) -> Vector:
-    """A course behind a first-order lag, from its first value."""
-    return lagged(course, tau_s, STEP_S)
-
-
-def _cabinet(name: str, place: str, tau_s: float, swing_k: float, load_k: float) -> Gauge:
-    def course(one: Duty, generator: np.random.Generator) -> Vector:
-        n = len(one.time_s)
-        own = held(generator, n, 10.0, 50.0, np.array([0.0, 0.4, 1.0]))
-        warm = warmed(swing_k * own + load_k * load(one), tau_s * generator.uniform(0.7, 1.4))
-        return np.asarray(27.0 + warm + 0.6 * wandering(generator, n, 2500.0))
-
-    return Gauge(Channel(name, "temperature", "degC", place), course, noise=0.03)
-
-
-def decoy(name: str, place: str, tau_s: float) -> Gauge:
-    """A cabinet that in the first run happens to warm up as if the spindle did it, and goes its own way afterwards."""
-    own = _cabinet(name, place, 1500.0, 5.0, 0.0)
-
-    def course(one: Duty, generator: np.random.Generator) -> Vector:
-        if one.run != "r1":
-            return own.course(one, generator)
-        return np.asarray(27.0 + 5.0 * warmed(load(one), tau_s) + 0.15 * wandering(generator, len(one.time_s), 1500.0))
-
-    return replace(own, course=course)
-
-
-_GAUGES = {
-    gauge.channel.name: gauge
-    for gauge in (
-        Gauge(Channel("n", "spindle_speed", "rpm"), lambda one, _: one["speed"], 1.0, held=True),
-        Gauge(Channel("f", "feed_rate", "mm/min"), lambda one, _: one["feed"], 1.0, held=True),
-        Gauge(Channel("M8", "state", "1", "coolant pump"), lambda one, _: one["coolant"], 1.0, held=True),
-        Gauge(Channel("Q", "flow", "m^3/s", "coolant"), lambda one, _: one["flow"] / 60000.0, 1e-6, held=True),
-        Gauge(Channel("T8", "temperature", "degC", "coolant tank"), lambda one, _: one["coolant_degc"], lag_s=60.0),
-        Gauge(Channel("T9", "temperature", "degC", "hydraulic tank"), lambda one, _: one["oil_degc"], lag_s=60.0),
-        Gauge(Channel("M20", "state", "1", "hydraulic pump"), lambda one, _: one["hydraulics"], 1.0, held=True),
-        _cabinet("T10", "control cabinet", 1800.0, 6.0, 2.5),
-        _cabinet("T11", "drive cabinet", 3600.0, 4.0, 3.5),
-        _cabinet("T12", "transformer", 900.0, 3.0, 1.0),
-        _cabinet("T13", "chip conveyor", 5400.0, 5.0, 1.5),
-    )
-}
-CABINETS = tuple(_GAUGES[name] for name in ("T10", "T11", "T12", "T13"))

@@ -8,15 +8,21 @@ import numpy as np
 
 from selector.proof.thermal.duty import Duty, changed, gated
 from selector.proof.thermal.memory import QUIET_HALL, member_by
-from selector.proof.thermal.scene import decoy, of, scenarios_of, thermal_case, warmed
-from selector.proof.thermal.sources import feed_watts, source, with_hydraulics
-from selector.proof.thermal.speed import growth, heating
-from selector.proof.thermal.surroundings import DRIFT, chilled, hall, jets, while_turning
+from selector.proof.thermal.scene import decoy, of, thermal_case, warmed
+from selector.proof.thermal.sources import (
+    DRIFT,
+    chilled,
+    feed_watts,
+    growth,
+    hall,
+    heating,
+    jets,
+    source,
+    while_turning,
+    with_hydraulics,
+)
+from selector.proof.world import scenarios_of
 from selector.types import Vector
-
-
-def _pump(generator: np.random.Generator, one: Duty) -> Vector:
-    return gated(generator, len(one.time_s), (250.0, 800.0), (250.0, 800.0))
 
 
 def _rise(one: Duty) -> Vector:
@@ -24,7 +30,7 @@ def _rise(one: Duty) -> Vector:
 
 
 _exhaust = changed(
-    hydraulics=_pump,
+    hydraulics=lambda draw, one: gated(draw, len(one.time_s), (250.0, 800.0), (250.0, 800.0)),
     oil_degc=lambda _, one: one["hall"][0] + 14.0 * _rise(one),
     hall=lambda _, one: one["hall"][0] + 4.0 * _rise(one),
 )
@@ -59,7 +65,6 @@ _CASES = (
         "The hall acts slowly, the spindle grows at once.",
         (hall(), growth(2.0, {"Z": 1.0})),
         ("steps", "intermittent", "steps"),
-        (_N,),
         knows=("constant hall",),
         hall=DRIFT,
         kind="several",
@@ -124,7 +129,6 @@ _CASES = (
         "One speed only: a rear bearing that heats more by speed, or a slower answer to the same heat.",
         (heating({"rear bearing": 40.0}, 2.0, accept=("thermal.speed_heating", "thermal.memory")),),
         ("steps", "steps", "steps"),
-        (_N,),
         hall=QUIET_HALL,
         duties=_one_speed_by_turns,
         kind="undecidable",

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.proof.case import TrueEffect, Window
-from selector.proof.concealment import Noise
+from selector.proof.concealment import Noise, coloured
 from selector.proof.vibration.structure import STEP_S, Structure, given_swing, true_swing
-from selector.proof.world import HIDDEN_FACTOR, Plan, World, scenario, twin
+from selector.proof.world import Missing, Runs, World, plus, scenarios_of
 from selector.recording import Channel
 from selector.types import Vector
 
-Runs = Mapping[str, Sequence[Vector]]
 Force = Callable[[int, Vector, float], Vector]
 """(number of the run, times [s], size) → force [N] that nobody recorded."""
 
@@ -37,7 +37,7 @@ CHANNELS = {
 class Bench:
     """A structure with its excitation."""
 
-    structure: Structure  #: Without the effect
+    machine: Structure  #: Without the effect
     times: Vector  #: Every half step [s]
     #: forces and speeds: Of the shaker [N] and of the spindle [r/min] at these times, run by run
     forces: tuple[Vector, ...]
@@ -56,10 +56,12 @@ def bench(
     imbalance: bool = True,
     colour: str = "white",
     level: float = 1.0,
+    start: Mapping[str, float] = MappingProxyType({}),
 ) -> Bench:
     """A structure with modes between 50 and 130 Hz, shaken by other noise in every run, its spindle turning.
 
-    `speeds` of a run: steps, run-up, or one (the same in all runs). `level` multiplies the shaker's force.
+    `speeds` of a run: steps, run-up, or one (the same in all runs). `level` multiplies the shaker's force; `start` are
+    parameters that are set whatever was drawn.
     """
     draw = generator.uniform
     mass, second = draw(25.0, 60.0), draw(4.0, 10.0)
@@ -87,14 +89,16 @@ def bench(
         angles.append(turned - 0.5 * (speed - speed[0]) * (0.5 * STEP_S) * 2 * np.pi / 60.0)
     eccentric = draw(2e-5, 6e-5) if imbalance else 0.0
     sd = draw(0.05, 0.1)
-    noise = {"y": _noise(colour, sd), "z": _noise(colour, 1.3 * sd), "a": _noise(colour, draw(0.02, 0.05))}
+    spread = {"y": sd, "z": 1.3 * sd, "a": draw(0.02, 0.05)}
+    noise = {name: coloured(colour, one, one / 20.0) for name, one in spread.items()}
+    structure = structure._replace(**start)
     return Bench(structure, times, tuple(forces), tuple(turning), tuple(angles), eccentric, draw(0.0, 2 * np.pi), noise)
 
 
 def swinging(
     bench: Bench,
-    effects: Callable[[float], tuple[TrueEffect, ...]],
     *,
+    effects: Callable[[float], tuple[TrueEffect, ...]],
     true: Callable[[float], Structure],
     given: Callable[[float], Structure] | None = None,
     force: Force | None = None,
@@ -197,96 +201,51 @@ def _speed(generator: np.random.Generator, style: str, times: Vector, common: fl
     return np.interp(times, knots, levels)
 
 
-def _noise(colour: str, sd: float) -> Noise:
-    if colour == "ar":
-        return Noise(sd, phi=0.5, step=sd / 20.0)
-    if colour == "heavy-tailed":
-        return Noise(sd, tails=3.0, step=sd / 20.0)
-    if colour == "quantised":
-        return Noise(0.5 * sd, step=1.5 * sd)
-    return Noise(sd, step=sd / 20.0)
-
-
-Change = Callable[[Structure, float], Structure]
-Drawing = Callable[[Bench, np.random.Generator], tuple[Force, tuple[Window, ...]]]
-
-
 @dataclass(frozen=True)
-class Swing:
-    """A scenario of vibration: what is right, and a change of the structure by size or a force unknown to all."""
+class Swing(Missing):
+    """A scenario of vibration; `bench` has arguments of this file's `bench`, `world` of `swinging`."""
 
-    plan: Plan
-    id: str
-    change: Change | None = None  #: (structure, size) -> structure, or None
-    drawing: Drawing | None = None  #: (bench, generator) -> (force, windows), or None
-    #: bench and world: Arguments of `selector.proof.vibration.members.bench` and of `swinging`
-    bench: Mapping[str, Any] = field(default_factory=dict)
-    world: Mapping[str, Any] = field(default_factory=dict)
-    #: accept, channels and place: Of the true effect
-    accept: tuple[str, ...] = ()
     channels: tuple[str, ...] = ("y",)
     place: str | None = "spindle nose"
-    #: Parameters of the structure that are set whatever was drawn
-    start: Mapping[str, float] = field(default_factory=dict)
-    rival: tuple[Drawing, float] | None = None  #: Which this record does not tell from the true one
+    family = "vibration"
 
-    def made(self, generator: np.random.Generator) -> World:
-        """The world of this scenario with what the generator draws."""
-        drawn = bench(generator, **self.bench)
-        plain = drawn.structure._replace(**self.start)
-        change = self.change
-        windows: tuple[Window, ...] = ()
-        arguments: dict[str, Any] = {"true": lambda size: change(plain, size) if change is not None and size else plain}
-        if self.drawing is not None:
-            arguments["force"], windows = self.drawing(drawn, generator)
-        effect = TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place, windows)
-        effects = (effect,) if self.id else ()
-        arguments |= self.world
-        if self.rival is not None:
-            other = arguments | {"force": self.rival[0](drawn, generator)[0], "first": self.rival[1]}
-            arguments["rival"] = swinging(drawn, lambda size: (), **other)
-        return swinging(drawn, lambda size: effects, **arguments)
+    def drawn(self, generator: np.random.Generator) -> Bench:
+        """A structure with its excitation."""
+        return bench(generator, start=self.start, **self.bench)
 
-    @property
-    def scenario(self) -> Any:
-        """Cases of any strength."""
-        return scenario(self.plan, self.made, has_strength=bool(self.id) and not self.plan.size)
+    def world_of(self, bench: Bench, **more: Any) -> World:
+        """See `swinging`."""
+        return swinging(bench, **more)
 
 
-def plan(name: str, hidden: tuple[str, ...] = ("small",), **rest: Any) -> Plan:
-    """A plan of the vibration family."""
-    return Plan(name, **{"family": "vibration", "kind": "single", "hidden": hidden} | rest)
+Drawing = Callable[[Bench, np.random.Generator], dict[str, Any]]
+"""A force unknown to all, for `Missing.prepared`, and the windows in which it acts, if that is not always."""
 
 
 def line(low_hz: float, high_hz: float) -> Drawing:
     """A pump or a fan at a fixed frequency, in every run from another phase on."""
 
-    def drawing(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+    def drawing(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
         tone, phases = generator.uniform(low_hz, high_hz), generator.uniform(0.0, 2 * np.pi, len(RUNS))
-        return lambda run, time_s, size: size * np.sin(2 * np.pi * tone * time_s + phases[run]), ()
+        return {"force": lambda run, time_s, size: size * np.sin(2 * np.pi * tone * time_s + phases[run])}
 
     return drawing
 
 
-def imbalance(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+def imbalance(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A mass on the spindle that nobody balanced."""
 
     def force(run: int, time_s: Vector, size: float) -> Vector:
         turning = bench.speeds[run] * 2 * np.pi / 60.0
         return np.asarray(size * 1e-5 * turning**2 * np.cos(bench.angles[run] + bench.angle))
 
-    return force, ()
+    return {"force": force}
 
 
-def at_the_speed(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+def at_the_speed(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A line that happens to lie at the one speed of all runs."""
     tone = bench.speeds[0][0] / 60.0
-    return lambda run, time_s, size: size * np.cos(2 * np.pi * tone * time_s + bench.angle), ()
-
-
-def tuned(key: str, unit: float) -> Change:
-    """The change that adds size × `unit` to a parameter."""
-    return lambda structure, size: structure._replace(**{key: getattr(structure, key) + size * unit})
+    return {"force": lambda run, time_s, size: size * np.cos(2 * np.pi * tone * time_s + bench.angle)}
 
 
 def with_mode(structure: Structure, size: float) -> Structure:
@@ -299,7 +258,7 @@ def rubbing(structure: Structure, size: float) -> Structure:
     return structure._replace(sliders_n_per_m=0.01 * size * structure.stiffness_n_per_m)
 
 
-def _impacts(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+def _impacts(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A loose part knocks at random."""
     moments = [np.sort(generator.uniform(0.1, LENGTH_S - 0.15, int(generator.integers(5, 10)))) for _ in RUNS]
     sizes = [generator.uniform(0.4, 1.6, len(part)) * generator.choice([-1.0, 1.0], len(part)) for part in moments]
@@ -310,12 +269,11 @@ def _impacts(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple
             total += height * np.exp(-0.5 * ((time_s - moment) / 8e-4) ** 2)
         return size * total
 
-    return force, tuple(
-        Window(run, float(m), float(m) + 0.12) for run, part in zip(RUNS, moments, strict=True) for m in part
-    )
+    windows = (Window(run, float(m), float(m) + 0.12) for run, part in zip(RUNS, moments, strict=True) for m in part)
+    return {"force": force, "windows": tuple(windows)}
 
 
-def _whine(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+def _whine(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A source whose pitch wanders by itself over a third of an octave and more."""
     pitches = [generator.uniform(60.0, 130.0, 8) for _ in RUNS]
 
@@ -323,10 +281,10 @@ def _whine(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[W
         pitch = np.interp(time_s, np.linspace(0.0, LENGTH_S, 8), pitches[run])
         return np.asarray(size * np.sin(2 * np.pi * np.cumsum(pitch) * (time_s[1] - time_s[0])))
 
-    return force, ()
+    return {"force": force}
 
 
-def _chatter(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple[Window, ...]]:
+def _chatter(bench: Bench, generator: np.random.Generator) -> dict[str, Any]:
     """A cut that begins to sing for a while, each time at another pitch."""
     starts = [np.sort(generator.uniform(0.1, LENGTH_S - 0.3, 4)) for _ in RUNS]
     lengths = [generator.uniform(0.06, 0.16, 4) for _ in RUNS]
@@ -339,79 +297,66 @@ def _chatter(bench: Bench, generator: np.random.Generator) -> tuple[Force, tuple
             total += inside * np.sin(np.pi * inside) * np.sin(2 * np.pi * tone * time_s)
         return size * total
 
-    return force, tuple(
+    windows = (
         Window(RUNS[run], float(a), float(a + b) + 0.05)
         for run in range(len(RUNS))
         for a, b in zip(starts[run], lengths[run], strict=True)
     )
+    return {"force": force, "windows": tuple(windows)}
 
 
 def _outside(name: str, drawing: Drawing, first: float, note: str) -> Swing:
-    made = plan(
-        f"hidden.vibration/{name}",
-        (),
-        kind="out-of-catalogue",
-        verdicts=("unexplained",),
-        factor=HIDDEN_FACTOR,
-        note=note,
-    )
-    return Swing(made, f"hidden.{name}", None, drawing, world={"first": first})
+    told: dict[str, Any] = {"kind": "out-of-catalogue", "note": note, "id": f"hidden.{name}", "prepared": drawing}
+    return Swing.of(f"hidden.vibration/{name}", first=first, **told)
 
 
-def _clean(name: str, note: str = "", world: Mapping[str, Any] | None = None, **bench: Any) -> Swing:
-    made = plan(f"clean.vibration/{name}", (), kind="clean", verdicts=("nothing-missing",), note=note)
-    return Swing(made, "", bench=bench, world=world or {})
-
-
-def _lacking(name: str, change: Change | None = None, *, hidden: tuple[str, ...] = ("small",), **rest: Any) -> Swing:
-    """The effect before the slash of the name is missing; `rest` are further fields of `Plan` and `Swing`."""
-    planned = plan(name, hidden, **{key: rest.pop(key) for key in list(rest) if key in Plan.__dataclass_fields__})
-    return Swing(planned, name.partition("/")[0], change, **rest)
+def _clean(name: str, world: Mapping[str, Any] | None = None, **bench: Any) -> Swing:
+    return Swing.of(f"clean.vibration/{name}", None, bench, world=world, kind="clean", id="")
 
 
 _TWO: Mapping[str, Any] = {"names": ("F", "n", "y", "z"), "responses": ("y", "z")}
 _ACCELERATION: Mapping[str, Any] = {"names": ("F", "n", "a"), "responses": ("a",)}
 _BALANCED = {"imbalance": False}
 _back_reaction = partial(
-    _lacking,
-    change=tuned("back", 0.01),
+    Swing.of,
+    change=plus("back", 0.01),
     hidden=("absorbed",),
     tolerated=("vibration.mode",),
     channels=("y", "z"),
     place="between spindle nose and workpiece",
 )
 SWINGS: Sequence[Swing] = (
-    _lacking("vibration.line/pump", drawing=line(85.0, 110.0)),
-    _lacking(
+    Swing.of("vibration.line/pump", prepared=line(85.0, 110.0)),
+    Swing.of(
         "vibration.line/off-resonance",
-        drawing=line(20.0, 40.0),
+        prepared=line(20.0, 40.0),
         bench={"colour": "ar", "speeds": ("run-up", "steps", "run-up")},
-        world={"first": 2.0},
+        first=2.0,
     ),
-    _lacking(
+    Swing.of(
         "vibration.line/acceleration",
-        drawing=line(120.0, 190.0),
+        prepared=line(120.0, 190.0),
         bench={"colour": "heavy-tailed"},
         world=_ACCELERATION,
         channels=("a",),
     ),
-    _lacking("vibration.imbalance/steps", drawing=imbalance, bench=_BALANCED),
-    _lacking(
+    Swing.of("vibration.imbalance/steps", prepared=imbalance, bench=_BALANCED),
+    Swing.of(
         "vibration.imbalance/run-up",
-        drawing=imbalance,
+        prepared=imbalance,
         bench={**_BALANCED, "speeds": ("run-up", "run-up", "steps")},
         hidden=("absorbed",),
         note="Only while the speed passes the resonance it is seen.",
     ),
-    _lacking(
+    Swing.of(
         "vibration.imbalance/quiet",
-        drawing=imbalance,
+        prepared=imbalance,
         bench={**_BALANCED, "level": 0.2, "colour": "ar"},
         note="The shaker hardly shakes.",
     ),
-    _lacking("vibration.mode/above", with_mode, bench=_BALANCED, start={"mode_hz": 142.0}),
-    _lacking("vibration.mode/between", with_mode, bench={"colour": "ar", **_BALANCED}, start={"mode_hz": 100.0}),
-    _lacking(
+    Swing.of("vibration.mode/above", with_mode, bench=_BALANCED, start={"mode_hz": 142.0}),
+    Swing.of("vibration.mode/between", with_mode, bench={"colour": "ar", **_BALANCED}, start={"mode_hz": 100.0}),
+    Swing.of(
         "vibration.mode/acceleration",
         with_mode,
         bench={"colour": "quantised", **_BALANCED},
@@ -423,16 +368,17 @@ SWINGS: Sequence[Swing] = (
     _back_reaction(
         "vibration.back_reaction/refitted", bench={"colour": "heavy-tailed"}, world={**_TWO, "refitted": True}
     ),
-    _lacking("vibration.hardening/small", tuned("hardening_per_m2", 1e8), world={"first": 3.0}),
-    _lacking(
+    Swing.of("vibration.hardening/small", plus("hardening_per_m2", 1e8), first=3.0),
+    Swing.of(
         "vibration.hardening/absorbed",
-        tuned("hardening_per_m2", 1e8),
+        plus("hardening_per_m2", 1e8),
         bench={"level": 1.5, "colour": "ar"},
-        world={"first": 3.0, "refitted": True},
+        first=3.0,
+        world={"refitted": True},
         hidden=("small", "absorbed"),
         note="Stiffness and damping were fitted to it.",
     ),
-    _lacking(
+    Swing.of(
         "vibration.hysteresis/absorbed",
         rubbing,
         bench={"level": 1.5},
@@ -441,23 +387,23 @@ SWINGS: Sequence[Swing] = (
         note="Stiffness and damping were fitted to it.",
         start={"slip_m": 2e-6},
     ),
-    _lacking(
+    Swing.of(
         "vibration.hysteresis/refitted",
         rubbing,
         bench={"colour": "heavy-tailed", **_BALANCED},
         world={"refitted": True},
         start={"slip_m": 1e-6},
     ),
-    Swing(
-        plan(
-            "undecidable.vibration/one-speed", (), kind="undecidable", note="All runs at one speed: line or imbalance."
-        ),
-        "vibration.imbalance",
+    Swing.of(
+        "undecidable.vibration/one-speed",
         None,
-        imbalance,
         {"speeds": ("one", "one", "one"), **_BALANCED},
+        kind="undecidable",
+        note="All runs at one speed: line or imbalance.",
+        id="vibration.imbalance",
         accept=("vibration.imbalance", "vibration.line"),
-        rival=(at_the_speed, 1.0),
+        prepared=imbalance,
+        rival=at_the_speed,
     ),
     _outside("impacts", _impacts, 20.0, "A loose part knocks at random."),
     _outside("whine", _whine, 3.0, "A source whose pitch wanders; no speed is recorded that it follows."),
@@ -469,8 +415,4 @@ SWINGS: Sequence[Swing] = (
     _clean("two-members", world=_TWO),
     _clean("unshaken", shaken=False),
 )
-_TWINS = ("vibration.hardening/small", "vibration.imbalance/run-up")
-SCENARIOS = (
-    *(swing.scenario for swing in SWINGS),
-    *(twin(swing.plan, swing.made) for swing in SWINGS if swing.plan.name in _TWINS),
-)
+SCENARIOS = scenarios_of((swing.case for swing in SWINGS), "vibration.hardening/small", "vibration.imbalance/run-up")

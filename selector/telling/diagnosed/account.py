@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import Any
@@ -44,6 +45,7 @@ from selector.telling.wording import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"
+_STATE_WITHOUT_UNIT = re.compile(r"(?<=\d) 1$")
 _LEFT_OUT = (
     "The map of the mismatch, recorded and simulated courses, the evidence of every effect that was tested and what "
     "this record would not have shown: diagnosis.json does not hold them. With the study.toml of the diagnosis beside "
@@ -100,6 +102,12 @@ def diagnosis_account(
             section("effects", fault, *(block for effect in found.effects for block in _effect(found, effect))),
             _also_seen(found),
             _better(found, drawings),
+            section(
+                "changes",
+                "What the simulation itself would have to change",
+                _captioned("", _recalibration(found)),
+                link="Changes",
+            ),
             _evidence(found, drawings),
             section(
                 "apart",
@@ -121,6 +129,7 @@ def diagnosis_account(
         label=label_text("the recordings", title or "", told, described),
         verdict="good" if found.verdict == "nothing-missing" else "bad",
         data=found.as_dict(),
+        brief=("effects", "better"),
         footer=f"The same {'result gives' if is_alone else 'files and options give'} the same bytes.",
         about="made from the result alone" if is_alone else f"verdict: {found.verdict}",
     )
@@ -147,7 +156,7 @@ def _captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> C
 
 def _also_seen(found: Diagnosis) -> Section | None:
     rows = [
-        [one.id, one.channel, share_text(one.share), sure_words(one.confidence), unit_words(one.statement)]
+        [name_of(one.id), one.channel, share_text(one.share), sure_words(one.confidence), unit_words(one.statement)]
         for one in found.also_seen
     ]
     told = table(["effect", "response", ">share of the mismatch", "how sure", "what it would be"], rows, _ALSO)
@@ -155,10 +164,9 @@ def _also_seen(found: Diagnosis) -> Section | None:
 
 
 def _better(found: Diagnosis, drawings: Drawings) -> Section | None:
-    changes = _captioned("What the simulation itself would have to change", _recalibration(found))
     name, link = ("How much better it gets", "How much better") if found.effects else ("Recorded and simulated", "")
     errors = _captioned("Root mean square errors", _errors(found))
-    return section("better", name, *drawings.get("better", ()), errors, changes, link=link) if found.fit else None
+    return section("better", name, *drawings.get("better", ()), errors, link=link) if found.fit else None
 
 
 def _evidence(found: Diagnosis, drawings: Drawings) -> Section | None:
@@ -181,33 +189,46 @@ def _places(found: Diagnosis) -> Table | None:
     rows = []
     for place in places[:MOST_PLACES]:
         times = [NONE if time is None else duration_words(time) for time in (place.from_s, place.to_s)]
-        cells = [place.channel, place.place or NONE, place.run or "all", *times, unit_words(place.regime or NONE)]
+        state = _STATE_WITHOUT_UNIT.sub("", unit_words(place.regime or NONE))
+        cells = [place.channel, place.place or NONE, place.run or "all", *times, state]
         rows.append([*cells, share_text(place.share)])
     return table(["channel", "place", "run", ">from", ">to", "state of the machine", ">share"], rows, note)
 
 
 def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
     """What is said of one effect that was named."""
-    name = name_of(effect.id)
+    name, known = name_of(effect.id), next((one for one in catalogue() if one.id == effect.id), None)
     sure = f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"
     told = [sure, f"{share_text(effect.share)} of the mismatch"]
     if effect.suspected:
         told.append(f"suspected: {suspicion_words(found, effect)}")
     seen = listed(list(effect.channels or (effect.channel,))) + (f", at {effect.place}" if effect.place else "")
-    yield Heading(f"{name[:1].upper()}{name[1:]}", code=effect.id, on_screen=True)
+    yield Heading(f"{name[:1].upper()}{name[1:]}", 3, on_screen=True)
     yield Paragraph(effect.statement, on_screen=True)
     yield Note(f"{'; '.join(told)}. Seen in {seen}.", on_screen=True)
     if effect.parameters:
-        rows = [[name, quantity_words(quantity)] for name, quantity in effect.parameters.items()]
+        meanings = {one.name: one.meaning for one in known.parameters} if known else {}
+        rows = [
+            [meanings.get(name, name.replace("_", " ")), _quantity_text(quantity)]
+            for name, quantity in effect.parameters.items()
+            if name in meanings or not meanings
+        ]
         yield Captioned("", table(["parameter", ">value (95 % interval)"], rows))
     alike = listed([name_of(id_) for id_ in effect.cannot_be_told_from], "or")
     if alike:
         lead = f"This record cannot tell it from {alike}."
         yield Paragraph(f"What would tell: {effect.experiment}", lead, on_screen=True)
-    known = next((one for one in catalogue() if one.id == effect.id), None)
     if known is not None and known.physics:
         refuted = known.refuted_by.rstrip(".")
         yield Note(f"{known.physics} What would refute it: {refuted}. Source: {known.reference}")
+
+
+def _quantity_text(of: Quantity) -> str:
+    """A quantity with its interval; times as people say them."""
+    if of.unit != "s" or of.low is None or of.high is None:
+        return span_text(of.value) if of.unit == "s" else quantity_words(of)
+    ends = f"at least {span_text(of.low)}" if not isfinite(of.high) else f"{span_text(of.low)} to {span_text(of.high)}"
+    return f"{span_text(of.value)} ({ends})"
 
 
 def _errors(found: Diagnosis) -> Table | None:
@@ -253,7 +274,7 @@ def _tested(found: Diagnosis) -> Table | None:
     rows = []
     for one in tested:
         cells = [number_text(one.gain), p_words(one.p_value)]
-        rows.append([one.id, one.channel, *cells, "named" if one.named else one.note or "not named"])
+        rows.append([name_of(one.id), one.channel, *cells, "named" if one.named else one.note or "not named"])
     marked = [k for k, one in enumerate(tested) if one.named]
     headings = ["effect", "response", ">gain", ">p", "what came of it"]
     return table(headings, rows, marked=marked) if rows else None
@@ -267,7 +288,7 @@ def _untested(found: Diagnosis) -> Table | None:
             by_reason.setdefault((one.note.removeprefix(UNTESTED).lstrip(" :"), one.id), []).append(one.channel)
     effects: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for (reason, id_), channels in by_reason.items():
-        effects.setdefault((reason, tuple(channels)), []).append(id_)
+        effects.setdefault((reason, tuple(channels)), []).append(name_of(id_))
     rows = [[reason, ", ".join(ids), listed(channels)] for (reason, channels), ids in effects.items()]
     return table(["why not", "effects", "response"], rows) if rows else None
 
@@ -287,7 +308,8 @@ def _detectable(found: Diagnosis) -> Table | None:
     if not found.detectable:
         return None
     rows = [
-        [one.id, one.channel, amount(one.size, one.unit), share_text(one.chance), one.note] for one in found.detectable
+        [name_of(one.id), one.channel, amount(one.size, one.unit), share_text(one.chance), one.note]
+        for one in found.detectable
     ]
     units = listed(sorted({displayed(one.unit, one.size)[1] for one in found.detectable}))
     headings = ["effect", "response", ">smallest size", ">found in", "remark"]

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from selector.atomic_file import write_whole
+from selector.findings import Finding
+from selector.number_text import number_text
 from selector.selection import Selection
 from selector.selection.result import FIXED_SET
 from selector.telling import origin
@@ -15,19 +17,24 @@ from selector.telling.account import (
     Block,
     Captioned,
     Formula,
+    Heading,
     Note,
     Paragraph,
     Remarks,
+    grouped_remarks,
+    next_steps,
     remarks_of,
     section,
     sections,
 )
-from selector.telling.selected.advice import advice
+from selector.telling.numbers import listed
+from selector.telling.selected.advice import advice, useless_responses
 from selector.telling.selected.formula import formula_text, legend_rows
 from selector.telling.selected.tables import (
     coefficients_table,
     combinations_table,
     curve_table,
+    equal_table,
     faults_table,
     gain_table,
     groups_table,
@@ -69,6 +76,11 @@ def selection_account(
         from selector.telling.selected.pictures import drawings as drawings_of
 
         drawings = drawings_of(selection, described)
+
+    def concerning(part: str) -> list[Block]:
+        remarks = grouped_remarks(_of_part(selection, part))
+        return [Remarks(remarks)] if remarks else []
+
     return Account(
         title=heading,
         about=" · ".join(filter(None, [date, unnamed])),
@@ -76,18 +88,12 @@ def selection_account(
         verdict=verdict,
         sentences=sentences,
         answer=gain_table(selection),
+        front=_front(selection, drawings),
         sections=sections(
-            section(
-                "warnings",
-                "Before you use it",
-                Remarks(urgent)
-                if (urgent := remarks_of(selection.findings, "error", "warning"))
-                else Paragraph("No warnings were found in the data or in the model."),
-                link="Warnings",
-            ),
             section(
                 "proof",
                 "Why: what unseen data say",
+                *concerning("proof"),
                 Paragraph(selection.because, on_screen=True),
                 *drawings.get("curve", ()),
                 Captioned("Error against number of sensors", curve_table(selection)),
@@ -98,32 +104,91 @@ def selection_account(
             section(
                 "groups",
                 "Why: which sensors move together",
+                *concerning("groups"),
                 Paragraph(_sentence(selection.grouping.because)),
                 Captioned("", groups_table(selection)),
                 *drawings.get("groups", ()),
                 link="Groups",
             ),
-            section("sets", "Why: sets that were compared", *_sets(selection), link="Sets compared"),
-            section("model", "The model", *_model(selection, drawings), link="Model"),
+            section("model", "The model", *concerning("model"), *_model(selection), link="Model"),
+            section(
+                "recordings",
+                "The recordings",
+                *concerning("recordings"),
+                *drift,
+                link="Recordings",
+                on_paper=any(one.level != "info" for one in _of_part(selection, "recordings")),
+            ),
+            section("sets", "Sets that were compared", *_sets(selection), link="Sets compared", on_paper=False),
             section(
                 "faults",
                 "Sensor faults",
                 *drawings.get("faults", ()),
                 Captioned("", faults_table(selection), on_screen=False),
+                on_paper=False,
             ),
-            section("sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False)),
-            section("drift", "Drift after ISO 230-3", *drift, link="Drift"),
-            section("findings", "All findings", Remarks(remarks_of(selection.findings)), link="Findings"),
+            section("terms", "Term by term", *_terms(selection, drawings), on_paper=False),
+            section(
+                "sensors",
+                "Every sensor",
+                Captioned("", sensors_table(selection), on_screen=False),
+                on_paper=False,
+            ),
+            section(
+                "findings",
+                "All findings",
+                Remarks(remarks_of(selection.findings)),
+                link="Findings",
+                on_paper=False,
+            ),
             section(
                 "origin",
                 "Origin",
                 *origin.origin_parts(described, selection.provenance),
                 Captioned("Options", origin.options_table(selection), on_screen=False),
+                on_paper=False,
             ),
         ),
         data=selection.as_dict(),
+        brief=(),
         footer="The same recordings and options give the same bytes.",
     )
+
+
+_CONCERNS = {
+    id_: part
+    for part, ids in {
+        "proof": "regimes one-run-only few-runs runs-left-out-in-groups no-better-than-nothing runs-not-proved "
+        "one-part-unlike-the-others choice-at-limit target-missed runs-outside-the-others unstable-choice",
+        "groups": "chaining round-without-effect constant-must constant-sensor duplicate-sensors "
+        "anticorrelated-sensors",
+        "model": "terms-that-help terms-not-used collinear-terms correlated-residuals influential-sample ridge "
+        "dependent-columns constant-column samples-thinned",
+    }.items()
+    for id_ in ids.split()
+}
+"""Finding → the part of the page that it concerns; others concern the recordings."""
+
+
+def _of_part(selection: Selection, part: str) -> list[Finding]:
+    return [one for one in selection.findings if _CONCERNS.get(one.id, "recordings") == part]
+
+
+def _front(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> tuple[Block, ...]:
+    """How sure it is, what to do next, and one picture."""
+    proof, worst = selection.proof, []
+    for name, parts in proof.per_response.items():
+        part = max(parts, key=lambda one: one.rmse_um)
+        errors = f"{number_text(part.rmse_um, 2)} µm rms, {number_text(part.max_um, 2)} µm at most"
+        worst.append(f"{name} is worst in {part.name} ({errors})")
+    parts_of = next(iter(proof.per_response.values()))
+    sure = (
+        f"Each of the {len(parts_of)} {proof.left_out}s was predicted by sensors and a model that were chosen without "
+        f"it; {listed(worst)}."
+    )
+    then = "Try the model on later runs with `selector apply`, then hand it to the control with `selector export`."
+    steps = next_steps(selection.findings, *([] if useless_responses(selection) else [then]))
+    return Paragraph(sure, "How sure."), Heading("What to do next", 3), steps, *drawings.get("proof", ())[:1]
 
 
 def write_report(
@@ -165,20 +230,25 @@ def _sets(selection: Selection) -> list[Block]:
         "which chooses the sensors anew, is the error to expect."
     )
     compared = (Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models)
-    return [Paragraph(text), *compared]
+    every = equal_table(selection)
+    equal = [] if every is None else [Captioned("Sets to take instead", every)]
+    return [*equal, Paragraph(text), *compared]
 
 
-def _model(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> list[Block]:
+def _model(selection: Selection) -> list[Block]:
     legend = "; ".join(f"{symbol}: {meaning}" for symbol, meaning in legend_rows(selection))
-    blocks: list[Block] = [Formula(formula_text(selection, name)) for name in selection.models]
-    blocks.append(Note(f"Displacements in µm; ± one standard error. {legend}."))
-    blocks.append(Captioned("Quality", quality_table(selection)))
+    formulas: list[Block] = [Formula(formula_text(selection, name)) for name in selection.models]
+    note = Note(f"Displacements in µm; ± one standard error. {legend}.")
+    return [*formulas, note, Captioned("Quality", quality_table(selection))]
+
+
+def _terms(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> list[Block]:
+    blocks: list[Block] = []
     for name in selection.models:
         blocks.append(Captioned(f"Coefficients of {name}", coefficients_table(selection, name)))
         blocks += drawings.get(f"model {name}", ())
         blocks.append(Captioned(f"{name}, part by part", runs_table(selection, name), on_screen=False))
-    blocks.append(Captioned("Valid range", range_table(selection), on_screen=False))
-    return [*blocks, *drawings.get("range", ())]
+    return [*blocks, Captioned("Valid range", range_table(selection), on_screen=False), *drawings.get("range", ())]
 
 
 def _sentence(text: str) -> str:

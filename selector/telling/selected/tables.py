@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from selector.models.moments import WORTH_OF_A_SENSOR
 from selector.number_text import number_text
 from selector.selection import Selection
 from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Combination, told_apart
@@ -74,6 +75,36 @@ def combinations_table(selection: Selection, response: str) -> Table:
         ],
         f"{left} more sets were compared." if left else "",
         [i for i, one in enumerate(rows) if set(one.sensors) == set(selection.chosen)],
+    )
+
+
+def equal_table(selection: Selection) -> Table | None:
+    """Every set as large as the chosen one that is about as good as the best."""
+    equal = selection.equal
+    if equal is None:
+        return None
+    margin = f"{100 * WORTH_OF_A_SENSOR:.0f} %" if equal.within_um is None else f"{number_text(equal.within_um)} µm"
+    left = equal.n_equal - len(equal.sets)
+    return table(
+        [
+            "sensors",
+            *(f">{name}: unseen, {FIXED_SET} [µm]" for name in selection.models),
+            ">largest VIF",
+            ">worst fault",
+        ],
+        [
+            (
+                ", ".join(one.sensors),
+                *map(number_text, one.heldout_rmse_um),
+                number_text(one.largest_vif),
+                number_text(one.worst_fault),
+            )
+            for one in equal.sets
+        ],
+        f"All {equal.n_compared} sets of this size were looked at: {equal.n_equal} have at most {margin} more error "
+        "than the best of them. Worst fault: share of the displacement's spread that one sensor moves when it is wrong "
+        "by its own spread." + (f" {left} more are not listed." if left else ""),
+        [i for i, one in enumerate(equal.sets) if set(one.sensors) == set(selection.chosen)],
     )
 
 

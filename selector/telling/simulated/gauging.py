@@ -11,7 +11,7 @@ from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulati
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes.size_distribution import CONFIDENCE, Capability, SizeDistribution, size_distribution
+from selector.physics.gauging.sizes.size_distribution import CONFIDENCE, Capability
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
 from selector.telling.numbers import NONE, listed, ms_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
@@ -40,7 +40,6 @@ _METHODS = {
 def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
     """What is told of simulated gauging: which sizes come out, what other filters would do, how it went."""
     model, done, summary = result.simulated.model, result.simulated.details, result.summary
-    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
     wanted_um, tolerance = model.setup.wanted_um, model.values.tolerance
     capability = None if summary.capability is None else Captioned("Capability", capability_table(summary.capability))
     return simulation_account(
@@ -51,7 +50,7 @@ def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
                 "sizes",
                 "Finished sizes",
                 *drawings.get("sizes", ()),
-                Captioned("Finished sizes", sizes_table(summary, linear, wanted_um)),
+                Captioned("Finished sizes", sizes_table(summary, wanted_um)),
                 capability,
             ),
             section(
@@ -118,10 +117,10 @@ def verdict(summary: GaugingSummary) -> Verdict:
     return "good" if known.cpk >= CAPABLE else "bad" if known.cpk < _SCRAP else "plain"
 
 
-def sizes_table(summary: GaugingSummary, linear: SizeDistribution, wanted_um: float) -> Table:
+def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
     """Mean and spread by Monte Carlo with standard errors, and by both formulas."""
     sizes = summary.sizes
-    formulas = {one.method: one for one in (summary.formula, linear)}
+    formulas = {one.method: one for one in (summary.formula, summary.linear)}
     formula = summary.formula
     # counted from the wanted size too, where that is another number
     zeros = (0.0,) if wanted_um == 0 else (0.0, wanted_um)

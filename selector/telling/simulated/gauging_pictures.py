@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import plotly.graph_objects as go
 
 from selector.figures.simulated.gauging import (
     chain_waveform,
@@ -16,12 +15,10 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
-from selector.physics.gauging.gauge.transducer import Transducer
-from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
-from selector.physics.gauging.sizes.size_distribution import SizeDistribution, size_distribution
+from selector.physics.gauging.sizes.size_distribution import SizeDistribution
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text
 from selector.telling.simulated.gauging import MATTERS, spread_text
@@ -35,7 +32,6 @@ _BEFORE_S = 12.0
 """So many times T_Φ and delay before the stop, the end of a part is drawn once more, enlarged."""
 
 _SHARE_OF_PART = 0.5
-_STROKES_SHOWN = 6.0
 _SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
 """Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
 run-out, of which some dozens of turns and feeds are pooled."""
@@ -45,7 +41,7 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
     """Section of the account → its drawings."""
     return {
         "sizes": _sizes(result),
-        "filter": [_filter(result.summary)],
+        "filter": [Drawing(filter_trade_off(result.summary.trade_off, filter_title(result.summary)), _FILTER)],
         "parts": _parts(result),
         "gauge": _gauge(result),
     }
@@ -53,12 +49,11 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
 
 def _sizes(result: SimulationResult) -> list[Block]:
     model, summary, ground = result.simulated.model, result.summary, result.simulated.details.sizes
-    linear = size_distribution(model.setup, method="linear", parts=model.file.run.parts)
     tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
     limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
     curves = {
         name: size_density(one)
-        for name, one in (("formula, early trips", summary.formula), ("eq. 25", linear))
+        for name, one in (("formula, early trips", summary.formula), ("eq. 25", summary.linear))
         if one.sd_um > 0
     }
     histogram = size_histogram(summary.sizes.finished_um, curves, limits, wanted_um, sizes_title(summary))
@@ -70,19 +65,6 @@ def _sizes(result: SimulationResult) -> list[Block]:
         chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, parts_title(ground))
         drawn.append(Drawing(chart, _CHART_DRESSED if dressed else _CHART))
     return drawn
-
-
-def _filter(summary: GaugingSummary) -> Drawing:
-    one = summary.trade_off
-    picture = filter_trade_off(
-        one.time_constant_s,
-        one.bias_um,
-        one.sd_um,
-        (one.best_s, one.best_rms_um**2),
-        (one.present_s, one.present_rms_um**2),
-        filter_title(summary),
-    )
-    return Drawing(picture, _FILTER)
 
 
 def _parts(result: SimulationResult) -> list[Block]:
@@ -115,23 +97,8 @@ def _gauge(result: SimulationResult) -> list[Block]:
         )
         drawn.append(Drawing(picture, _CURVE))
     if motion is not None:
-        drawn.append(Drawing(_waveform(motion, result.simulated.model.values.transducer), _WAVEFORM))
+        drawn.append(Drawing(chain_waveform(motion, result.simulated.model.values.transducer), _WAVEFORM))
     return drawn
-
-
-def _waveform(motion: GaugeMotion, transducer: Transducer) -> go.Figure:
-    """The last strokes of the whole chain before a stop."""
-    stroke_s = 0.5 / transducer.electromagnet.frequency_hz
-    kept = motion.time_s >= motion.time_s[-1] - _STROKES_SHOWN * stroke_s
-    surface_um = 1e6 * transducer.rest_gap_m - motion.allowance_um
-    return chain_waveform(
-        motion.time_s[kept],
-        1e6 * motion.probe_m[kept],
-        surface_um[kept],
-        motion.contact_n[kept],
-        motion.generator_v[kept],
-        motion.smoothed_v[kept],
-    )
 
 
 _InTime = tuple[tuple[Vector, Vector, Vector, Vector, Vector | None], tuple[float, ...], bool]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from selector.figures.simulated.vibration import (
 from selector.number_text import number_text
 from selector.physics.vibration.motion.final_motion import ChainMethod, Method, final_receptance
 from selector.physics.vibration.structure.source import Source
-from selector.physics.vibration.structure.structure import StructureModes, receptance_by_modes
+from selector.physics.vibration.structure.structure import receptances, unit_force
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import VibrationSummary
 from selector.telling.account import Block, Drawing, Note
@@ -128,10 +128,9 @@ def _structure(model: VibrationModel, summary: VibrationSummary) -> Block:
 
 
 def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
-    frequency_hz, of_finals = _answers(model, summary)
     shown = list(colours)[:MOST_SOURCES]
-    answers = {final: [one for one in ones if one.source in shown] for final, ones in of_finals.items()}
-    answers = {final: ones for final, ones in answers.items() if ones}
+    frequency_hz, of_finals = _answers(model, summary, shown)
+    answers = {final: ones for final, ones in of_finals.items() if ones}
     if not answers:
         return []
     final, one, k = max(
@@ -184,8 +183,10 @@ def _chains(summary: VibrationSummary) -> list[Block]:
     return [Drawing(strips, _STRIPS), Drawing(course, _ONE_CHAIN + (_OTHER_CHAINS if len(accuracy) > 1 else ""))]
 
 
-def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, Mapping[str, tuple[Answer, ...]]]:
-    """Motion per newton of every source over frequency; nothing where a frequency meets an undamped resonance."""
+def _answers(
+    model: VibrationModel, summary: VibrationSummary, shown: Sequence[str]
+) -> tuple[Vector, Mapping[str, tuple[Answer, ...]]]:
+    """Motion per newton of sources over frequency; nothing where a frequency meets an undamped resonance."""
     modes = summary.modes
     slowest, fastest = float(modes.frequency_hz[0]), float(modes.frequency_hz[-1])
     last = max((one.frequency_hz for one in summary.lines), default=slowest)
@@ -194,16 +195,12 @@ def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, 
     near = modes.frequency_hz[:, None] * (1.0 + modes.loss_factor[:, None] / 2.0 * _AROUND)
     frequency_hz = np.unique(np.concatenate([np.geomspace(lowest, highest, _FREQUENCIES), near.ravel()]))
     frequency_hz = frequency_hz[(frequency_hz >= lowest) & (frequency_hz <= highest)]
-    coupled = {
-        (source.name, final): answer
-        for source in model.sources
-        for final in FINALS
-        if (answer := _coupled_um(model, modes, source, final, frequency_hz)) is not None
-    }
+    sources = [source for source in model.sources if source.name in shown]
+    coupled = _coupled_um(model, sources, frequency_hz)
     largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
     found: dict[str, list[Answer]] = {final: [] for final in FINALS}
     method = model.chain_method(summary.shaft_rpm)
-    for source in model.sources:
+    for source in sources:
         chains = None if method is None else _chains_um(model, source, frequency_hz, method)
         lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
         for row, final in enumerate(FINALS):
@@ -216,16 +213,20 @@ def _answers(model: VibrationModel, summary: VibrationSummary) -> tuple[Vector, 
 
 
 def _coupled_um(
-    model: VibrationModel, modes: StructureModes, source: Source, final: str, frequency_hz: Vector
-) -> Vector | None:
-    """|X/F| of a final [µm/N], from the modes: there are many frequencies."""
+    model: VibrationModel, sources: Sequence[Source], frequency_hz: Vector
+) -> Mapping[tuple[str, str], Vector]:
+    """Source and final → |X/F| [µm/N]."""
+    structure = model.structure
+    forces = np.array([unit_force(structure, source.member, source.against) for source in sources])
     try:
-        found = receptance_by_modes(
-            model.structure, frequency_hz, of=model.finals[final], at=source.member, against=source.against, modes=modes
-        )
+        motion = receptances(structure, frequency_hz, forces)
     except InputError:
-        return None
-    return _MICRO * np.abs(found)
+        return {}
+    return {
+        (source.name, final): _MICRO * np.abs(motion[row][:, structure.position(model.finals[final])])
+        for row, source in enumerate(sources)
+        for final in FINALS
+    }
 
 
 def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, chains: ChainMethod) -> Vector | None:

@@ -43,7 +43,7 @@
     }
   }
 
-  // ---- the bar: slider, number, displacement, facts
+  // ---- the bar: number of sensors and target, then λ; displacement, facts
   let bar = null;
   let typed = null;
   let isTyping = false;
@@ -59,6 +59,9 @@
     const root = place("bar");
     if (bar && root.contains(bar.slider)) return bar;
     bar = {
+      count: made("input", undefined, { type: "range", step: 1, id: `${PAGE}-count`, "aria-label": "number of sensors" }),
+      size: made("output", undefined, { for: `${PAGE}-count` }),
+      target: made("input", undefined, { type: "text", inputmode: "decimal", id: `${PAGE}-target` }),
       slider: made("input", undefined, {
         type: "range", min: 0, step: 1, id: `${PAGE}-slider`, "aria-label": "λ: number of the step, coarse to fine",
       }),
@@ -67,13 +70,26 @@
       back: made("button", "Back to the set of λ", { type: "button", id: `${PAGE}-back` }),
       facts: made("dl", undefined, { class: "facts", id: `${PAGE}-facts`, role: "status", "aria-live": "polite" }),
     };
-    const row = made("div", undefined, { class: "row" });
-    const slide = made("span", undefined, { class: "slide" });
-    slide.append(made("span", "coarse", { class: "about" }), bar.slider, made("span", "fine", { class: "about" }));
-    const level = made("label", "λ ", { class: "level" });
-    level.append(bar.level);
-    row.append(slide, level, bar.response, bar.back);
-    root.replaceChildren(row, bar.facts);
+    const [first, second] = [0, 1].map(() => made("div", undefined, { class: "row" }));
+    const dial = (...inside) => {
+      const slide = made("span", undefined, { class: "slide" });
+      slide.append(...inside);
+      return slide;
+    };
+    const about = (text) => made("span", text, { class: "about" });
+    const labelled = (text, input) => {
+      const label = made("label", text, { class: "level" });
+      label.append(input);
+      return label;
+    };
+    first.append(
+      dial(about("number of sensors"), bar.count, bar.size), labelled("Error to reach [µm] ", bar.target), bar.response,
+    );
+    second.append(dial(about("λ: coarse"), bar.slider, about("fine")), labelled("λ ", bar.level), bar.back);
+    bar.slider.setAttribute("aria-describedby", `${PAGE}-lambda`);
+    root.replaceChildren(first, second, bar.facts);
+    bar.count.addEventListener("input", () => ask({ size: Number(bar.count.value) }));
+    bar.target.addEventListener("change", () => ask({ target: bar.target.value }));
     bar.slider.addEventListener("input", () => ask({ step: Number(bar.slider.value) }));
     bar.level.addEventListener("input", () => { isTyping = true; });
     bar.level.addEventListener("blur", () => { isTyping = false; });
@@ -90,7 +106,13 @@
   }
 
   function showBar(told, asked) {
-    const { slider, level, response, back, facts } = builtBar();
+    const { count, size, target, slider, level, response, back, facts } = builtBar();
+    count.min = told.sizes[0];
+    count.max = told.sizes[told.sizes.length - 1];
+    if (!asked || !("size" in asked)) count.value = told.size;
+    count.setAttribute("aria-valuetext", `${told.size} sensors`);
+    size.value = told.size;
+    if (document.activeElement !== target || (asked && "target" in asked)) target.value = told.target;
     slider.max = told.last;
     // the hand that drags may be further already
     if (!asked || !("step" in asked)) slider.value = told.step;

@@ -12,6 +12,21 @@ window.dash_clientside = Object.assign({}, window.dash_clientside, {
       setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
       return [ids.map((id) => id !== shown), ids.map((id) => (id === shown ? "tab here" : "tab"))].flat();
     },
+    // goes to where the answer of a page will stand, and again when it does
+    awaits(asked) {
+      if (!asked) return;
+      const [page] = asked;
+      window.location.hash = `#${page}`;
+      const place = document.getElementById(`${page}-answer`);
+      const go = () => place.scrollIntoView({ block: "start" });
+      setTimeout(go, 100);
+      const watched = new MutationObserver(() => {
+        if (!place.querySelector("section, [role=alert]")) return;
+        watched.disconnect();
+        go();
+      });
+      watched.observe(place, { childList: true });
+    },
   },
 });
 

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from functools import partial
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, dcc, html
+from dash import ALL, Input, Output, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
-from selector.number_text import number_text
-from selector.quality.survey import duration
 from selector.study import DiagnoseSection
+from selector.telling.diagnosed.account import diagnosis_account
+from selector.telling.diagnosed.document import diagnosis_of
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
+from selector.workbench.boxes import Box, Boxes, several
 from selector.workbench.commands import DIAGNOSIS, diagnosis_arguments
 from selector.workbench.typed import FIELDS
 
@@ -29,22 +28,29 @@ _FILES = (
     ("model.json", "Model for a control"),
     ("study.toml", "Study file"),
 )
-_BOXES = (f"{ID}-holdout", f"{ID}-false_alarm")
 _LEAST, _MOST = 1e-9, 0.2
-_GOOD = ("missing-physics", "nothing-missing")
+
+
+def _boxes(bench: Bench) -> Boxes:
+    default, title = DiagnoseSection(), FIELDS["--false-alarm"]
+    boxes = (
+        several("responses", "Channels to compare", "None: all that are simulated."),
+        Box(
+            "holdout", FIELDS["--holdout"], "last, the name of a run, or a share such as 0.3",
+            lambda text: (text or "").strip() or default.holdout,
+        ),
+        Box(
+            "false_alarm", title, "probability of naming something where nothing is",
+            lambda text: typed.number(text, title, _LEAST, _MOST) if text else default.false_alarm,
+            lambda probability: f"{probability:.12g}",
+        ),
+    )  # fmt: skip
+    return Boxes(ID, boxes, lambda: bench.diagnosis, bench.choose_diagnosis)
 
 
 def layout(bench: Bench) -> Component:
     """Simulated runs, options, Start, and the answer."""
-    asked = bench.diagnosis
-    channels = dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True)
-    notes = ("last, the name of a run, or a share such as 0.3", "probability of naming something where nothing is")
-    boxes = (parts.typed_text(box, text) for box, text in zip(_BOXES, _texts(bench), strict=True))
-    titles = (FIELDS["--holdout"], FIELDS["--false-alarm"])
-    fields = [
-        parts.field("Channels to compare", channels, "None: all that are simulated."),
-        *map(parts.field, titles, boxes, notes),
-    ]
+    boxes = _boxes(bench)
     drop = parts.drop_zone(
         "simulation",
         "Choose simulated runs …",
@@ -55,10 +61,10 @@ def layout(bench: Bench) -> Component:
             html.H1("What the simulation left out"),
             drop,
             html.Div(id=f"{ID}-files"),
-            html.Div(fields, className="fields"),
-            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
-            html.Div(id=f"{ID}-answer"),
-            dcc.Store(id=f"{ID}-answered", data=None),
+            html.Div(boxes.fields(), className="fields"),
+            parts.start_row(ID),
+            *parts.answer_place(ID),
+            boxes.followed(),
         ]
     )
 
@@ -91,35 +97,16 @@ def register(app: dash.Dash, bench: Bench) -> None:
                 bench.drop_simulated(files[name])
             parts.tell(bench)
 
-    def take(responses: list[str] | None, holdout: str | None, false_alarm: str | None) -> None:
-        with parts.typed_over(_BOXES, [holdout, false_alarm], lambda: _texts(bench)) as read:
-            default = DiagnoseSection()
-            probability = default.false_alarm
-            if false_alarm:
-                typed_one = partial(typed.number, false_alarm, FIELDS["--false-alarm"], _LEAST, _MOST)
-                probability = read(typed_one, bench.diagnosis.false_alarm)
-            said = (holdout or "").strip() or default.holdout
-            if bench.choose_diagnosis(responses=tuple(responses or ()), holdout=said, false_alarm=probability):
-                parts.tell(bench)
-
-    fields = tuple((f"{ID}-{name}", "value") for name in ("responses", "holdout", "false_alarm"))
-    form = parts.Form(fields, take)
-    form.register(app)
+    form = _boxes(bench).register(app, bench)
     missing = OptionError(
         "nothing to compare",
         expected="recordings that can be read, and simulated runs of the same names",
         where=TITLE,
         advice="load recordings on the first page, and simulated runs here",
     )
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: DIAGNOSIS, missing, [form])
-    parts.register_answer(
-        app, bench, ID, TITLE, lambda: f"{DIAGNOSIS}/report.html", lambda stamp: _answered(bench, stamp)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, command, lambda _: DIAGNOSIS, missing, [form], answered=_answered)
     )
-
-
-def _texts(bench: Bench) -> list[str]:
-    """What stands in `_BOXES` when they say what counts."""
-    return [bench.diagnosis.holdout, f"{bench.diagnosis.false_alarm:.12g}"]
 
 
 def _files(bench: Bench) -> Component:
@@ -138,45 +125,18 @@ def _files(bench: Bench) -> Component:
     return parts.table(["simulated", "recorded run", ""], rows, name="files")
 
 
-def _answered(bench: Bench, stamp: str) -> Component | None:
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{DIAGNOSIS}/diagnosis.json")
     if result is None:
         return None
-    there = [(name, text) for name, text in _FILES if (bench.folder / DIAGNOSIS / name).is_file()]
-    links = [parts.download(f"{DIAGNOSIS}/{name}", text) for name, text in there]
-    look = "advice" if result["verdict"] in _GOOD else "advice bad"
-    effects = [_effect(effect) for effect in result["effects"]]
-    columns = ["channel", "unit", "as it is", "recalibrated", "with what was found", "noise"]
-    places = ["channel", "run", "from", "to", "when", "share"]
+    about = (
+        "Where they differ, how much better it gets and the evidence: the report. Drag across one of its pictures, and "
+        "the same stretch of time is marked in all of them."
+    )
     return parts.section(
         "The answer",
-        html.Div([html.P(result.get("headline") or result["verdict"], className="first"), *effects], className=look),
-        parts.table(columns, _fits(result), numeric=columns[2:], caption="RMS error on what was held out"),
-        parts.table(places, _places(result), numeric=["share"], caption="Where they differ"),
-        html.Div([html.Span("Save: "), *links], className="row"),
+        *parts.told(diagnosis_account(diagnosis_of(result), is_alone=True), ["effects"]),
+        parts.saved(bench, DIAGNOSIS, _FILES),
+        html.P(about, className="about"),
         parts.framed(f"{DIAGNOSIS}/report.html", "Report of the diagnosis", stamp),
     )
-
-
-def _effect(effect: Mapping[str, Any]) -> Component:
-    sure = f"{effect['confidence']:.0%} sure" + (", suspected only" if effect.get("suspected") else "")
-    lines = [
-        html.P([html.Code(effect["id"]), f" {effect['statement']} ({sure}; {effect['share']:.0%} of the difference)"])
-    ]
-    if effect["cannot_be_told_from"]:
-        others = ", ".join(effect["cannot_be_told_from"])
-        lines.append(html.P(f"It cannot be told from {others}. What would tell: {effect['experiment']}"))
-    return html.Div(lines)
-
-
-def _fits(result: Mapping[str, Any]) -> Iterator[list[Any]]:
-    for name, fit in result["fit"].items():
-        held = fit["heldout"]
-        errors = (held["rmse_before"], fit.get("recalibrated_heldout_rmse"), held["rmse_after"], held["noise_floor"])
-        yield [name, fit["unit"], *("–" if error is None else number_text(error) for error in errors)]
-
-
-def _places(result: Mapping[str, Any]) -> Iterator[list[Any]]:
-    for place in result["where"]:
-        times = ("" if place[key] is None else duration(place[key]) for key in ("from_s", "to_s"))
-        yield [place["channel"], place["run"] or "all", *times, place["regime"] or "", f"{place['share']:.0%}"]

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html
+from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
+from selector.number_text import number_text
+from selector.selection.result_file import FindingPart
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
+from selector.workbench.boxes import Box, Boxes, Column, Rows, one_of, several, tick
 from selector.workbench.commands import DIAGNOSIS, SELECTION, export_command
-from selector.workbench.saved_study import SHEET, model_at, other_than_exported
+from selector.workbench.saved_study import MODEL, SHEET, model_at
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "export", "Export"
 
 _KINDS = ("clamp", "slew")
+_WHAT = {
+    SHEET: "commissioning sheet: print it, and follow it at the machine",
+    MODEL: "the model, as exported",
+}
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
 _LIMITS = (
@@ -39,39 +48,50 @@ _SIGN = (
 )
 
 
+def _boxes(bench: Bench) -> Boxes:
+    def replayed(paths: list[str] | None) -> tuple[Path, ...] | None:
+        chosen = tuple(path for path in bench.used if str(path) in (paths or ()))
+        return None if chosen == bench.used else chosen
+
+    def shown(_: Any) -> list[str]:
+        return [str(path) for path in _replayed(bench)]
+
+    models = Box("model", "Model", read=lambda model: model or "", control=partial(_menu, []))
+    note = "The program is executed on them and compared with the model, sample by sample."
+    targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
+    target = one_of("target", "Control", list(TARGETS))
+    tested = (
+        "As st:1a2b3c4d, 8 digits or more from its head; no other program, control or sign is then called verified."
+    )
+    boxes = (
+        models,
+        replace(target, control=partial(_menu, targets)),
+        replace(several("replayed", "Recordings to run through the program", note), read=replayed, shown=shown),
+        tick("is_sign_verified", FIELDS["--sign-verified"]),
+        Box("tested", FIELDS["--tested"], tested),
+    )
+    return Boxes(ID, boxes, lambda: bench.export, bench.choose_export)
+
+
+def _menu(options: list[Any], box: str, value: str) -> Component:
+    return dcc.Dropdown(id=box, options=options, value=value or None, clearable=False)
+
+
 def layout(bench: Bench) -> Component:
     """Model, control, replay, sign, Start, and the files."""
-    asked = bench.export
-    targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
-    fields = [
-        parts.field("Model", dcc.Dropdown(id=f"{ID}-model", options=[], value=asked.model or None, clearable=False)),
-        parts.field("Control", dcc.Dropdown(id=f"{ID}-target", options=targets, value=asked.target, clearable=False)),
-        parts.field(
-            "Recordings to run through the program",
-            dcc.Dropdown(id=f"{ID}-replayed", options=[], value=[], multi=True),
-            "The program is executed on them and compared with the model, sample by sample.",
-        ),
-    ]
-    sign = dcc.Checklist(
-        id=f"{ID}-sign",
-        options=[{"label": FIELDS["--sign-verified"], "value": "verified"}],
-        value=["verified"] if asked.is_sign_verified else [],
-    )
-    tested = parts.field(
-        FIELDS["--tested"],
-        parts.typed_text(f"{ID}-tested", asked.tested),
-        "As st:1a2b3c4d, 8 digits or more from its head; no other program, control or sign is then called verified.",
-    )
+    boxes = _boxes(bench)
+    sign, tested = boxes.fields(["is_sign_verified", "tested"])
     return html.Div(
         [
             html.H1("Program for a control"),
-            html.Div(fields, className="fields wide"),
+            html.Div(boxes.fields(["model", "target", "replayed"]), className="fields wide"),
             html.Div(id=f"{ID}-outputs"),
             html.Div([sign, html.P(_SIGN, className="about"), html.Div(tested, className="fields wide")]),
-            html.Div([html.Button("Export", id=f"{ID}-start", className="main")], className="row"),
+            parts.start_row(ID, "Export"),
             html.Div(id=f"{ID}-earlier", role="status"),
-            html.Div(id=f"{ID}-answer"),
-            dcc.Store(id=f"{ID}-answered", data=None),
+            *parts.answer_place(ID),
+            boxes.followed(),
+            _rows(bench).followed(),
             dcc.Store(id=f"{ID}-shown", data=None),
         ]
     )
@@ -83,49 +103,33 @@ def command(bench: Bench) -> tuple[str, ...] | None:
     if asked.model not in _models(bench):
         return None
     asked = asked.of([output["name"] for output in _outputs(bench, asked.model)])
+    asked = replace(asked, replayed=_replayed(bench))
     return export_command(bench.folder, asked, bench.machine, bench.overrides)
 
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """What is asked goes to the bench as soon as it is changed, so that the command shows it."""
 
-    @app.callback(
-        Output(f"{ID}-model", "options"),
-        Output(f"{ID}-model", "value"),
-        Output(f"{ID}-replayed", "options"),
-        Output(f"{ID}-replayed", "value"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-model", "value"),
-    )
-    def _show(_: int, model: str | None) -> tuple[Any, ...]:
+    @app.callback(Output(f"{ID}-model", "options"), Output(f"{ID}-replayed", "options"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> tuple[list[str], list[dict[str, str]]]:
         models = _models(bench)
-        runs = [{"label": path.name, "value": str(path)} for path in bench.used]
-        replayed = [str(path) for path in bench.export.replayed if path in bench.used]
-        return models, model if model in models else next(iter(models), None), runs, replayed
+        if models and bench.export.model not in models and bench.choose_export(model=models[0]):
+            parts.tell(bench)
+        return models, [{"label": path.name, "value": str(path)} for path in bench.used]
 
     @app.callback(
         Output(f"{ID}-outputs", "children"),
         Output(f"{ID}-shown", "data"),
         Input(parts.REVISION, "data"),
         State(f"{ID}-shown", "data"),
-        *(State({"type": f"{ID}-{kind}", "output": ALL}, "value") for kind in _KINDS),
-        State({"type": f"{ID}-invert", "output": ALL}, "id"),
     )
-    def _show_outputs(
-        _: int, shown: Any, clamps: list[str | None], slews: list[str | None], ids: list[dict[str, str]]
-    ) -> tuple[Any, Any]:
+    def _show_outputs(_: int, shown: Any) -> tuple[Any, Any]:
         asked = bench.export
         outputs = _outputs(bench, asked.model)
         now = [asked.model, TARGETS[asked.target].has_guard, outputs]
         if now == shown:
             raise dash.exceptions.PreventUpdate
-        # what was refused stays in the fields of the other control
-        typed_texts = {
-            (kind, one["output"]): text or ""
-            for kind, texts in zip(_KINDS, (clamps, slews), strict=True)
-            for one, text in zip(ids, texts, strict=True)
-        }
-        return _limits(bench, outputs, typed_texts) if outputs else None, now
+        return _limits(bench, outputs) if outputs else None, now
 
     @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
     def _earlier(_: int) -> Component | None:
@@ -134,81 +138,67 @@ def register(app: dash.Dash, bench: Bench) -> None:
         files = bench.folder / bench.export.folder
         if now is None or not (files / SHEET).is_file():
             return None
+        if (bench.folder / bench.export.model).stat().st_mtime_ns > (files / SHEET).stat().st_mtime_ns:
+            return parts.asked_otherwise(["the model"], "files below were written", "Export")
         jobs = [job for job in bench.jobs.all if job.state == "done" and job.out == files]
-        then = jobs[-1].command if jobs else None
-        return parts.asked_otherwise(
-            other_than_exported(files, bench.folder / bench.export.model, bench.export, now, then),
-            "files below were written",
-            "Export",
-        )
+        if not jobs:
+            return html.P("An earlier session wrote the files below; with which settings, their sheet says.")
+        others = sorted({_field_of(words) for words in _options(now) ^ _options(jobs[-1].command)})
+        return parts.asked_otherwise(others, "files below were written", "Export")
 
-    forms = (_limits_form(bench), _form(bench))
-    for form in forms:
-        form.register(app)
+    forms = (_rows(bench).register(app, bench), _boxes(bench).register(app, bench))
     missing = OptionError(
         "no model in the study folder",
         expected="a model.json of a selection or of a diagnosis",
         where=TITLE,
         advice="run a selection first",
     )
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: bench.export.folder, missing, forms)
-
-    def answered(stamp: str) -> Component | None:
-        return _files(bench.folder / bench.export.folder, stamp)
-
-    parts.register_answer(app, bench, ID, TITLE, lambda: f"{bench.export.folder}/{SHEET}", answered, is_open=True)
-
-
-def _form(bench: Bench) -> parts.Form:
-    def take(model: str | None, target: str, replayed: list[str] | None, sign: list[str], tested: str | None) -> None:
-        if bench.choose_export(
-            model=model or "",
-            target=target if target in TARGETS else "c",
-            replayed=tuple(path for path in bench.used if str(path) in (replayed or ())),
-            is_sign_verified=bool(sign),
-            tested=(tested or "").strip(),
-        ):
-            parts.tell(bench)
-
-    names = ("model", "target", "replayed", "sign", "tested")
-    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take)
+    parts.register_task(
+        app,
+        bench,
+        parts.Task(ID, TITLE, command, lambda _: bench.export.folder, missing, forms, SHEET, _answered, True),
+    )
 
 
-def _limits_form(bench: Bench) -> parts.Form:
-    def take(
-        clamps: list[str | None],
-        slews: list[str | None],
-        inverts: list[list[str]],
-        ids: list[dict[str, str]],
-        target: str,
-    ) -> None:
-        names = [one["output"] for one in ids]
-        boxes = [{"type": f"{ID}-{kind}", "output": name} for kind in _KINDS for name in names]
-        inverted = tuple(name for name, ticks in zip(names, inverts, strict=True) if ticks)
-        if target in TARGETS and not TARGETS[target].has_guard:
+def _options(command: Sequence[str]) -> set[tuple[str, str]]:
+    """(option, value) of a command; a flag has the next word, or none, for its value."""
+    return {(word, value) for word, value in pairwise((*command, "")) if word.startswith("--") and word != "--json"}
+
+
+def _field_of(option: tuple[str, str]) -> str:
+    """What a field that decides an option is called, with the output that it is about."""
+    title = FIELDS.get(option[0], option[0])
+    return f"{title} of {option[1].partition('=')[0]}" if "=" in option[1] else title
+
+
+def _rows(bench: Bench) -> Rows:
+    def limit(kind: str, key: str, option: str, unit: str) -> Column:
+        def now(name: str) -> float | None:
+            return getattr(bench.export, key).get(name)
+
+        def read(text: str | None, name: str) -> float | None:
             # what stands in fields that cannot be typed into is not judged
-            if bench.choose_export(inverted=inverted):
-                parts.tell(bench)
-            return
-        asked = bench.export
-        with parts.typed_over(boxes, [*clamps, *slews], lambda: _texts(bench, names)) as read:
+            if not TARGETS[bench.export.target].has_guard:
+                return now(name)
+            title = f"{FIELDS[option]} of {name}"
+            return typed.number(text, title, _LEAST_LIMIT, _LARGEST_LIMIT, unit) if text else None
 
-            def limits(texts: list[str | None], title: str, unit: str, now: Mapping[str, float]) -> dict[str, float]:
-                found = {
-                    name: read(partial(_limit, text, f"{title} of {name}", unit), now.get(name))
-                    for name, text in zip(names, texts, strict=True)
-                }
-                return {name: limit for name, limit in found.items() if limit is not None}
+        return Column(kind, read, now, lambda value: "" if value is None else f"{value:.12g}")
 
-            if bench.choose_export(
-                clamp_um=limits(clamps, FIELDS["--clamp"], "µm", asked.clamp_um),
-                slew_um_per_s=limits(slews, FIELDS["--slew"], "µm/s", asked.slew_um_per_s),
-                inverted=inverted,
-            ):
-                parts.tell(bench)
+    def choose(columns: dict[str, dict[str, Any]]) -> bool:
+        clamps, slews = ({name: one for name, one in columns[kind].items() if one is not None} for kind in _KINDS)
+        turned = tuple(name for name, is_turned in columns["invert"].items() if is_turned)
+        return bench.choose_export(clamp_um=clamps, slew_um_per_s=slews, inverted=turned)
 
-    fields = tuple(({"type": f"{ID}-{kind}", "output": ALL}, "value") for kind in (*_KINDS, "invert"))
-    return parts.Form(fields, take, (({"type": f"{ID}-invert", "output": ALL}, "id"), (f"{ID}-target", "value")))
+    columns = (
+        limit("clamp", "clamp_um", "--clamp", "µm"),
+        limit("slew", "slew_um_per_s", "--slew", "µm/s"),
+        Column(
+            "invert", lambda ticks, _: bool(ticks), lambda name: name in bench.export.inverted,
+            lambda is_turned: ["invert"] * is_turned, list[str],
+        ),
+    )  # fmt: skip
+    return Rows(ID, columns, lambda: [one["name"] for one in _outputs(bench, bench.export.model)], choose)
 
 
 def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:
@@ -229,49 +219,29 @@ def _outputs(bench: Bench, model: str) -> list[dict[str, Any]]:
     ]
 
 
-def _limits(
-    bench: Bench, outputs: Sequence[Mapping[str, Any]], typed_texts: Mapping[tuple[str, str], str]
-) -> Component:
-    """A row for each output: its limits as they were typed, or as they count; and whether it is turned round."""
+def _limits(bench: Bench, outputs: Sequence[Mapping[str, Any]]) -> Component:
+    """A row for each output: its limits as they count; and whether it is turned round."""
     has_guard = TARGETS[bench.export.target].has_guard
-    names = [output["name"] for output in outputs]
-    texts = _texts(bench, names)
-    rows = []
-    for number, output in enumerate(outputs):
+    shown, rows = [], _rows(bench)
+    counting = rows.counting()
+    for output in outputs:
         name = output["name"]
-        clamp, slew = (
-            parts.typed_text(
-                {"type": f"{ID}-{kind}", "output": name}, typed_texts.get((kind, name), text),
-                disabled=not has_guard, placeholder=output[key],
-            )
-            for kind, key, text in (
-                ("clamp", "clamp_um", texts[number]), ("slew", "slew_um_per_s", texts[len(names) + number])
-            )
-        )  # fmt: skip
-        tick = dcc.Checklist(
-            id={"type": f"{ID}-invert", "output": name},
-            options=[{"label": "", "value": "invert"}],
-            value=["invert"] if name in bench.export.inverted else [],
-        )
-        rows.append([html.Span(name, className="name"), clamp, slew, tick])
+        boxes = zip(rows.boxes(name), counting[name], ("clamp_um", "slew_um_per_s", ""), strict=True)
+        *limits, (box, value, _) = boxes
+        cells = [
+            parts.typed_text(box, text, disabled=not has_guard, placeholder=output[key]) for box, text, key in limits
+        ]
+        ticked = dcc.Checklist(id=box, options=[{"label": "", "value": "invert"}], value=value)
+        shown.append([html.Span(name, className="name"), *cells, ticked])
     columns = ["output", f"{FIELDS['--clamp']} [µm]", f"{FIELDS['--slew']} [µm/s]", FIELDS["--invert"]]
     note = _LIMITS if has_guard else _NO_LIMITS
-    return html.Div([parts.table(columns, rows, name="channels sensors"), html.P(note, className="about")])
+    return html.Div([parts.table(columns, shown, name="channels sensors"), html.P(note, className="about")])
 
 
-def _texts(bench: Bench, names: Sequence[str]) -> list[str]:
-    """What stands in the fields of the limits: all largest corrections, then all fastest changes."""
-    asked = bench.export
-    return [
-        f"{values[name]:.12g}" if name in values else ""
-        for values in (asked.clamp_um, asked.slew_um_per_s)
-        for name in names
-    ]
-
-
-def _limit(text: str | None, where: str, unit: str) -> float | None:
-    """The limit that was typed; none where nothing was."""
-    return typed.number(text, where, _LEAST_LIMIT, _LARGEST_LIMIT, unit) if text else None
+def _replayed(bench: Bench) -> tuple[Path, ...]:
+    """The recordings that are run through the program, of those that are used."""
+    asked = bench.export.replayed
+    return tuple(path for path in bench.used if asked is None or path in asked)
 
 
 def _models(bench: Bench) -> list[str]:
@@ -279,22 +249,46 @@ def _models(bench: Bench) -> list[str]:
     return [place for place in places if (bench.folder / place).is_file()]
 
 
-def _files(folder: Path, stamp: str) -> Component | None:
-    """Every file as text, and the sheet in a frame; None: nothing was exported."""
+def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Component | None:
+    """A table of the files, how the replay went, every program as text, and the sheet; None: nothing was exported."""
+    name = bench.export.folder
+    folder = bench.folder / name
     if not (folder / SHEET).is_file():
         return None
-    texts = [path for path in sorted(folder.iterdir()) if path.is_file() and path.suffix not in (".html", ".json")]
-    links = [
-        parts.download(f"{folder.name}/{path.name}", path.name)
-        for path in sorted(folder.iterdir())
-        if path.is_file() and not path.name.startswith(".")
+    files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+    texts = [path for path in files if path.suffix not in (".html", ".json")]
+    rows = [
+        [
+            parts.download(f"{name}/{path.name}", path.name),
+            _WHAT.get(path.name, "program"),
+            path.stat().st_size,
+        ]
+        for path in files
     ]
+    findings = [] if said is None else [FindingPart.model_validate(one).finding() for one in said["findings"]]
     return parts.section(
-        f"Files in {folder.name}",
-        html.Div([html.Span("Save: "), *links], className="row"),
+        f"Files in {name}",
+        parts.table(["file", "what it is", "bytes"], rows, numeric=["bytes"], name="files"),
+        html.H3("Replay"),
+        html.P(_replay_text(said)),
+        *([html.H3("Before you use it"), parts.remarks(findings)] if findings else []),
         *(_text(path, number) for number, path in enumerate(texts)),
         html.H3("Commissioning sheet"),
-        parts.framed(f"{folder.name}/{SHEET}", "Commissioning sheet", stamp),
+        parts.framed(f"{name}/{SHEET}", "Commissioning sheet", stamp),
+    )
+
+
+def _replay_text(said: Mapping[str, Any] | None) -> str:
+    """How far the program is from the model, in a sentence."""
+    if said is None:
+        return "What the replay said stands in the commissioning sheet below."
+    replay = said["replay"]
+    if replay is None:
+        return "Nothing was replayed: choose recordings above, or see the findings."
+    apart = number_text(replay["max_abs_difference_um"])
+    return (
+        f"The program was run on {replay['rows']} samples by {replay['executed_by']}; it differs from the model by at "
+        f"most {apart} µm."
     )
 
 

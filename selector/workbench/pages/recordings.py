@@ -1,7 +1,8 @@
-"""Recordings: load them, see how they were read and what was guessed, and correct that by hand."""
+"""Recordings: load them, see what is wrong with them and how they were read, and correct that by hand."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import dash
@@ -9,13 +10,26 @@ from dash import ALL, Input, Output, State, dcc, html, no_update
 from dash.development.base_component import Component
 
 from selector.figures.simulated.thermal import courses
+from selector.findings import Finding
+from selector.quality import stretches
 from selector.quality.survey import duration
 from selector.readers import Overrides
 from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import option_of, told_path
-from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, row_of, rows_of
+from selector.workbench.examples import EXAMPLES, open_example
+from selector.workbench.readable import (
+    CELLS,
+    NO_CHANNEL,
+    Row,
+    corrected,
+    excerpt,
+    is_fault,
+    repaired,
+    row_of,
+    rows_of,
+)
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
@@ -31,7 +45,7 @@ _GUESS = "* guessed, nobody said it"
 
 
 def layout(bench: Bench) -> Component:
-    """Files, how they were read, channels, courses, findings."""
+    """Files, what is wrong with them, how they were read, channels, courses, what else was found."""
     drop = parts.drop_zone(
         "recordings",
         "Choose recordings …",
@@ -50,6 +64,7 @@ def layout(bench: Bench) -> Component:
             html.H1("Recordings"),
             drop,
             html.Div(id=f"{ID}-files"),
+            html.Div(id=f"{ID}-faults"),
             html.Div(id=f"{ID}-reading"),
             html.Div(read, id=f"{ID}-read", hidden=True),
             dcc.Store(id=f"{ID}-shown", data=None),
@@ -69,6 +84,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
     @app.callback(
         Output(f"{ID}-read", "hidden"),
+        Output(f"{ID}-faults", "children"),
         Output(f"{ID}-reading", "children"),
         Output(f"{ID}-channels", "children"),
         Output(f"{ID}-findings", "children"),
@@ -85,13 +101,15 @@ def register(app: dash.Dash, bench: Bench) -> None:
             raise dash.exceptions.PreventUpdate
         reading = material.reading
         if reading is None:
-            return (True, _way(bench) if bench.loaded else None, None, None, [], None, material.number)
+            return (True, None, _way(bench) if bench.loaded else None, None, None, [], None, material.number)
         runs = [one.name for one in reading.runs]
+        others = [one for one in material.findings if not is_fault(one)]
         return (
             False,
+            _faults(bench),
             _way(bench),
             _channels(rows_of(reading)),
-            parts.section("Findings", parts.remarks(material.findings)) if material.findings else None,
+            parts.section("What else was found", parts.remarks(others)) if others else None,
             runs,
             run if run in runs else runs[0],
             material.number,
@@ -105,7 +123,13 @@ def register(app: dash.Dash, bench: Bench) -> None:
         file = next(one.file for one in reading.runs if one.name == run)
         lines = excerpt(file, reading.reading)
         first = [html.H3("The first lines of the file"), html.Pre(lines, tabIndex=0)] if lines else []
-        return [parts.graph(courses(reading.recording, run)), *first]
+        faults: dict[str | None, list[tuple[float, float]]] = {}
+        for one in filter(is_fault, bench.material.findings):
+            if one.where.run in (None, run):
+                ends = (one.where.from_s, one.where.to_s)
+                whole = (0.0 if ends[0] is None else ends[0], math.inf if ends[1] is None else ends[1])
+                faults.setdefault(one.where.channel, []).extend(stretches(one) or [whole])
+        return [parts.graph(courses(reading.recording, run, faults)), *first]
 
 
 def _register_files(app: dash.Dash, bench: Bench) -> None:
@@ -117,7 +141,15 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
         if bench.loaded:
             return [_table_of_files(bench), *below]
         none = "No recordings yet. The preview will say what was inferred: encoding, separator, clock, units, roles."
-        return html.P(none, className="about")
+        opens = [html.Button(one.title, id={"type": f"{ID}-example", "folder": one.folder}) for one in EXAMPLES]
+        return [html.P(none, className="about"), html.H2("Or open an example"), html.Div(opens, className="row")]
+
+    @app.callback(Input({"type": f"{ID}-example", "folder": ALL}, "n_clicks"), prevent_initial_call=True)
+    def _example(clicks: list[int | None]) -> None:
+        name = str(dash.ctx.triggered_id["folder"]) if any(clicks) else ""
+        if name in {one.folder for one in EXAMPLES}:
+            open_example(bench, name)
+            parts.tell(bench)
 
     @app.callback(Input({"type": f"{ID}-use", "file": ALL}, "value"), prevent_initial_call=True)
     def _use(ticked: list[list[str] | None]) -> None:
@@ -128,6 +160,20 @@ def _register_files(app: dash.Dash, bench: Bench) -> None:
 
 
 def _register_corrections(app: dash.Dash, bench: Bench) -> None:
+    @app.callback(Input({"type": f"{ID}-repair", "finding": ALL, "of": ALL}, "n_clicks"), prevent_initial_call=True)
+    def _repair(clicks: list[int | None]) -> None:
+        material = bench.material
+        asked = dash.ctx.triggered_id if any(clicks) else {}
+        number = asked.get("finding")
+        # what was clicked may be of a reading before
+        if material.reading is None or asked.get("of") != material.number or not isinstance(number, int):
+            return
+        chosen = material.findings[number : number + 1] if number >= 0 else tuple(filter(is_fault, material.findings))
+        machine = repaired(material.reading, *chosen)
+        if machine is not None:
+            bench.correct(machine)
+        parts.tell(bench)
+
     @app.callback(
         Output(f"{ID}-corrected", "children"),
         Input(f"{ID}-correct", "n_clicks"),
@@ -163,6 +209,41 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
             parts.tell(bench)
 
 
+def _faults(bench: Bench) -> Component | None:
+    """What is wrong with the data, and a button for each repair that is proposed, or was made."""
+    material = bench.material
+    reading = material.reading
+    positions = {id(one): k for k, one in enumerate(material.findings)}
+    shown = [one for one in material.findings if is_fault(one) or one.id == "run-repaired"]
+    if reading is None or not shown:
+        return None
+
+    def button(text: str, number: int) -> Component:
+        return html.Button(text, id={"type": f"{ID}-repair", "finding": number, "of": material.number})
+
+    def beside(finding: Finding) -> list[Any]:
+        text = _repair_text(finding)
+        is_repair = text and repaired(reading, finding) is not None
+        return [html.P(button(text, positions[id(finding)]))] if is_repair else []
+
+    repairs = [one for one in shown if is_fault(one) and beside(one)]
+    every = [html.Div(button("Make all of these repairs", -1), className="row")] if len(repairs) > 1 else []
+    note = (
+        "Shaded in the curves below. What is left out of a selection is said; the files themselves are never changed."
+    )
+    return parts.section("What is wrong with the data", *every, parts.remarks(shown, beside), note=note)
+
+
+def _repair_text(finding: Finding) -> str:
+    """What a click repairs, or takes back; nothing where there is no such repair."""
+    where, evidence = finding.where, finding.evidence
+    if finding.id == "run-repaired":
+        return f"Take the repair of {where.run} back"
+    if "other" in evidence:
+        return f"Repair: exchange {where.channel} and {evidence['other']} in {where.run}"
+    return f"Repair: read {where.channel} in {where.run} as {evidence['unit']}" if "unit" in evidence else ""
+
+
 def _table_of_files(bench: Bench) -> Component:
     reading = bench.material.reading
     runs: dict[str, list[Any]] = {}
@@ -178,7 +259,11 @@ def _table_of_files(bench: Bench) -> Component:
         if own:
             facts = [sum(run.rows for run in own), duration(sum(run.duration_s for run in own))]
             facts += [duration(own[0].period_s), (own[0].start or "").replace("T", " ")]
+        names = {run.name for run in own}
+        wrong = [finding for finding in bench.material.findings if is_fault(finding) and finding.where.run in names]
         state: Any = html.Span(is_read if one.is_used else "left out", className="about")
+        if wrong:
+            state = html.Strong(f"{len(wrong)} fault{'s' * (len(wrong) != 1)}", className="wrong")
         if one.problem is not None:
             state = html.Strong("cannot be read, see below")
         rows.append([tick, one.path.name, *facts, state])

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import dash
-from dash import Input, Output, State, dcc, html, set_props
+from dash import Input, Output, html
 from dash.development.base_component import Component
 
-from selector.recording import SENSOR_ROLES
+from selector.number_text import number_text
 from selector.selection import Options
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
-from selector.workbench.commands import SELECTION, option_arguments
-from selector.workbench.pages import wished
+from selector.workbench.boxes import Box, Boxes, one_of, several, tick
+from selector.workbench.commands import SELECTION, option_arguments, option_of
 from selector.workbench.saved_study import other_than_asked
-from selector.workbench.typed import FIELDS
+from selector.workbench.typed import FIELDS, in_words_of_fields
 
 ID, TITLE = "selection", "Selection"
 
@@ -25,14 +24,7 @@ _ABOUT = (
     "Sensors are grouped, one stands for each group, and sets of them are compared; the error that is reported is that "
     "of runs the model has not seen."
 )
-_DEFAULT = Options()
-_NUMBERS = (("max_sensors", FIELDS["--max-sensors"]), ("rounds", FIELDS["--rounds"]))
-_RAISED = f"{ID}-raised"  #: Store: the rounds that several λ ask for, and those that were asked before.
-
-_BOXES = (f"{ID}-level", *(f"{ID}-{name}" for name, _ in _NUMBERS))
-_TICKS = tuple(
-    (name, FIELDS[f"--{name.replace('_', '-')}"]) for name in ("interactions", "memory", "ridge", "absolute_similarity")
-)
+_TICKS = ("interactions", "memory", "ridge", "absolute_similarity")
 _FILES = (
     ("report.html", "Report"),
     ("model.json", "Model"),
@@ -41,40 +33,58 @@ _FILES = (
 )
 
 
+def _boxes(bench: Bench) -> Boxes:
+    default = Options()
+
+    def whole(name: str, option: str) -> Box:
+        title = FIELDS[option]
+        return Box(name, title, read=lambda text: typed.whole(text, title) if text else getattr(default, name))
+
+    def choose(**changes: Any) -> bool:
+        """Several λ raise the rounds, and give them back when they go."""
+        before, levels = bench.options, changes["level"]
+        if isinstance(before.level, tuple) and changes["rounds"] == before.rounds == len(before.level):
+            changes["rounds"] = 1
+        if isinstance(levels, tuple):
+            changes["rounds"] = max(changes["rounds"], len(levels))
+        return bench.choose(**changes)
+
+    boxes = (
+        several("responses", FIELDS["--response"], "None: all that are there."),
+        Box(
+            "target", FIELDS["--target"], "the fewest sensors that reach it on unseen runs; empty: as good as any",
+            lambda text: typed.above_zero(text, FIELDS["--target"], "µm"),
+            lambda target: "" if target is None else f"{target:.12g}",
+        ),
+        Box(
+            "level", FIELDS["--lambda"], "auto, a number from 0 to 1, or one for each round: 0.99, 0.95", _levels,
+            _level_text,
+        ),
+        whole("max_sensors", "--max-sensors"),
+        whole("rounds", "--rounds"),
+        one_of("degree", FIELDS["--degree"], ["1", "2", "3"], int),
+        one_of("reference", FIELDS["--reference"], ["rise", "absolute"]),
+        *(tick(name, FIELDS[option_of(name)]) for name in _TICKS),
+    )  # fmt: skip
+    return Boxes(ID, boxes, lambda: bench.options, choose)
+
+
 def layout(bench: Bench) -> Component:
-    """Options, sensors, Start, and the answer."""
-    asked = bench.options
-    fields = [
-        parts.field(
-            FIELDS["--response"],
-            dcc.Dropdown(id=f"{ID}-responses", options=[], value=list(asked.responses), multi=True),
-            "None: all that are there.",
-        ),
-        parts.field(
-            FIELDS["--lambda"],
-            parts.typed_text(f"{ID}-level", _level_text(bench)),
-            "auto, a number from 0 to 1, or one for each round: 0.99, 0.95",
-        ),
-        *(parts.field(title, parts.typed_text(f"{ID}-{name}", str(getattr(asked, name)))) for name, title in _NUMBERS),
-        parts.field(FIELDS["--degree"], parts.choice(f"{ID}-degree", ["1", "2", "3"], str(asked.degree))),
-        parts.field(FIELDS["--reference"], parts.choice(f"{ID}-reference", ["rise", "absolute"], asked.reference)),
-    ]
-    ticks = [{"label": title, "value": name} for name, title in _TICKS]
-    ticked = [name for name, _ in _TICKS if getattr(asked, name)]
+    """Options, Start, and the answer."""
+    boxes = _boxes(bench)
+    typed_ones = [box.name for box in boxes.boxes if box.name not in _TICKS]
+    sensors: list[Any] = ["Sensors that must or must not be used: ", html.A("Sensors", href="#sensors"), "."]
     return html.Div(
         [
             html.H1("Selection of sensors, and the model"),
             html.P(_ABOUT, className="about"),
-            html.Div(fields, className="fields"),
-            dcc.Checklist(id=f"{ID}-ticks", options=ticks, value=ticked, className="ticks"),
-            html.Div(id=f"{ID}-sensors"),
-            html.Div([html.Button("Start", id=f"{ID}-start", className="main")], className="row"),
+            html.Div(boxes.fields(typed_ones), className="fields"),
+            html.Div(boxes.fields(_TICKS), className="ticks"),
+            html.P(sensors, className="about"),
+            parts.start_row(ID),
             html.Div(id=f"{ID}-earlier", role="status"),
-            html.Div(id=f"{ID}-answer"),
-            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("answered", "shown")),
-            dcc.Store(id=f"{ID}-followed", data=[list(asked.responses), *_texts(bench)]),
-            dcc.Store(id=_RAISED, data=None),
-            wished.followed(ID),
+            *parts.answer_place(ID),
+            boxes.followed(),
         ]
     )
 
@@ -88,139 +98,50 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
-    forms = (_form(bench), wished.form(bench, ID))
-    for form in forms:
-        form.register(app)
-    _register_following(app, bench)
+    form = _boxes(bench).register(app, bench)
 
-    @app.callback(
-        Output(f"{ID}-sensors", "children"),
-        Output(f"{ID}-shown", "data"),
-        Output(f"{ID}-responses", "options"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-shown", "data"),
-    )
-    def _show(_: int, shown: Any) -> tuple[Any, Any, list[str]]:
+    @app.callback(Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> list[str]:
         reading = bench.material.reading
-        now = bench.material.number
-        if now == shown:
-            raise dash.exceptions.PreventUpdate
-        if reading is None:
-            return None, now, []
-        return _sensors(bench), now, list(reading.recording.with_role("displacement"))
+        return [] if reading is None else list(reading.recording.with_role("displacement"))
 
     @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
     def _earlier(_: int) -> Component | None:
         """What was chosen since the answer below was made."""
         if bench.result(f"{SELECTION}/selection.json") is None:
             return None
-        others = other_than_asked(bench.folder / SELECTION, bench.options, bench.overrides, bench.used)
+        ways = (bench.options, bench.live.asked(bench.options))
+        found = (other_than_asked(bench.folder / SELECTION, one, bench.overrides, bench.used) for one in ways)
+        others = min(found, key=len)
         return parts.asked_otherwise(others, "answer below was asked", "Start")
 
     missing = parts.no_recordings(TITLE)
-    parts.register_start(app, bench, ID, TITLE, lambda: command(bench), lambda: SELECTION, missing, forms)
-    parts.register_answer(
-        app, bench, ID, TITLE, lambda: f"{SELECTION}/report.html", lambda stamp: _answered(bench, stamp)
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
     )
 
 
-def _form(bench: Bench) -> parts.Form:
-    def take(
-        responses: list[str] | None,
-        level: str | None,
-        degree: Literal["1", "2", "3"],
-        reference: Literal["rise", "absolute"],
-        ticks: list[str],
-        max_sensors: str | None,
-        rounds: str | None,
-        raised: list[int] | None,
-    ) -> None:
-        numbers = (max_sensors, rounds)
-        asked = bench.options
-        with parts.typed_over(_BOXES, [level, *numbers], lambda: _texts(bench)) as read:
-            counts = {
-                name: read(partial(typed.whole, text, title), getattr(asked, name)) if text else getattr(_DEFAULT, name)
-                for text, (name, title) in zip(numbers, _NUMBERS, strict=True)
-            }
-            levels = read(partial(_levels, level), asked.level)
-            # several λ raise the rounds, and give them back when they go
-            if raised and raised[0] == counts["rounds"]:
-                counts["rounds"] = raised[-1]
-            own = counts["rounds"]
-            if isinstance(levels, tuple) and len(levels) > own:
-                counts["rounds"] = len(levels)
-            set_props(_RAISED, {"data": [counts["rounds"], own] if counts["rounds"] > own else None})
-            flags = {name: name in ticks for name, _ in _TICKS}
-            if bench.choose(
-                responses=tuple(responses or ()),
-                level=levels,
-                degree=int(degree),
-                reference=reference,
-                **counts,
-                **flags,
-            ):
-                parts.tell(bench)
-
-    names = ("responses", "level", "degree", "reference", "ticks", *(name for name, _ in _NUMBERS))
-    return parts.Form(tuple((f"{ID}-{name}", "value") for name in names), take, ((_RAISED, "data"),))
-
-
-def _register_following(app: dash.Dash, bench: Bench) -> None:
-    """Other pages choose options, too."""
-    boxes = [f"{ID}-responses", *_BOXES]
-    wished.register_following(app, ID, lambda: wished.said_of(bench))
-
-    @app.callback(
-        Output(f"{ID}-followed", "data"),
-        Input(parts.REVISION, "data"),
-        State(f"{ID}-followed", "data"),
-        *(State(box, "value") for box in boxes),
-    )
-    def _follow(_: int, before: list[Any], *shown: Any) -> list[Any]:
-        now = [list(bench.options.responses), *_texts(bench)]
-        parts.follow(boxes, shown, before, now)
-        return now
-
-
-def _answered(bench: Bench, stamp: str) -> Component | None:
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{SELECTION}/selection.json")
     if result is None:
         return None
-    links = [parts.download(f"{SELECTION}/{name}", text) for name, text in _FILES]
     chosen = result["chosen"]
-    kept = [html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"), html.P(chosen["because"])]
+    errors = [f"{name} {number_text(model['heldout_rmse_um'])} µm" for name, model in result["models"].items()]
+    kept = [
+        html.P(f"Keep {', '.join(chosen['sensors'])}.", className="first"),
+        html.P(f"Error on runs that the model has not seen, rms: {', '.join(errors)}."),
+        html.P(in_words_of_fields(chosen["because"])),
+        html.P(["Next: ", html.A("the program for your control", href="#export"), "."]),
+    ]
     return parts.section(
         "The answer",
         html.Div(kept, className="advice"),
-        html.Div([html.Span("Save: "), *links], className="row"),
+        parts.saved(bench, SELECTION, _FILES),
         parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
     )
 
 
-def _sensors(bench: Bench) -> Component:
-    reading = bench.material.reading
-    if reading is None:
-        return html.Div()
-    asked = bench.options
-    rows = []
-    for channel in reading.recording.channels:
-        if channel.role not in SENSOR_ROLES:
-            continue
-        name = html.Span(channel.name, className="name")
-        rows.append([name, channel.place or "", *wished.controls(bench.options, ID, channel.name)])
-    summary = f"Sensors that must or must not be used, and what they cost ({len(rows)} sensors)"
-    restricted = bool(asked.must or asked.never or asked.cost)
-    table = parts.table(["sensor", "place", "use", "cost"], rows, name="channels sensors")
-    return html.Details([html.Summary(summary), table, parts.table_download("sensors")], open=restricted)
-
-
-def _texts(bench: Bench) -> list[str]:
-    """What stands in `_BOXES` when they say what counts."""
-    return [_level_text(bench), *(str(getattr(bench.options, name)) for name, _ in _NUMBERS)]
-
-
-def _level_text(bench: Bench) -> str:
-    level = bench.options.level
+def _level_text(level: float | tuple[float, ...] | None) -> str:
     levels: Sequence[float] = () if level is None else level if isinstance(level, tuple) else (level,)
     return ", ".join(f"{one:.12g}" for one in levels) or "auto"
 

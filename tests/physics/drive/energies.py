@@ -7,6 +7,7 @@ import numpy as np
 from selector.physics.drive.parts.axis import AxialCompliance, Axis, RigidMechanics, ThreeMassMechanics, pitch_error_m
 from selector.physics.drive.trajectory import Motion
 from selector.types import Vector
+from tests.physics.drive.axis_system import shaft_m_per_n
 
 
 def stored_energy_j(axis: Axis, motion: Motion) -> Vector:
@@ -41,7 +42,7 @@ def _axial_energy_j(axis: Axis, mechanics: ThreeMassMechanics, motion: Motion, s
 def _compliant_energy_j(compliance: AxialCompliance, deflection: float, table_m: float) -> float:
     """∫ force d(deflection) at one place of the table: force over deflection is a polygon, whose ends go on."""
     forces = compliance.force_n
-    places = forces * compliance.shaft_m_per_n(table_m) + compliance.joint_deflection_m
+    places = forces * shaft_m_per_n(compliance, table_m) + compliance.joint_deflection_m
     within = places[(places > min(0.0, deflection)) & (places < max(0.0, deflection))]
     corners = np.sort(np.concatenate([[0.0, deflection], within]))
     piece = np.clip(np.searchsorted(places, corners, side="right") - 1, 0, len(places) - 2)

@@ -10,7 +10,6 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.circle import (
-    BallBarPlan,
     BallBarTrace,
     PairGeometry,
     TableBall,
@@ -22,7 +21,7 @@ from selector.physics.drive.parts.axis import Axis, Friction, Sensing
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE
-from tests.physics.drive.ball_bars import ball_bar_test
+from tests.physics.drive.ball_bars import BallBarPlan, ball_bar_test
 
 RADIUS_UM = 1e5
 SLOW = BallBarPlan(feeds_mm_per_min=(600.0,))
@@ -107,14 +106,14 @@ def test_lag_of_a_rotary_axis_shows_where_the_ball_is_across_the_bar(direction):
     for angle, expected in ((-math.pi / 2, direction * distance * behind * 1e6), (0.0, 0.0)):
         plan = BallBarPlan(feeds_mm_per_min=(feed,), table_ball=TableBall(distance, angle))
         circle = next(one for one in plan.circles if one.direction == direction)
-        trace, runs = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry(), plan)
+        trace, runs = ball_bar_run({"X": linear, "Y": linear, "B": table}, circle, PairGeometry())
         assert trace.axes == ("X", "Y", "B")
         # second order: radius/2·(pace/100)² = 0.6 µm, distance·pace²·(1/50² − 1/100²)/2 = 1.3 µm
         assert trace.deviation_um.mean() == pytest.approx(expected, abs=2.0)
         # the angle of the table against a steady bar: all constant
         assert np.ptp(trace.deviation_um) < 0.05
     turned = runs["B"].motion.table_m
-    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * math.pi + 2 * plan.overshoot_rad, rel=1e-3)
+    assert abs(turned[-1] - turned[0]) == pytest.approx(2 * math.pi + 2 * circle.overshoot_rad, rel=1e-3)
 
 
 def test_offsets_of_a_rotary_table():
@@ -149,8 +148,8 @@ def test_parameters_along_the_command_act_on_the_trace():
 
     axes = dict.fromkeys("XY", Axis(THREE, replace(CONTINUOUS, feedback="motor")))
     plan = BallBarPlan(feeds_mm_per_min=(4000.0,), radius_m=0.02, noise_um=0.1)
-    level, constant = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan)
-    shown, run = ball_bar_run(axes, plan.circles[0], PairGeometry(), plan, courses={"X": course})
+    level, constant = ball_bar_run(axes, plan.circles[0], PairGeometry(), noise_um=plan.noise_um)
+    shown, run = ball_bar_run(axes, plan.circles[0], PairGeometry(), noise_um=plan.noise_um, courses={"X": course})
     assert (run["Y"].course, constant["X"].course) == (None, None)
     asked = run["X"].reference
     alone = simulate_axis(axes["X"], asked, step_s=run["X"].step_s, course=course(asked))
@@ -206,8 +205,6 @@ EVEN = np.linspace(0, 2 * np.pi, 400, endpoint=False)
         (lambda: positions_trace(EVEN[::-1], np.cos(EVEN), np.sin(EVEN), radius_m=1), "increas"),
         (lambda: PairGeometry(scale_um_per_m=(1.0,)), "scale_um_per_m"),
         (lambda: PairGeometry(squareness_um_per_m=math.inf), "squareness_um_per_m"),
-        (lambda: BallBarPlan(feeds_mm_per_min=()), "no feed"),
-        (lambda: BallBarPlan(noise_um=-1.0), "noise_um"),
         (lambda: ball_bar_test({"X": STIFF}), "1 axes"),
         (lambda: ball_bar_test({**PAIR, "B": Axis(THREE, CONTINUOUS)}), "screw drive"),
         (lambda: ball_bar_test({**PAIR, "B": STIFF}), "3 axes"),

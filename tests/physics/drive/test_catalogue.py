@@ -19,7 +19,12 @@ from selector.physics.drive.parts.catalogue import (
     thc6350_servo,
     thc6350_x_axis,
 )
-from selector.physics.drive.parts.stiffness import dry_friction, three_mass_mechanics
+from selector.physics.drive.parts.stiffness import (
+    axial_stiffness_n_per_m,
+    dry_friction,
+    three_mass_mechanics,
+    torsional_stiffness_nm_per_rad,
+)
 
 
 @pytest.mark.parametrize(
@@ -84,7 +89,13 @@ def test_default_machine_can_do_what_its_figures_ask_for():
 @pytest.mark.parametrize("position_m", [-0.375, 0.0, 0.375])
 def test_default_servo_has_margin_along_the_travel(position_m, sample_s):
     servo = replace(thc6350_servo(), sample_s=sample_s, delay_s=sample_s)
-    axis = Axis(three_mass_mechanics(thc6350_x_axis(), position_m=position_m), servo)
+    parts = thc6350_x_axis()
+    there = replace(
+        three_mass_mechanics(parts),
+        torsional_stiffness_nm_per_rad=torsional_stiffness_nm_per_rad(parts, position_m=position_m),
+        axial_stiffness_n_per_m=float(axial_stiffness_n_per_m(parts, position_m=position_m)),
+    )
+    axis = Axis(there, servo)
     figures = loop_figures(axis)
     assert stability(axis).stable
     assert not list(stability_findings(axis, "X"))

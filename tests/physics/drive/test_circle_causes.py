@@ -12,11 +12,11 @@ import pytest
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.basis import pair_of
 from selector.physics.drive.ball_bar.causes import GAIN_MISMATCH, RADIUS_GAIN, CircleCauses, circle_causes
-from selector.physics.drive.ball_bar.circle import BallBarPlan, BallBarTrace, PairGeometry
+from selector.physics.drive.ball_bar.circle import BallBarTrace, PairGeometry
 from selector.physics.drive.ball_bar.fit import SEARCHED, circle_fit
 from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Transmission
 from tests.physics.drive.axes import CONTINUOUS, THREE
-from tests.physics.drive.ball_bars import ball_bar_test
+from tests.physics.drive.ball_bars import BallBarPlan, ball_bar_test
 
 RADIUS_M = 0.1
 SAMPLES = 1800

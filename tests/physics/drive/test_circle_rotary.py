@@ -11,9 +11,9 @@ import pytest
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.basis import pair_of, smooth_columns
 from selector.physics.drive.ball_bar.causes import circle_causes
-from selector.physics.drive.ball_bar.circle import BallBarPlan, BallBarTrace, PairGeometry, TableBall
+from selector.physics.drive.ball_bar.circle import BallBarTrace, PairGeometry, TableBall
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
-from tests.physics.drive.ball_bars import ball_bar_test
+from tests.physics.drive.ball_bars import BallBarPlan, ball_bar_test
 
 RADIUS_M = 0.1
 SAMPLES = 1800

@@ -22,9 +22,10 @@ from selector.physics.drive.file.model_file import (
     read_model_file,
     with_parameters,
 )
+from selector.physics.drive.loop.closed_loop import fastest_rate_per_s
 from selector.physics.drive.model_findings import model_findings, simulation_findings
 from selector.physics.drive.parts.stiffness import parameter_course
-from selector.physics.drive.simulation import advised_step_s, fastest_rate_per_s, simulate_axis
+from selector.physics.drive.simulation import advised_step_s, simulate_axis
 from selector.physics.model_text import plain_values
 from tests.physics.drive.test_model_file import CIRCLE, MOVES, PARTS, RIGID, changed
 

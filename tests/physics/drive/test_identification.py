@@ -77,28 +77,6 @@ def test_standard_errors_are_those_of_repeated_runs(course):
     assert said == pytest.approx(spread, rel=0.25)
 
 
-def test_friction_by_direction_is_the_symmetric_one_with_the_offset(course):
-    force = force_of(course, 95.0, 200.0, 20.0, -3.0)
-    symmetric, asymmetric = identified(course, force), identified(course, force, asymmetric=True)
-    assert asymmetric.names[2:] == ("coulomb_n", "coulomb_negative_n")
-    # the same space of regressors, as long as no sample stands still
-    assert asymmetric["coulomb_n"] == pytest.approx(symmetric["coulomb_n"] + symmetric["offset_n"], rel=2e-3)
-    assert asymmetric["coulomb_negative_n"] == pytest.approx(symmetric["coulomb_n"] - symmetric["offset_n"], rel=2e-3)
-    assert asymmetric.friction.coulomb_negative_n == asymmetric["coulomb_negative_n"]
-
-
-def test_friction_that_falls_with_speed(course):
-    v = course.speed_m_per_s
-    more = 8.0 * np.sign(v) * np.exp(-((v / 0.02) ** 2))
-    found = identified(course, force_of(course, 95.0, 200.0, 20.0, -3.0) + more, stribeck_speed_m_per_s=0.02)
-    assert found["stribeck_n"] == pytest.approx(8.0, abs=0.4)  # lives near reversals only, where the sign is rounded
-    friction = found.friction
-    assert friction.static_n == found["coulomb_n"] + found["stribeck_n"]
-    assert friction.stribeck_speed_m_per_s == 0.02
-    plain = identified(course, force_of(course, 95.0, 200.0, 20.0, -3.0) + more)
-    assert plain.relative_force_error > 1.5 * found.relative_force_error
-
-
 def test_values_of_an_axis_come_out(course):
     found = identified(course, force_of(course, 95.0, 200.0, 20.0, -3.0))
     assert found.mechanics == RigidMechanics(found["mass_kg"], found["guide_damping_ns_per_m"])

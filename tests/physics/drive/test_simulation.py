@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.kernel.axis_system import AxisSystem
 from selector.physics.drive.parts.axis import (
     Axis,
     AxisState,
@@ -24,8 +23,8 @@ from selector.physics.drive.parts.axis import (
 )
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
-from selector.physics.system import linearise
 from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, THREE, sine, still
+from tests.physics.drive.axis_system import AxisSystem, linearise
 
 MASS = RigidMechanics(mass_kg=10.0)
 

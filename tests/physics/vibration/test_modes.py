@@ -17,10 +17,10 @@ from selector.physics.vibration.structure.structure import (
     Structure,
     mass_matrix,
     receptance,
-    receptance_by_modes,
     stiffness_matrix,
     structure_modes,
 )
+from tests.physics.vibration.modal_sum import receptance_by_modes
 from tests.physics.vibration.test_coupled import HZ, RING, TWO, UNDAMPED, structures
 from tests.physics.vibration.viscous import state_space
 

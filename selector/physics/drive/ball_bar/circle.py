@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive, told_of
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays, told_of
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -23,44 +23,41 @@ RAMP_S = 1.0
 
 MOST_SAMPLES = 5_000_000
 _MM_PER_MIN = 1e-3 / 60.0
+_Above0 = Annotated[float, ABOVE_0]
 
 
 @dataclass(frozen=True)
-class TableBall:
+class TableBall(Checked):
     """The ball of the workpiece on a rotary table."""
 
-    ball_distance_m: float  #: From the centre of the table [m]
+    ball_distance_m: Annotated[float, FROM_0]  #: From the centre of the table [m]
     #: Direction of the ball seen from the centre of the table at the start of the measured circle [rad]. A quarter turn
     #: from the bar (the default, with the circle's start at 0): lag of the table against the linear axes changes the
     #: radius; in line with the bar it does not.
-    ball_angle_rad: float = -math.pi / 2
-    ratio: float = 1.0  #: Turn of the table per turn of the bar; 1: the bar stands still on the table
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "ball_distance_m")
-        require_finite(self, "ball_angle_rad", "ratio")
+    ball_angle_rad: Annotated[float, FINITE] = -math.pi / 2
+    #: Turn of the table per turn of the bar; 1: the bar stands still on the table
+    ratio: Annotated[float, FINITE] = 1.0
 
 
 @dataclass(frozen=True)
-class Circle:
+class Circle(Checked):
     """One run of a circular test: 360° that are measured, and an overshoot before and after them.
 
     The feed-in is along the circle: the axes start at rest on it, reach the feed as a raised cosine within half of the
     overshoot and at most `RAMP_S`, and stop in the same way, so that the measured arc has a steady feed.
     """
 
-    feed_mm_per_min: float  #: Speed of one ball about the other one, radius × angular speed [mm/min]
+    feed_mm_per_min: _Above0  #: Speed of one ball about the other one, radius × angular speed [mm/min]
     direction: Literal[1, -1] = 1  #: {1, -1}: 1: counter-clockwise, from the first axis to the second; −1: clockwise
-    radius_m: float = 0.1  #: Nominal length of the bar [m]
+    radius_m: _Above0 = 0.1  #: Nominal length of the bar [m]
     #: Centre in the coordinates of the axes [m]; with a rotary axis the centre of its table
     centre_m: tuple[float, float] = (0.0, 0.0)
-    start_angle_rad: float = 0.0  #: Where the measured arc begins [rad]
-    overshoot_rad: float = math.pi / 4  #: Arc before and after the measured one [rad]
+    start_angle_rad: Annotated[float, FINITE] = 0.0  #: Where the measured arc begins [rad]
+    overshoot_rad: _Above0 = math.pi / 4  #: Arc before and after the measured one [rad]
     table_ball: TableBall | None = None  #: The third, rotary axis
 
     def __post_init__(self) -> None:
-        require_positive(self, "feed_mm_per_min", "radius_m", "overshoot_rad")
-        require_finite(self, "start_angle_rad")
+        super().__post_init__()
         if self.direction not in (1, -1):
             raise _wrong(f"direction {self.direction}", "1 (counter-clockwise) or -1 (clockwise)", "give 1 or -1")
         if len(self.centre_m) != 2 or not np.isfinite(self.centre_m).all():
@@ -168,7 +165,6 @@ _MicrometresOfBoth = Annotated[Pair, Unit("µm")]
 CourseOf = Callable[[Reference], ParameterCourse | None]
 """Stiffness and damping that change along a reference; None: they do not."""
 
-FEEDS_MM_PER_MIN = (100.0, 1000.0, 3000.0, 5000.0)
 LONGEST_PERIOD_S = 0.01
 """A reversal takes some hundredths of a second, however slow the feed is."""
 
@@ -207,38 +203,8 @@ class PairGeometry:
                 )
 
 
-@dataclass(frozen=True)
-class BallBarPlan:
-    """Which circles are run: both directions at every feed."""
-
-    #: radius_m, centre_m, start_angle_rad, overshoot_rad and table_ball: As in `Circle`
-    radius_m: float = 0.1
-    feeds_mm_per_min: tuple[float, ...] = FEEDS_MM_PER_MIN  #: Feeds [mm/min]
-    centre_m: Pair = (0.0, 0.0)
-    start_angle_rad: float = 0.0
-    overshoot_rad: float = math.pi / 4
-    table_ball: TableBall | None = None
-    #: Distance of the samples [s]; None: at least `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener
-    period_s: float | None = None
-    noise_um: float = 0.0  #: Standard deviation of a reading of the bar [µm]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "period_s")
-        require_not_negative(self, "noise_um")
-        if not self.feeds_mm_per_min:
-            expected, advice = "one or more in mm/min", "name the feeds of the test"
-            raise InputError("no feed", expected=expected, where="feeds_mm_per_min", advice=advice)
-
-    @property
-    def circles(self) -> tuple[Circle, ...]:
-        """The runs: counter-clockwise and clockwise, feed after feed."""
-        directions: tuple[Literal[1, -1], ...] = (1, -1)
-        path = (self.radius_m, self.centre_m, self.start_angle_rad, self.overshoot_rad, self.table_ball)
-        return tuple(Circle(feed, direction, *path) for feed in self.feeds_mm_per_min for direction in directions)
-
-
 @dataclass(frozen=True, eq=False)
-class BallBarTrace:
+class BallBarTrace(Checked):
     """One full circle as the bar shows it, simulated or measured.
 
     InputError: less than 350° or more than 361°, gaps over 5°, angles that run against the direction, missing values.
@@ -250,15 +216,15 @@ class BallBarTrace:
     deviation_um: Vector  #: (n_samples,): Distance of the balls minus nominal length [µm]
     direction: Literal[1, -1]  #: {1, -1}: 1: counter-clockwise, from the first axis to the second
     #: feed_mm_per_min and radius_m: Feed [mm/min] and nominal length of the bar [m]
-    feed_mm_per_min: float
-    radius_m: float = 0.1
+    feed_mm_per_min: _Above0
+    radius_m: _Above0 = 0.1
     axes: tuple[str, ...] = ("X", "Y")  #: Names: first, second, and of a third, rotary one if there was one
     table_ball: TableBall | None = None  #: Where the ball of the workpiece stood on the rotary axis
     #: Direction of the bar where the ball of the workpiece stood at its `ball_angle_rad` [rad]
     start_angle_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "feed_mm_per_min", "radius_m")
+        super().__post_init__()
         keep_arrays(self, "angle_rad", "deviation_um")
         angle, deviation = self.angle_rad, self.deviation_um
         if angle.ndim != 1 or angle.shape != deviation.shape or len(angle) < 100:
@@ -281,8 +247,9 @@ def ball_bar_run(
     axes: Mapping[str, Axis],
     circle: Circle,
     geometry: PairGeometry,
-    plan: BallBarPlan,
     *,
+    period_s: float | None = None,
+    noise_um: float = 0.0,
     courses: Mapping[str, CourseOf] | None = None,
     step_s: float | None = None,
     seed: int = 0,
@@ -290,11 +257,13 @@ def ball_bar_run(
 ) -> tuple[BallBarTrace, dict[str, AxisRun]]:
     """What the bar shows of one circle of a test, and what every axis did from rest to rest, simulated.
 
-    `axes` are first, second and, if the plan has a `table_ball`, the rotary one, in this order; `courses` their
-    stiffness and damping along the reference, where they change. `step_s` is the longest step [s], by default
-    `circle_step_s` of each axis; `number` parts the noise of the runs of a test.
+    `axes` are first, second and, if the circle has a `table_ball`, the rotary one, in this order; `courses` their
+    stiffness and damping along the reference, where they change. `period_s` is the distance of the samples [s], by
+    default `SAMPLES_PER_TURN` a turn, every `LONGEST_PERIOD_S` or oftener; `noise_um` the standard deviation of a
+    reading of the bar [µm]. `step_s` is the longest step [s], by default `circle_step_s` of each axis; `number` parts
+    the noise of the runs of a test.
 
-    InputError if axes, courses and plan do not fit together, or an axis cannot be simulated.
+    InputError if axes, courses and circle do not fit together, or an axis cannot be simulated.
     """
     names = tuple(axes)
     if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
@@ -307,7 +276,7 @@ def ball_bar_run(
         raise _misfit(
             f"courses of {', '.join(courses or {})}", f"of {', '.join(names)} at most", "give courses of these axes"
         )
-    period = plan.period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
+    period = period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
     inside = np.flatnonzero(measured_samples(circle, references[names[0]].time_s))
@@ -321,8 +290,8 @@ def ball_bar_run(
             motion = simulate_axis(axis, reference, step_s=longest_s, course=course, seed=int(own))
         runs[name] = AxisRun(axis, reference, motion, course, longest_s, arc)
     angle, deviation = _bar(circle, geometry, [run.motion.table_m[inside] for run in runs.values()])
-    if plan.noise_um > 0:
-        deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, plan.noise_um, len(deviation))
+    if noise_um > 0:
+        deviation = deviation + np.random.default_rng(seeds[-1]).normal(0.0, noise_um, len(deviation))
     asked = (circle.direction, circle.feed_mm_per_min, circle.radius_m)
     return BallBarTrace(angle, deviation, *asked, names, circle.table_ball, circle.start_angle_rad), runs
 

@@ -8,12 +8,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 
 from selector.errors import ModelFileError
 from selector.physics.checks import require_within, told_of
-from selector.physics.drive.ball_bar.circle import BallBarPlan, PairGeometry, TableBall
+from selector.physics.drive.ball_bar.circle import Circle, PairGeometry, TableBall
 from selector.physics.drive.file.model_schema import (
     KINDS,
     MOST_ACTING,
@@ -119,26 +120,24 @@ def planned_reference(file: DriveFile) -> Reference:
     raise ValueError("only a sine and moves are planned")
 
 
-def circle_plan(file: DriveFile) -> BallBarPlan:
-    """The circles of a ball-bar test.
+def file_circles(file: DriveFile) -> tuple[Circle, ...]:
+    """The circles of a ball-bar test: counter-clockwise and clockwise, feed after feed.
 
     InputError: a value cannot be; `where` is its field.
     """
     motion = file.motion
     if not isinstance(motion, CircleMotion):
         raise ValueError("only circles make a ball-bar test")
-    ball = motion.table_ball
-    return BallBarPlan(
-        radius_m=motion.radius_mm * _MM,
-        feeds_mm_per_min=motion.feeds_mm_per_min,
-        centre_m=(motion.centre_mm[0] * _MM, motion.centre_mm[1] * _MM),
-        start_angle_rad=math.radians(motion.start_angle_deg),
-        overshoot_rad=math.radians(motion.overshoot_deg),
-        table_ball=None
-        if ball is None
-        else TableBall(ball.distance_mm * _MM, math.radians(ball.angle_deg), ball.ratio),
-        period_s=file.run.period_s,
-        noise_um=float(getattr(file.ball_bar, "noise_um", 0.0)),
+    ball, table_ball = motion.table_ball, None
+    if ball is not None:
+        table_ball = TableBall(ball.distance_mm * _MM, math.radians(ball.angle_deg), ball.ratio)
+    centre_m = (motion.centre_mm[0] * _MM, motion.centre_mm[1] * _MM)
+    angles_rad = math.radians(motion.start_angle_deg), math.radians(motion.overshoot_deg)
+    directions: tuple[Literal[1, -1], ...] = (1, -1)
+    return tuple(
+        Circle(feed, direction, motion.radius_mm * _MM, centre_m, *angles_rad, table_ball)
+        for feed in motion.feeds_mm_per_min
+        for direction in directions
     )
 
 
@@ -146,7 +145,7 @@ def longest_s(file: DriveFile) -> float:
     """Duration of the longest run of one axis [s]; of a column 0, which is not known before it is read."""
     motion = file.motion
     if isinstance(motion, CircleMotion):
-        return max(circle.duration_s for circle in circle_plan(file).circles)
+        return max(circle.duration_s for circle in file_circles(file))
     if isinstance(motion, SineMotion):
         return motion.duration_s
     if not isinstance(motion, MovesMotion):
@@ -319,7 +318,7 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
             yield key, f"{count:.3g} {what}{long}", f"at most {most}", "correct it, or make the motion shorter"
             return
     if not isinstance(file.motion, ColumnMotion):
-        planned = circle_plan if isinstance(file.motion, CircleMotion) else planned_reference
+        planned = file_circles if isinstance(file.motion, CircleMotion) else planned_reference
         yield from refusals(partial(planned, file), ("motion",), file.motion)
 
 

@@ -481,16 +481,7 @@ def _refused(at: Key, section: AxisSection) -> Iterator[Contradiction]:
 
 
 def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
-    friction, transmission = value_of(Friction, section.friction), value_of(Transmission, section.transmission)
-    servo, sensing = value_of(Servo, section.servo), value_of(Sensing, section.sensing)
-    if section.parts is None and getattr(section.mechanics, "kind", None) != "three-mass":
-        advice = 'describe motor, screw and table (mechanics.kind = "three-mass", or parts), or leave this key out'
-        for part, key, value in (
-            ("transmission", "backlash_m", transmission.backlash_m),
-            ("friction", "screw_coulomb_nm", friction.screw_coulomb_nm),
-        ):
-            if value > 0:
-                yield (*at, part, key), f"{value:g} in an axis of one mass", "0, or an axis of three masses", advice
+    friction, servo = value_of(Friction, section.friction), value_of(Servo, section.servo)
     if section.varying == "command":
         advice = 'leave it out, or say varying = "state", where friction is dry'
         for key in ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n", "lugre"):
@@ -500,11 +491,4 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
         found = f"{servo.delay_s / servo.sample_s:.6g} samples of the control"
         expected = f"a delay of at most {MOST_WAITING} of them, {MOST_WAITING * servo.sample_s:.6g} s here"
         yield (*at, "servo", "delay_s"), found, expected, "correct delay_s or sample_s, both in seconds"
-    if servo.sample_s == 0:
-        advice = "give servo.sample_s, the period of the control in seconds, or leave this key out"
-        if servo.delay_s > 0:
-            yield (*at, "servo", "delay_s"), "a delay in a continuous control", "a sampled control", advice
-        if sensing != Sensing():
-            found = f"{', '.join(sorted(section.sensing.model_fields_set))} in a continuous control"
-            yield (*at, "sensing"), found, "a sampled control", advice
     yield from refusals(partial(file_axis, section), at, section)

@@ -371,3 +371,27 @@ def growing_poles(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """
     slow = np.abs(poles) <= _ROUNDING * np.abs(poles).max()
     return np.asarray(poles[(poles.real >= 0.0) & ~slow])
+
+
+# |R(z)| ≤ 1 of Runge–Kutta 4 holds on the axes to −2.785 and ±2.828; the least of both is the least around
+_STABLE = 2.78
+
+
+def fastest_rate_per_s(axis: Axis) -> float:
+    """Largest |pole| of the axis, with its control if that is continuous [rad/s]; its bristles hold like springs."""
+    is_continuous = axis.servo is not None and axis.servo.sample_s == 0
+    system = closed_loop(axis) if is_continuous else plant(small_signal_mechanics(axis))
+    A, lugre = system.A.copy(), axis.friction.lugre
+    if lugre is not None and any(most > 0 for direction in axis.friction.directions for most in direction):
+        mechanics = axis.mechanics
+        mass = mechanics.mass_kg if isinstance(mechanics, RigidMechanics) else mechanics.table_mass_kg
+        place, speed = (system.states.index(name) for name in ("table_m", "table_speed_m_per_s"))
+        A[speed, place] -= lugre.stiffness_n_per_m / mass
+        A[speed, speed] -= lugre.damping_ns_per_m / mass
+    return float(np.abs(np.linalg.eigvals(A)).max())
+
+
+def largest_stable_step_s(axis: Axis) -> float:
+    """Largest step at which the kernel does not blow up the fastest vibration of an axis [s]; infinite if none."""
+    fastest = fastest_rate_per_s(axis)
+    return _STABLE / fastest if fastest > 0 else math.inf

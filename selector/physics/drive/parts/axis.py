@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -12,37 +13,34 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from selector.errors import InputError
-from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
-Mass = Annotated[float, Unit("kg"), Limits(1e-9, 1e9), Fit()]
+Mass = Annotated[float, ABOVE_0, Unit("kg"), Limits(1e-9, 1e9), Fit()]
 CarriedMass = Annotated[Mass, Usual(5.0, 1e5, {"t": 1e3, "g": 1e-3})]
 _INERTIA_UNITS = {"kg·cm²": 1e-4, "kg·mm²": 1e-6, "g·cm²": 1e-7}
-Inertia = Annotated[float, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
-Force = Annotated[float, Unit("N"), Limits(0.0, 1e9), Fit()]
-Torque = Annotated[float, Unit("N·m"), Limits(0.0, 1e9), Fit()]
-Stiffness = Annotated[float, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
+Inertia = Annotated[float, ABOVE_0, Unit("kg·m²"), Limits(1e-12, 1e6), Fit(), Usual(1e-7, 0.5, _INERTIA_UNITS)]
+Force = Annotated[float, FROM_0, Unit("N"), Limits(0.0, 1e9), Fit()]
+Torque = Annotated[float, FROM_0, Unit("N·m"), Limits(0.0, 1e9), Fit()]
+Stiffness = Annotated[float, ABOVE_0, Unit("N/m"), Limits(1e-3, 1e13), Fit()]
 TorsionalStiffness = Annotated[
-    float, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
+    float, ABOVE_0, Unit("N·m/rad"), Limits(1e-6, 1e12), Fit(), Usual(50.0, 1e7, {"kN·m/rad": 1e3, "N·mm/rad": 1e-3})
 ]
-Damping = Annotated[float, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
-TorsionalDamping = Annotated[float, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
-Angle = Annotated[float, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
+Damping = Annotated[float, FROM_0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
+TorsionalDamping = Annotated[float, FROM_0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
+Angle = Annotated[float, FINITE, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
 Length = Annotated[float, Unit("m"), Limits(0.0, 1e4)]
+_Place = Annotated[float, FINITE]
 _ERROR = Usual(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
 
 
 @dataclass(frozen=True)
-class RigidMechanics:
+class RigidMechanics(Checked):
     """One mass: M·v' = force − viscous·v − friction."""
 
     mass_kg: Mass  #: Everything that moves, rotating parts included as J/R² [kg]
     guide_damping_ns_per_m: Damping = 0.0  #: Viscous friction [N·s/m]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "mass_kg")
-        require_not_negative(self, "guide_damping_ns_per_m")
 
     @property
     def travel_per_motion(self) -> float:
@@ -51,7 +49,7 @@ class RigidMechanics:
 
 
 @dataclass(frozen=True)
-class ThreeMassMechanics:
+class ThreeMassMechanics(Checked):
     """Motor, screw, table (F eq. 1), R = lead/2π, with damping in the two springs added.
 
     ``Jm·θm'' = T − Kθ(θm − θl) − Dθ(θm' − θl')``,
@@ -64,7 +62,7 @@ class ThreeMassMechanics:
     screw_inertia_kg_m2: Inertia
     table_mass_kg: CarriedMass  #: Mt, with what lies on it [kg]
     #: Travel per revolution [m]; negative for a left-handed screw is not meant
-    lead_m: Annotated[float, Unit("m"), Limits(1e-6, 10.0), Usual(5e-4, 0.2, {"mm": 1e-3})]
+    lead_m: Annotated[float, ABOVE_0, Unit("m"), Limits(1e-6, 10.0), Usual(5e-4, 0.2, {"mm": 1e-3})]
     #: torsional_stiffness_nm_per_rad and axial_stiffness_n_per_m: Kθ, Ke
     torsional_stiffness_nm_per_rad: TorsionalStiffness
     axial_stiffness_n_per_m: Annotated[Stiffness, Usual(1e6, 1e10, {"N/µm": 1e6, "N/mm": 1e3})]
@@ -74,12 +72,6 @@ class ThreeMassMechanics:
     #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Dθ, De: damping inside the springs; 0 in the source
     torsional_damping_nms_per_rad: TorsionalDamping = 0.0
     axial_damping_ns_per_m: Damping = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "motor_inertia_kg_m2", "screw_inertia_kg_m2", "table_mass_kg", "lead_m")
-        require_positive(self, "torsional_stiffness_nm_per_rad", "axial_stiffness_n_per_m")
-        require_not_negative(self, "screw_damping_nms_per_rad", "guide_damping_ns_per_m")
-        require_not_negative(self, "torsional_damping_nms_per_rad", "axial_damping_ns_per_m")
 
     @property
     def travel_per_motion(self) -> float:
@@ -91,7 +83,7 @@ Mechanics = RigidMechanics | ThreeMassMechanics
 
 
 @dataclass(frozen=True)
-class LuGre:
+class LuGre(Checked):
     """Bristles of the guide before it slides: z' = v − σ0·|v|/g(v)·z, force σ0·z + σ1·z'.
 
     g(v) is the sliding friction of the same `Friction`. Canudas de Wit, Olsson, Åström, Lischinsky (1995), IEEE
@@ -101,15 +93,11 @@ class LuGre:
     stiffness_n_per_m: Stiffness  #: σ0 [N/m]
     damping_ns_per_m: Damping = 0.0  #: σ1 [N·s/m]
     #: σ1 falls as exp(−(v/v_d)²), so that sliding is not damped twice and friction stays passive; 0: it does not fall
-    fading_speed_m_per_s: Annotated[float, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "stiffness_n_per_m")
-        require_not_negative(self, "damping_ns_per_m", "fading_speed_m_per_s")
+    fading_speed_m_per_s: Annotated[float, FROM_0, Unit("m/s"), Limits(0.0, 1e3), Fit(up_to=0.1)] = 0.0
 
 
 @dataclass(frozen=True)
-class Friction:
+class Friction(Checked):
     """Dry friction of the guide on the table's speed, and of the screw on its own; viscous friction is damping.
 
     Sliding: ``sgn(v)·(C + (S − C)·exp(−(|v|/v_s)^δ))`` with C, S of the direction. At rest it holds whatever is less
@@ -123,19 +111,12 @@ class Friction:
     static_n: Force | None = None
     static_negative_n: Force | None = None
     #: stribeck_speed_m_per_s and stribeck_exponent: v_s, δ; they matter only where S differs from C
-    stribeck_speed_m_per_s: Annotated[float, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
-    stribeck_exponent: Annotated[float, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
-    offset_n: Force = 0.0  #: Constant force against the positive direction: weight, cable [N]
+    stribeck_speed_m_per_s: Annotated[float, ABOVE_0, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
+    stribeck_exponent: Annotated[float, ABOVE_0, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
+    offset_n: Annotated[Force, FINITE] = 0.0  #: Constant force against the positive direction: weight, cable [N]
     #: Dry friction of screw and bearings on the screw's speed [N·m]; three-mass axis only
     screw_coulomb_nm: Torque = 0.0
     lugre: LuGre | None = None  #: Friction with memory instead of the jump at v = 0
-
-    def __post_init__(self) -> None:
-        require_not_negative(
-            self, "coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n", "screw_coulomb_nm"
-        )
-        require_positive(self, "stribeck_speed_m_per_s", "stribeck_exponent")
-        require_finite(self, "offset_n")
 
     @property
     def directions(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -148,44 +129,39 @@ class Friction:
 
 
 @dataclass(frozen=True)
-class Ripple:
+class Ripple(Checked):
     """One harmonic of the actuator: cogging, amplitude·sin(n·φ + phase), and ripple, a share of its own force.
 
     φ is 2π per `period` of motor position (2π rad for a motor that turns, the pole pitch in metres for a rigid axis).
     """
 
-    harmonic: Annotated[float, Limits(1e-6, 1e6)]  #: n, periods per `period`
+    harmonic: Annotated[float, ABOVE_0, Limits(1e-6, 1e6)]  #: n, periods per `period`
     #: Amplitude that does not depend on the current [N·m], or [N] for a rigid axis
-    cogging: Annotated[float, Limits(0.0, 1e9), Fit()] = 0.0
+    cogging: Annotated[float, FINITE, Limits(0.0, 1e9), Fit()] = 0.0
     #: Amplitude as a share of the actuator's force
-    share: Annotated[float, Limits(0.0, 100.0), Fit(either_sign=0.5)] = 0.0
+    share: Annotated[float, FINITE, Limits(0.0, 100.0), Fit(either_sign=0.5)] = 0.0
     phase_rad: Angle = 0.0  #: Phase [rad]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "harmonic")
-        require_finite(self, "cogging", "share", "phase_rad")
 
 
 @dataclass(frozen=True)
-class Transmission:
+class Transmission(Checked):
     """Where the travel differs from lead × turns."""
 
     #: Lost motion at reversal, the whole gap [m]; three-mass axis only
-    backlash_m: Annotated[Length, Fit(up_to=1e-3), _ERROR] = 0.0
+    backlash_m: Annotated[Length, FROM_0, Fit(up_to=1e-3), _ERROR] = 0.0
     #: pitch_amplitude_m and pitch_phase_rad: Error that repeats with the lead: amplitude·sin(θl + phase) [m]; of a
     #: rigid axis θl is 2π a `ripple_period`
-    pitch_amplitude_m: Annotated[Length, Fit(up_to=1e-4), _ERROR] = 0.0
+    pitch_amplitude_m: Annotated[Length, FROM_0, Fit(up_to=1e-4), _ERROR] = 0.0
     pitch_phase_rad: Angle = 0.0
     #: Cumulative pitch error, travel per travel (1e-6: 1 µm/m)
-    pitch_slope: Annotated[float, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
+    pitch_slope: Annotated[float, FINITE, Limits(0.0, 0.1), Fit(either_sign=1e-3)] = 0.0
     #: pitch_position_m and pitch_error_m: Table of cumulative pitch error over the nominal travel R·θl [m], straight
     #: between, constant beyond; may be empty
     pitch_position_m: tuple[Length, ...] = ()
     pitch_error_m: tuple[Length, ...] = ()
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "backlash_m", "pitch_amplitude_m")
-        require_finite(self, "pitch_phase_rad", "pitch_slope")
+        super().__post_init__()
         x, e = np.array(self.pitch_position_m), np.array(self.pitch_error_m)
         if len(x) != len(e) or not (np.isfinite(x).all() and np.isfinite(e).all()) or (np.diff(x) <= 0).any():
             raise InputError(
@@ -197,7 +173,7 @@ class Transmission:
 
 
 @dataclass(frozen=True)
-class AxialCompliance:
+class AxialCompliance(Checked):
     """How the axial spring gives way under load and along the travel, instead of one stiffness Ke.
 
     Deflection = force·shaft(x) + joints(force). `shaft(x)` is x'/(E·A) of a screw held at one end, or of two lengths
@@ -208,14 +184,14 @@ class AxialCompliance:
     #: both increasing through (0, 0)
     force_n: Vector
     joint_deflection_m: Vector
-    shaft_n: float  #: E·A of the screw shaft [N]
+    shaft_n: Annotated[float, ABOVE_0]  #: E·A of the screw shaft [N]
     #: length_m and origin_m: Distance of the bearings; that of the nut from the fixed one at table position 0 [m]
-    length_m: float
-    origin_m: float
+    length_m: Annotated[float, ABOVE_0]
+    origin_m: Annotated[float, ABOVE_0]
     both_ends: bool = True  #: Whether the screw is held axially at both ends
 
     def __post_init__(self) -> None:
-        require_positive(self, "shaft_n", "length_m", "origin_m")
+        super().__post_init__()
         keep_arrays(self, "force_n", "joint_deflection_m")
         force, deflection = self.force_n, self.joint_deflection_m
         rising = len(force) >= 2 and force.shape == deflection.shape
@@ -227,12 +203,6 @@ class AxialCompliance:
                 advice="give the deflection of the joints at increasing axial forces",
             )
 
-    def shaft_m_per_n(self, table_m: float) -> float:
-        """Deflection of the shaft alone per force with the table there [m/N]; constant beyond the bearings."""
-        free = min(max(self.origin_m + table_m, 0.0), self.length_m)
-        share = free * (self.length_m - free) / self.length_m if self.both_ends else free
-        return share / self.shaft_n
-
 
 MOST_WAITING = 300
 """Samples of the control that a command may wait, and that a measured speed may reach over."""
@@ -240,12 +210,12 @@ MOST_WAITING = 300
 KV = 1000.0 / 60.0
 """1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
 
-_Limit = Annotated[float, Limits(1e-9, 1e9), Fit()]
-_Waiting = Annotated[float, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
+_Limit = Annotated[float, ABOVE_0, Limits(1e-9, 1e9), Fit()]
+_Waiting = Annotated[float, FROM_0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
 
 
 @dataclass(frozen=True)
-class Servo:
+class Servo(Checked):
     """Cascade control: position P, velocity PI on the motor's speed, limits, sampling, delay, feed-forward.
 
     ``speed* = Kp·(r − y)/R + ff_v·r'/R``; ``u = Kvp·e + Kvi·∫e dt + ff_a·I·r''/(R·Kf)`` with
@@ -257,12 +227,17 @@ class Servo:
 
     #: Kp, the "Kv factor" of the workshop [1/s]
     position_gain_per_s: Annotated[
-        float, Unit("1/s"), Limits(1e-9, 1e9), Fit(), Usual(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0})
+        float,
+        ABOVE_0,
+        Unit("1/s"),
+        Limits(1e-9, 1e9),
+        Fit(),
+        Usual(6.0, 600.0, {"m/(min·mm)": KV, "1/min": 1.0 / 60.0}),
     ]
     #: velocity_gain and velocity_integral_gain: Kvp [actuator unit per motor speed], Kvi [the same per s]: A·s/rad,
     #: A/rad; or V·s/m, V/m
-    velocity_gain: Annotated[float, Limits(1e-12, 1e12), Fit()]
-    velocity_integral_gain: Annotated[float, Fit()] = 0.0
+    velocity_gain: Annotated[float, ABOVE_0, Limits(1e-12, 1e12), Fit()]
+    velocity_integral_gain: Annotated[float, FROM_0, Fit()] = 0.0
     actuator_gain: _Limit = 1.0  #: Kf [N·m or N per actuator unit]
     #: command_limit and speed_limit: Largest |u| [actuator unit] and largest |speed*| [motor speed]
     command_limit: _Limit | None = None
@@ -272,37 +247,31 @@ class Servo:
     #: From the computed command to the actuator [s]
     delay_s: Annotated[_Waiting, Limits(0.0, 100.0), Fit(up_to=0.02)] = 0.0
     #: velocity_feedforward and acceleration_feedforward: Shares ff_v, ff_a, 1 = complete
-    velocity_feedforward: Annotated[float, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
-    acceleration_feedforward: Annotated[float, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    velocity_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
+    acceleration_feedforward: Annotated[float, FROM_0, Limits(0.0, 10.0), Fit(up_to=2.0)] = 0.0
     #: {"table", "motor"}: Where the position is measured: scale on the table, or encoder of the motor × R
     feedback: Literal["table", "motor"] = "table"
 
-    def __post_init__(self) -> None:
-        require_positive(self, "position_gain_per_s", "velocity_gain", "actuator_gain", "command_limit", "speed_limit")
-        require_not_negative(
-            self, "velocity_integral_gain", "sample_s", "delay_s", "velocity_feedforward", "acceleration_feedforward"
-        )
-
 
 @dataclass(frozen=True)
-class Sensing:
+class Sensing(Checked):
     """What the control sees of position and current; zero: exactly."""
 
     #: Step of the motor's encoder [rad], or [m] for a rigid axis
-    motor_resolution: Annotated[float, Limits(1e-15, 1e3)] = 0.0
+    motor_resolution: Annotated[float, FROM_0, Limits(1e-15, 1e3)] = 0.0
     #: Step of the linear scale [m]
     scale_resolution_m: Annotated[
-        float, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
+        float, FROM_0, Unit("m"), Limits(1e-15, 1e3), Usual(0.0, 1e-3, {"µm": 1e-6, "mm": 1e-3, "nm": 1e-9})
     ] = 0.0
     #: Speed as the difference of two encoder readings, as controls have it; else the true speed
     speed_from_encoder: bool = False
     #: Samples between these two readings; over more than one the speed is smoother and later, by half of them
     speed_samples: Annotated[int, Limits(1, MOST_WAITING)] = 1
     #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
-    current_noise: Annotated[float, Limits(0.0, 1e6)] = 0.0
+    current_noise: Annotated[float, FROM_0, Limits(0.0, 1e6)] = 0.0
 
     def __post_init__(self) -> None:
-        require_not_negative(self, "motor_resolution", "scale_resolution_m", "current_noise")
+        super().__post_init__()
         if self.speed_samples < 1 or (self.speed_samples > 1 and not self.speed_from_encoder):
             raise InputError(
                 f"{self.speed_samples}" + ("" if self.speed_samples < 1 else " without a speed from the encoder"),
@@ -313,7 +282,7 @@ class Sensing:
 
 
 @dataclass(frozen=True)
-class Axis:
+class Axis(Checked):
     """A feed axis: `servo` None leaves it to itself (free motion, or driven by given commands).
 
     InputError if a part needs a structure or a servo that the axis has not.
@@ -324,34 +293,38 @@ class Axis:
     friction: Friction = field(default_factory=Friction)
     transmission: Transmission = field(default_factory=Transmission)
     ripple: tuple[Ripple, ...] = ()
-    ripple_period: float = 2.0 * math.pi
+    ripple_period: Annotated[float, ABOVE_0] = 2.0 * math.pi
     compliance: AxialCompliance | None = None
     sensing: Sensing = field(default_factory=Sensing)
 
     def __post_init__(self) -> None:
-        require_positive(self, "ripple_period")
-        rigid = isinstance(self.mechanics, RigidMechanics)
-        for is_there, what in (
-            (self.transmission.backlash_m > 0, "backlash"),
-            (self.compliance is not None, "an axial compliance"),
-            (self.friction.screw_coulomb_nm > 0, "friction of the screw"),
-        ):
-            if rigid and is_there:
-                raise _unfit(f"{what} in a rigid axis", "a three-mass axis", "describe motor, screw and table")
+        super().__post_init__()
+        for found, expected, where, advice in self._misfits():
+            raise InputError(found, expected=expected, where=where, advice=advice)
+
+    def _misfits(self) -> Iterator[tuple[str, str, str, str]]:
+        """(found, expected, where, advice) of what needs a structure or a servo that the axis has not."""
+        if isinstance(self.mechanics, RigidMechanics):
+            advice = 'describe motor, screw and table (mechanics.kind = "three-mass", or parts), or leave this key out'
+            for where, there in (
+                ("transmission.backlash_m", self.transmission.backlash_m),
+                ("friction.screw_coulomb_nm", self.friction.screw_coulomb_nm),
+            ):
+                if there > 0:
+                    yield f"{there:g} in an axis of one mass", "0, or an axis of three masses", where, advice
+            if self.compliance is not None:
+                yield "an axial compliance in an axis of one mass", "an axis of three masses", "compliance", advice
         if self._least_travel <= 0.0:
-            raise InputError(
-                f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})",
-                expected="errors that change by less than the travel",
-                where="transmission",
-                advice="give pitch errors in metres: 5 µm are 5e-6",
-            )
-        sampled = self.servo is not None and self.servo.sample_s > 0
-        for is_there, what in (
-            (self.servo is not None and self.servo.delay_s > 0, "a delay"),
-            (self.sensing != Sensing(), "an encoder or noise"),
-        ):
-            if is_there and not sampled:
-                raise _unfit(f"{what} without a sampled servo", "sample_s above 0", "give the servo's sample time")
+            found = f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})"
+            advice = "give pitch errors in metres: 5 µm are 5e-6"
+            yield found, "errors that change by less than the travel", "transmission", advice
+        if self.servo is None or self.servo.sample_s == 0:
+            advice = "give servo.sample_s, the period of the control in seconds, or leave this key out"
+            if self.servo is not None and self.servo.delay_s > 0:
+                yield "a delay in a continuous control", "a sampled control", "servo.delay_s", advice
+            said = sorted(one.name for one in fields(Sensing) if getattr(self.sensing, one.name) != one.default)
+            if said:
+                yield f"{', '.join(said)} in a continuous control", "a sampled control", "sensing", advice
 
     @property
     def _least_travel(self) -> float:
@@ -363,10 +336,6 @@ class Axis:
             for (since, before), (at, error) in pairwise(zip(pitch.pitch_position_m, pitch.pitch_error_m, strict=True))
         ]
         return 1.0 + pitch.pitch_slope + min(falls, default=0.0) - pitch.pitch_amplitude_m * rate / radius
-
-
-def _unfit(found: str, expected: str, advice: str) -> InputError:
-    return InputError(found, expected=expected, where="feed axis", advice=advice)
 
 
 def pitch_error_m(axis: Axis, screw: ArrayLike) -> tuple[Vector, Vector]:
@@ -388,23 +357,20 @@ def pitch_error_m(axis: Axis, screw: ArrayLike) -> tuple[Vector, Vector]:
 
 
 @dataclass(frozen=True)
-class AxisState:
+class AxisState(Checked):
     """Where everything is at one instant."""
 
     #: motor, motor_speed, screw and screw_speed: Positions and speeds [rad], [rad/s]; of a rigid axis `motor` is the
     #: mass [m], [m/s] and the screw is nothing
-    motor: float = 0.0
-    motor_speed: float = 0.0
-    screw: float = 0.0
-    screw_speed: float = 0.0
+    motor: _Place = 0.0
+    motor_speed: _Place = 0.0
+    screw: _Place = 0.0
+    screw_speed: _Place = 0.0
     #: table_m and table_speed_m_per_s: Position and speed of the table; of a rigid axis they follow from the motor
-    table_m: float = 0.0
-    table_speed_m_per_s: float = 0.0
-    bristle_m: float = 0.0  #: Deflection of the bristles of the guide [m]
-    integral: float = 0.0  #: Integral of the speed error of the servo [motor position]
-
-    def __post_init__(self) -> None:
-        require_finite(self, *self.__dataclass_fields__)
+    table_m: _Place = 0.0
+    table_speed_m_per_s: _Place = 0.0
+    bristle_m: _Place = 0.0  #: Deflection of the bristles of the guide [m]
+    integral: _Place = 0.0  #: Integral of the speed error of the servo [motor position]
 
 
 def unloaded_state(axis: Axis, position_m: float, speed_m_per_s: float = 0.0) -> AxisState:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from selector.errors import InputError
-from selector.physics.checks import require_not_negative, require_positive
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
@@ -23,34 +23,34 @@ from selector.physics.drive.parts.axis import (
 )
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 
-_Millimetres = Annotated[float, Unit("mm"), Limits(1e-6, 1e6)]
+_Millimetres = Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-6, 1e6)]
 _Diameter = Annotated[_Millimetres, Usual(3.0, 500.0, {"m": 1e3, "cm": 10.0})]
 _BallDiameter = Annotated[_Millimetres, Usual(0.5, 50.0, {"m": 1e3, "cm": 10.0})]
-_Modulus = Annotated[float, Unit("GPa"), Limits(1e-3, 1e12)]
+_Modulus = Annotated[float, ABOVE_0, Unit("GPa"), Limits(1e-3, 1e12)]
 _MODULUS_UNITS = {"Pa": 1e-9, "N/mm²": 1e-3, "TPa": 1e3}
+_Density = Annotated[float, ABOVE_0, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})]
 _ShearModulus = Annotated[_Modulus, Usual(10.0, 300.0, _MODULUS_UNITS)]
-_Preload = Annotated[float, Unit("N"), Limits(0.0, 1e7), Fit(), Usual(10.0, 1e6, {"kN": 1e3})]
+_Preload = Annotated[float, ABOVE_0, Unit("N"), Limits(0.0, 1e7), Fit(), Usual(10.0, 1e6, {"kN": 1e3})]
 _RIGIDITY_UNITS = {"N/m": 1e-6, "N/mm": 1e-3, "kN/µm": 1e3}
-_Rigidity = Annotated[float, Unit("N/µm"), Limits(1e-6, 1e7), Fit(), Usual(5.0, 2e4, _RIGIDITY_UNITS)]
-_RigidityPreload = Annotated[float, Unit("N"), Limits(1e-3, 1e7)]
-_RigidityShare = Annotated[float, Fit(0.1, 1.0)]
+_Rigidity = Annotated[float, ABOVE_0, Unit("N/µm"), Limits(1e-6, 1e7), Fit(), Usual(5.0, 2e4, _RIGIDITY_UNITS)]
+_RigidityPreload = Annotated[float, ABOVE_0, Unit("N"), Limits(1e-3, 1e7)]
+_RigidityShare = Annotated[float, ABOVE_0, Fit(0.1, 1.0)]
 _ContactAngle = Annotated[float, Unit("°"), Limits(0.0, 360.0)]
 _Conformity = Annotated[float, Fit(0.505, 0.6)]
 
 
 @dataclass(frozen=True)
-class Motor:
+class Motor(Checked):
     """Servo motor: rotor inertia [kg·m²], torque per current [N·m/A], largest torque [N·m] and speed [r/min]."""
 
     inertia_kg_m2: Inertia = 0.0053
     torque_constant_nm_per_a: Annotated[
-        float, Unit("N·m/A"), Limits(1e-9, 1e6), Fit(), Usual(0.01, 50.0, {"mN·m/A": 1e-3})
+        float, ABOVE_0, Unit("N·m/A"), Limits(1e-9, 1e6), Fit(), Usual(0.01, 50.0, {"mN·m/A": 1e-3})
     ] = 0.79
-    peak_torque_nm: Torque = 76.0
-    top_speed_rpm: Annotated[float, Unit("r/min"), Limits(1e-6, 1e7), Fit(), Usual(50.0, 6e4, {"1/s": 60.0})] = 4000.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "inertia_kg_m2", "torque_constant_nm_per_a", "peak_torque_nm", "top_speed_rpm")
+    peak_torque_nm: Annotated[Torque, ABOVE_0] = 76.0
+    top_speed_rpm: Annotated[
+        float, ABOVE_0, Unit("r/min"), Limits(1e-6, 1e7), Fit(), Usual(50.0, 6e4, {"1/s": 60.0})
+    ] = 4000.0
 
     @property
     def limits(self) -> dict[str, Any]:
@@ -63,38 +63,34 @@ class Motor:
 
 
 @dataclass(frozen=True)
-class Coupling:
+class Coupling(Checked):
     """Coupling between motor and screw: its catalogue stiffness [N·m/rad], or None: a solid cylinder, πGD⁴/(32L)."""
 
-    inertia_kg_m2: Inertia = 0.0009
+    inertia_kg_m2: Annotated[Inertia, FROM_0] = 0.0009
     stiffness_nm_per_rad: TorsionalStiffness | None = 76_000.0
     diameter_mm: _Diameter = 40.0
     length_mm: _Millimetres = 80.0
     shear_modulus_gpa: _ShearModulus = 79.0
 
-    def __post_init__(self) -> None:
-        require_not_negative(self, "inertia_kg_m2")
-        require_positive(self, "stiffness_nm_per_rad", "diameter_mm", "length_mm", "shear_modulus_gpa")
-
 
 @dataclass(frozen=True)
-class Screw:
+class Screw(Checked):
     """Ball screw."""
 
     #: diameter_mm and root_diameter_mm: Nominal diameter, which gives the inertia; that of the core, which carries [mm]
     diameter_mm: _Diameter = 40.0
     root_diameter_mm: _Diameter = 34.91
     #: Travel per revolution [mm]
-    lead_mm: Annotated[float, Unit("mm"), Limits(1e-3, 1e4), Usual(0.5, 200.0, {"m": 1e3, "µm": 1e-3})] = 20.0
+    lead_mm: Annotated[float, ABOVE_0, Unit("mm"), Limits(1e-3, 1e4), Usual(0.5, 200.0, {"m": 1e3, "µm": 1e-3})] = 20.0
     #: length_mm and overhang_mm: Between the axial bearings; from the coupling to the first of them [mm]
     length_mm: Annotated[_Millimetres, Usual(20.0, 5e4, {"m": 1e3, "µm": 1e-3})] = 1200.0
-    overhang_mm: _Millimetres = 100.0
+    overhang_mm: Annotated[_Millimetres, FROM_0] = 100.0
     origin_mm: _Millimetres = 600.0  #: From the first bearing to the nut at table position 0 [mm]
     both_ends: bool = True  #: Held axially at both ends, else at the motor's only
     #: modulus_gpa, shear_modulus_gpa and density_kg_per_m3: Of its steel
     modulus_gpa: Annotated[_Modulus, Usual(20.0, 700.0, _MODULUS_UNITS)] = 206.0
     shear_modulus_gpa: _ShearModulus = 79.0
-    density_kg_per_m3: Annotated[float, Unit("kg/m³"), Limits(1e-3, 1e6), Usual(1e3, 2e4, {"g/cm³": 1e3})] = 7850.0
+    density_kg_per_m3: _Density = 7850.0
     inertia_kg_m2: Inertia | None = None  #: Of the whole screw; None: a cylinder of the nominal diameter
     damping_nms_per_rad: TorsionalDamping = 0.004  #: Viscous friction of screw, nut and bearings [N·m·s/rad]
     #: torsional_damping_nms_per_rad and axial_damping_ns_per_m: Damping inside the two springs; none in F
@@ -102,11 +98,7 @@ class Screw:
     axial_damping_ns_per_m: Damping = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "diameter_mm", "root_diameter_mm", "lead_mm", "length_mm", "origin_mm", "inertia_kg_m2")
-        require_positive(self, "modulus_gpa", "shear_modulus_gpa", "density_kg_per_m3")
-        require_not_negative(
-            self, "overhang_mm", "damping_nms_per_rad", "torsional_damping_nms_per_rad", "axial_damping_ns_per_m"
-        )
+        super().__post_init__()
         if self.root_diameter_mm > self.diameter_mm:
             raise _refused(self.root_diameter_mm, f"at most diameter_mm, {self.diameter_mm:g}", "root_diameter_mm")
         if self.origin_mm >= self.length_mm:
@@ -114,14 +106,14 @@ class Screw:
 
 
 @dataclass(frozen=True)
-class Nut:
+class Nut(Checked):
     """Preloaded ball nut: double, or single with oversize balls."""
 
     preload_n: _Preload = 3000.0  #: Preload [N]
     #: ball_diameter_mm and pitch_circle_mm: Of the balls; of the circle of their centres [mm]
     ball_diameter_mm: _BallDiameter = 6.35
     pitch_circle_mm: _Diameter = 41.4
-    turns: float = 4.0  #: Loaded turns of balls for each direction
+    turns: Annotated[float, ABOVE_0] = 4.0  #: Loaded turns of balls for each direction
     contact_angle_deg: _ContactAngle = 45.0  #: Between a contact and the plane across the axis
     conformity: _Conformity = 0.54  #: Radius of the groove / diameter of the balls
     #: rigidity_n_per_um and rigidity_preload_n: Catalogue rigidity and the preload that it holds for; None: Hertz
@@ -133,22 +125,21 @@ class Nut:
     drag_torque_nm: Torque = 1.2  #: Friction from the preload [N·m]
 
     def __post_init__(self) -> None:
-        require_positive(self, "preload_n", "ball_diameter_mm", "pitch_circle_mm", "turns", "rigidity_share")
-        require_not_negative(self, "drag_torque_nm")
+        super().__post_init__()
         _require_contact(self)
 
 
 @dataclass(frozen=True)
-class Bearings:
+class Bearings(Checked):
     """Preloaded angular-contact bearings at one end of the screw; if it is held at both ends, these are at each."""
 
     preload_n: _Preload = 3350.0  #: Preload of the set [N]
     #: N, bearings that carry each direction: 1 in a pair, 2 in a set of four
-    per_direction: Annotated[int, Limits(1, 100)] = 1
+    per_direction: Annotated[int, ABOVE_0, Limits(1, 100)] = 1
     #: ball_diameter_mm, pitch_circle_mm and balls: Of one bearing
     ball_diameter_mm: _BallDiameter = 7.144
     pitch_circle_mm: _Diameter = 46.4
-    balls: Annotated[int, Limits(1, 10_000)] = 18
+    balls: Annotated[int, ABOVE_0, Limits(1, 10_000)] = 18
     #: contact_angle_deg and conformity: As of `Nut`
     contact_angle_deg: _ContactAngle = 60.0
     conformity: _Conformity = 0.52
@@ -160,38 +151,29 @@ class Bearings:
     drag_torque_nm: Torque = 0.3  #: Friction of the set [N·m]
 
     def __post_init__(self) -> None:
-        require_positive(self, "preload_n", "per_direction", "ball_diameter_mm", "pitch_circle_mm", "balls")
-        require_positive(self, "rigidity_share")
-        require_not_negative(self, "drag_torque_nm")
+        super().__post_init__()
         _require_contact(self)
 
 
 @dataclass(frozen=True)
-class Guide:
+class Guide(Checked):
     """Preloaded linear guides: friction μ·(weight + 2·carriages·preload) + seals, and viscous friction.
 
     Balls of both rows of a carriage carry its preload, hence the 2.
     """
 
-    friction_coefficient: Annotated[float, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
-    carriages: Annotated[int, Limits(0, 1000)] = 4
+    friction_coefficient: Annotated[float, FROM_0, Fit(), Usual(0.0, 0.5, {"%": 0.01})] = 0.004
+    carriages: Annotated[int, FROM_0, Limits(0, 1000)] = 4
     carriage_preload_n: Force = 4000.0
     seal_n: Force = 20.0
     viscous_ns_per_m: Damping = 600.0
 
-    def __post_init__(self) -> None:
-        require_not_negative(self, "friction_coefficient", "carriages", "carriage_preload_n", "seal_n")
-        require_not_negative(self, "viscous_ns_per_m")
-
 
 @dataclass(frozen=True)
-class Table:
+class Table(Checked):
     """What slides, with what lies on it [kg]."""
 
     mass_kg: CarriedMass = 1000.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "mass_kg")
 
 
 @dataclass(frozen=True)
@@ -221,7 +203,6 @@ def thc6350_servo() -> Servo:
 
 
 def _require_contact(part: Nut | Bearings) -> None:
-    require_positive(part, "rigidity_n_per_um", "rigidity_preload_n")
     if not 0.0 < part.contact_angle_deg < 90.0:
         raise _refused(part.contact_angle_deg, "an angle between 0 and 90 degrees", "contact_angle_deg")
     if not 0.5 < part.conformity < 1.0:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, special
 
 from selector.errors import InputError
-from selector.physics.checks import require_positive
+from selector.physics.checks import ABOVE_0, Checked
 from selector.physics.drive.parts.axis import AxialCompliance, Friction, ThreeMassMechanics
 from selector.physics.drive.parts.catalogue import Bearings, Nut, Parts
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -21,7 +21,7 @@ POISSON = 0.3
 
 
 @dataclass(frozen=True)
-class PreloadedContact:
+class PreloadedContact(Checked):
     """Two equal contacts, force κ·δ^(3/2) each, pressed against each other by a preload.
 
     A load F deflects them by δ: ``F = κ·(δ0 + δ)₊^1.5 − κ·(δ0 − δ)₊^1.5`` with δ0 = (preload/κ)^(2/3); odd in F. The
@@ -29,11 +29,8 @@ class PreloadedContact:
     grows with F^(1/3) from there on.
     """
 
-    load_per_deflection: float  #: κ of one side [N/m^1.5]
-    preload_n: float  #: Preload [N]
-
-    def __post_init__(self) -> None:
-        require_positive(self, "load_per_deflection", "preload_n")
+    load_per_deflection: Annotated[float, ABOVE_0]  #: κ of one side [N/m^1.5]
+    preload_n: Annotated[float, ABOVE_0]  #: Preload [N]
 
     @classmethod
     def from_rigidity(cls, stiffness_n_per_m: float, at_preload_n: float, preload_n: float) -> PreloadedContact:
@@ -187,9 +184,8 @@ def published_axial_stiffness_n_per_m(
     return np.asarray(1.0 / (1.0 / stiffened(nut, load) + 1.0 / screw))
 
 
-def three_mass_mechanics(parts: Parts, *, position_m: float | None = None, load_n: float = 0.0) -> ThreeMassMechanics:
-    """Masses and springs of F eq. 1 with the stiffness at one position and load; position None: table position 0."""
-    at_m = 0.0 if position_m is None else position_m
+def three_mass_mechanics(parts: Parts) -> ThreeMassMechanics:
+    """Masses and springs of F eq. 1 with the stiffness at table position 0 without load."""
     screw, motor, coupling = parts.screw, parts.motor, parts.coupling
     length_m = (screw.length_mm + screw.overhang_mm) * 1e-3
     cylinder = math.pi / 32.0 * screw.density_kg_per_m3 * (screw.diameter_mm * 1e-3) ** 4 * length_m
@@ -198,8 +194,8 @@ def three_mass_mechanics(parts: Parts, *, position_m: float | None = None, load_
         screw_inertia_kg_m2=cylinder if screw.inertia_kg_m2 is None else screw.inertia_kg_m2,
         table_mass_kg=parts.table.mass_kg,
         lead_m=screw.lead_mm * 1e-3,
-        torsional_stiffness_nm_per_rad=torsional_stiffness_nm_per_rad(parts, position_m=at_m),
-        axial_stiffness_n_per_m=float(axial_stiffness_n_per_m(parts, position_m=at_m, load_n=load_n)),
+        torsional_stiffness_nm_per_rad=torsional_stiffness_nm_per_rad(parts),
+        axial_stiffness_n_per_m=float(axial_stiffness_n_per_m(parts)),
         screw_damping_nms_per_rad=screw.damping_nms_per_rad,
         guide_damping_ns_per_m=parts.guide.viscous_ns_per_m,
         torsional_damping_nms_per_rad=screw.torsional_damping_nms_per_rad,

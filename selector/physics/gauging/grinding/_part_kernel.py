@@ -33,7 +33,7 @@ compiled = njit(nogil=True, error_model="numpy", forceinline=True)
 
 
 class Plan(NamedTuple):
-    """Numbers of a gauged grinding as the loop wants them; units of the values that they are from."""
+    """Numbers of a gauged grinding as the loop wants them; those that its parts have are called as there."""
 
     feed: Vector
     threshold: Vector
@@ -41,28 +41,28 @@ class Plan(NamedTuple):
     table_v: Vector
     table_from: float
     table_step: float
-    gain: float
-    bias: float
+    gain_v_per_um: float
+    bias_v: float
     sign: float
-    filter_s: float
-    allowance: float
-    allowance_sd: float
+    time_constant_s: float
+    allowance_um: float
+    allowance_sd_um: float
     feed_sd: float
     lag_s: float
     wheel_wear: float
-    wear_growth: float
+    wear_growth_per_part: float
     dress_every: int
-    probe_wear: float
+    probe_wear_um_per_part: float
     per_s: float
     grooves: int
-    share: float
-    depth: float
-    runout: float
-    noise_sd: float
-    noise_rate: float
+    groove_share: float
+    groove_depth_um: float
+    runout_um: float
+    sd_um: float
+    rate_per_s: float
     delay_s: float
-    relay_noise: float
-    hold_s: float
+    noise_v: float
+    noise_hold_s: float
     crest_v: Vector
     crest_from: float
     crest_step: float
@@ -74,7 +74,7 @@ class Plan(NamedTuple):
 def _voltage(plan, seen):
     n = len(plan.table_v) - 1
     if n < 0:
-        return plan.bias + plan.gain * seen
+        return plan.bias_v + plan.gain_v_per_um * seen
     at = (seen - plan.table_from) / plan.table_step
     if at <= 0.0:
         return plan.table_v[0]
@@ -88,7 +88,7 @@ def _voltage(plan, seen):
 def _slope(plan, seen):
     n = len(plan.table_v) - 1
     if n < 0:
-        return plan.gain
+        return plan.gain_v_per_um
     at = (seen - plan.table_from) / plan.table_step
     if at < 0.0 or at >= n:
         return 0.0
@@ -113,7 +113,7 @@ def _weights(plan, h):
 
     With G the noise through the filter from 0 over the step, G = from_f·f(0) + to_f·f(h) + own·ξ exactly.
     """
-    k, beta, sd = 1.0 / plan.filter_s, plan.noise_rate, plan.noise_sd
+    k, beta, sd = 1.0 / plan.time_constant_s, plan.rate_per_s, plan.sd_um
     z = k * h
     keep = math.exp(-z)
     late = 1.0 + math.expm1(-z) / z if z > 1e-5 else 0.5 * z
@@ -150,7 +150,7 @@ def _through(k, beta, u):
 @compiled
 def _swung(plan, turn, t):
     """What run-out adds at a time."""
-    return plan.runout * math.sin(2 * math.pi * (turn + plan.per_s * t)) if plan.runout != 0.0 else 0.0
+    return plan.runout_um * math.sin(2 * math.pi * (turn + plan.per_s * t)) if plan.runout_um != 0.0 else 0.0
 
 
 @compiled
@@ -217,7 +217,7 @@ def _first_crossing(plan, course, extra, redraw, to_redraw):
             return begin + at * width, extra, redraw
         if redraw >= 1.0:
             return -1.0, extra, redraw
-        extra = plan.relay_noise * np.random.standard_normal()
+        extra = plan.noise_v * np.random.standard_normal()
         redraw += to_redraw
         begin, low, slope = end, high, rate
         if low + extra >= 0.0:
@@ -229,30 +229,30 @@ def _part(plan, number, seed, ends, record, period_s):
     """Grinds one part; fills the ends of its stages [s] and the record; returns size, duration and its state."""
     np.random.seed(seed)
     scale = max(1.0 + plan.feed_sd * np.random.standard_normal(), LEAST_FEED)
-    x = plan.allowance + plan.allowance_sd * np.random.standard_normal()
+    x = plan.allowance_um + plan.allowance_sd_um * np.random.standard_normal()
     turn = np.random.random()
-    f = plan.noise_sd * np.random.standard_normal()
-    passed = 1.0 / (1.0 + plan.noise_rate * plan.filter_s)
-    smoothed = passed * f + plan.noise_sd * math.sqrt(passed - passed * passed) * np.random.standard_normal()
+    f = plan.sd_um * np.random.standard_normal()
+    passed = 1.0 / (1.0 + plan.rate_per_s * plan.time_constant_s)
+    smoothed = passed * f + plan.sd_um * math.sqrt(passed - passed * passed) * np.random.standard_normal()
     extra, redraw = 0.0, math.inf
-    if plan.relay_noise > 0.0:
-        extra, redraw = plan.relay_noise * np.random.standard_normal(), plan.hold_s * np.random.random()
+    if plan.noise_v > 0.0:
+        extra, redraw = plan.noise_v * np.random.standard_normal(), plan.noise_hold_s * np.random.random()
     since = number % plan.dress_every if plan.dress_every > 0 else number
-    removed = scale / (1.0 + plan.wheel_wear * (1.0 + plan.wear_growth) ** since)
-    worn = plan.probe_wear * number
+    removed = scale / (1.0 + plan.wheel_wear * (1.0 + plan.wear_growth_per_part) ** since)
+    worn = plan.probe_wear_um_per_part * number
     met = x - worn
     y = _voltage(plan, met) + _slope(plan, met) * smoothed
     if plan.grooves > 0:
         # deep grooves leave the range of the gauge: a mean of voltages, not the voltage of a mean
-        deep = _voltage(plan, met - plan.depth) + _slope(plan, met - plan.depth) * smoothed
-        y += plan.share * (deep - y)
+        deep = _voltage(plan, met - plan.groove_depth_um) + _slope(plan, met - plan.groove_depth_um) * smoothed
+        y += plan.groove_share * (deep - y)
     # next edge of a groove
     inside, edge, pitch = False, math.inf, math.inf
     if plan.grooves > 0:
         pitch = 1.0 / (plan.grooves * plan.per_s)
         within = plan.grooves * turn - math.floor(plan.grooves * turn)
-        inside = within < plan.share
-        edge = ((plan.share if inside else 1.0) - within) * pitch
+        inside = within < plan.groove_share
+        edge = ((plan.groove_share if inside else 1.0) - within) * pitch
     stages = len(plan.feed)
     stage, a, r = 0, plan.feed[0] * removed, 0.0
     begun, limit = 0.0, 2.0 * max(x - plan.limit_um[0], 0.0) / a + plan.patience_s
@@ -267,14 +267,14 @@ def _part(plan, number, seed, ends, record, period_s):
         # events that are due
         if edge <= t:
             inside = not inside
-            edge += (plan.share if inside else 1.0 - plan.share) * pitch
+            edge += (plan.groove_share if inside else 1.0 - plan.groove_share) * pitch
             continue
-        groove = plan.depth if inside else 0.0
+        groove = plan.groove_depth_um if inside else 0.0
         still = x - worn + swung - groove
         if stage < stages and not waiting:
             if redraw <= t:
-                extra = plan.relay_noise * np.random.standard_normal()
-                redraw += plan.hold_s * (math.floor((t - redraw) / plan.hold_s) + 1.0)
+                extra = plan.noise_v * np.random.standard_normal()
+                redraw += plan.noise_hold_s * (math.floor((t - redraw) / plan.noise_hold_s) + 1.0)
             if plan.sign * (y + extra - plan.threshold[stage]) + _crest(plan, still) >= 0.0:
                 if t == begun:
                     state = AT_ONCE
@@ -306,7 +306,7 @@ def _part(plan, number, seed, ends, record, period_s):
         v0, slope = _voltage(plan, seen), _slope(plan, seen)
         f1 = f
         bridge = 0.0
-        if plan.noise_sd > 0.0:
+        if plan.sd_um > 0.0:
             f1 = rho * f + spread * np.random.standard_normal()
             bridge = slope * (from_f * f + to_f * f1 + own * np.random.standard_normal())
         x1, r1 = _fallen(plan, x, r, a, hs, slower)
@@ -320,9 +320,11 @@ def _part(plan, number, seed, ends, record, period_s):
             c0, c1 = _crest(plan, still), _crest(plan, x1 + besides - f1)
             u0 = plan.sign * (y - plan.threshold[stage]) + c0
             u1 = plan.sign * (y1 - plan.threshold[stage]) + c1
-            d0 = plan.sign * (v0 - y) * hs / plan.filter_s + c1 - c0
-            d1 = plan.sign * (v1 - y1) * hs / plan.filter_s + c1 - c0
-            found = _first_crossing(plan, (u0, u1, d0, d1), plan.sign * extra, (redraw - t) / hs, plan.hold_s / hs)
+            d0 = plan.sign * (v0 - y) * hs / plan.time_constant_s + c1 - c0
+            d1 = plan.sign * (v1 - y1) * hs / plan.time_constant_s + c1 - c0
+            found = _first_crossing(
+                plan, (u0, u1, d0, d1), plan.sign * extra, (redraw - t) / hs, plan.noise_hold_s / hs
+            )
             at, extra = found[0], plan.sign * found[1]
             redraw = t + found[2] * hs
             if at >= 0.0:
@@ -347,7 +349,7 @@ def _part(plan, number, seed, ends, record, period_s):
         while row < rows and row * period_s < to:
             now = row * period_s
             s = min(max((now - t) / hs, 0.0), 1.0)
-            level = _cubic(y, y1, (v0 - y) * hs / plan.filter_s, (v1 - y1) * hs / plan.filter_s, s)
+            level = _cubic(y, y1, (v0 - y) * hs / plan.time_constant_s, (v1 - y1) * hs / plan.time_constant_s, s)
             if now < fed:
                 left = math.exp((t - now) / plan.lag_s) if plan.lag_s > 0.0 else 0.0
                 at_x, _ = _fallen(plan, x, r, a_before, max(now - t, 0.0), left)

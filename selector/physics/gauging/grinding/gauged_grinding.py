@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -233,45 +234,33 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
         else _tabulated(ripple.allowance_um, partial(ripple.crest_at, time_constant_s=gauge.time_constant_s))
     )
     turn_s = 60.0 / surface.workpiece_rpm if surface.workpiece_rpm > 0 else 0.0
-    numbers: dict[str, float] = {
+    # the allowance of the gauge is where its line touches
+    of_parts = {
+        name: value
+        for part in (gauge, setup.relay, surface, setup.noise, grinding)
+        for name, value in vars(part).items()
+    }
+    numbers = {name: value for name, value in of_parts.items() if name in Plan._fields} | {
         "table_from": start,
         "table_step": step,
-        "gain": gauge.gain_v_per_um,
-        "bias": gauge.bias_v,
         "sign": -math.copysign(1.0, gauge.gain_v_per_um),
-        "filter_s": gauge.time_constant_s,
-        "allowance": grinding.allowance_um,
-        "allowance_sd": grinding.allowance_sd_um,
-        "feed_sd": grinding.feed_sd,
-        "lag_s": grinding.lag_s,
-        "wheel_wear": grinding.wheel_wear,
-        "wear_growth": grinding.wear_growth_per_part,
-        "probe_wear": grinding.probe_wear_um_per_part,
         "per_s": surface.workpiece_rpm / 60.0,
-        "share": surface.groove_share,
-        "depth": surface.groove_depth_um,
-        "runout": surface.runout_um,
-        "noise_sd": setup.noise.sd_um,
-        "noise_rate": setup.noise.rate_per_s,
-        "delay_s": setup.relay.delay_s,
-        "relay_noise": setup.relay.noise_v,
-        "hold_s": setup.relay.noise_hold_s,
         "crest_from": crest_from,
         "crest_step": crest_step,
         "step_s": step_s,
         "patience_s": 20.0 * (gauge.time_constant_s + grinding.lag_s) + 5.0 * turn_s,
     }
     # a whole number as an int would be another type, and another compilation
-    return Plan(
-        feed=np.array([stage.feed_um_per_s for stage in grinding.stages], dtype=np.float64),
-        threshold=np.array(setup.thresholds_v, dtype=np.float64),
-        limit_um=np.array(lowest, dtype=np.float64),
-        table_v=table,
-        crest_v=crest,
-        dress_every=int(grinding.dress_every),
-        grooves=int(surface.grooves) if surface.groove_depth_um > 0 else 0,
-        **{name: float(value) for name, value in numbers.items()},
-    )
+    arrays_and_counts: dict[str, Any] = {
+        "feed": np.array([stage.feed_um_per_s for stage in grinding.stages], dtype=np.float64),
+        "threshold": np.array(setup.thresholds_v, dtype=np.float64),
+        "limit_um": np.array(lowest, dtype=np.float64),
+        "table_v": table,
+        "crest_v": crest,
+        "dress_every": int(grinding.dress_every),
+        "grooves": int(surface.grooves) if surface.groove_depth_um > 0 else 0,
+    }
+    return Plan(**{name: float(value) for name, value in numbers.items()} | arrays_and_counts)
 
 
 def _tabulated(allowance_um: Vector, values_at: Callable[[Vector], Vector]) -> tuple[Vector, float, float]:
@@ -455,7 +444,7 @@ def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s
     ends = np.zeros((1, len(plan.feed)))
     grind(plan, number, seeds, size, duration, ends, state, np.empty((0, COLUMNS)), period_s)
     tripped = bool(state[0] != NEVER)
-    after_s = _SETTLING * plan.filter_s + _LAGS * plan.lag_s if tripped else 0.0
+    after_s = _SETTLING * plan.time_constant_s + _LAGS * plan.lag_s if tripped else 0.0
     rows = max(int((duration[0] + after_s) / period_s) + 1, _LEAST_ROWS if tripped else 1)
     record = np.empty((rows, COLUMNS))
     grind(plan, number, seeds, size, duration, ends, state, record, period_s)

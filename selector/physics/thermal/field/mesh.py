@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from selector.errors import InputError, OptionError
 from selector.types import Indices, Vector
@@ -107,14 +106,6 @@ class BlockMesh:
         inward = np.einsum("ij,ij->i", np.cross(b - a, c - b), outward) < 0
         ring[inward] = ring[inward, ::-1]
         return np.asarray(ring[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), dtype=np.int64)
-
-    def pieces(self) -> int:
-        """Number of bodies that no face joins; an edge or a corner in common is a hinge, not a joint."""
-        beside = np.asarray(self.mesh.f2t)
-        first, second = beside[:, beside[1] >= 0]
-        n = len(self.cells)
-        links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
-        return int(sparse.csgraph.connected_components(links, directed=False)[0])
 
 
 def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,13 +113,6 @@ class Advance:
     heat_j: Vector  #: (n_heat_laws,): Heat put in by every law [J], in the same sense
 
 
-class Stepper(Protocol):
-    """Carries a body through intervals."""
-
-    def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
-        """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
-
-
 def _largest(matrix: Any) -> float:
     """Largest entry without its sign."""
     entries: Array = matrix.data if sparse.issparse(matrix) else matrix  # type: ignore[attr-defined]
@@ -128,6 +121,8 @@ def _largest(matrix: Any) -> float:
 
 def _by_step(times_s: Vector, ends_s: Vector) -> list[Vector]:
     """Increasing times by the step that they are in; what rounding puts behind the last end is in the last step."""
+    if len(ends_s) == 1:
+        return [times_s]
     return np.split(times_s, np.searchsorted(times_s, ends_s[:-1], "right"))
 
 
@@ -170,7 +165,7 @@ class ExactStepper:
         self._room = max(2, int(_CACHE_BYTES / (16 * body.system.size**2)))
 
     def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
-        """See `Stepper.advance`."""
+        """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
         modal = self._modal_of(held)
         z = modal.to_modal @ rise
         lubricants, soft = self._body.lubricants, self._body.soft
@@ -295,7 +290,7 @@ class ImplicitStepper:
         self._room = 2
 
     def advance(self, rise: Vector, held: Interval, read_s: Vector, keep_s: Vector) -> Advance:
-        """See `Stepper.advance`; between steps the parabola through start, first stage and end is read."""
+        """See `ExactStepper.advance`; between steps the parabola through start, first stage and end is read."""
         body, capacity = self._body, self._body.system.capacity
         steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12))))
         # steps that differ by rounding share a factorisation

@@ -25,7 +25,6 @@ from selector.physics.thermal.network.stepping import (
     ExactStepper,
     ImplicitStepper,
     Interval,
-    Stepper,
 )
 from selector.types import Array, Vector
 
@@ -107,7 +106,7 @@ def simulate_heat(
     body = Body(system, laws, datum)
     starts, intervals = _intervals(laws, conditions, datum)
     chosen = _method(body, intervals) if method == "auto" else method
-    stepper: Stepper = ExactStepper(body, step_s) if chosen == "exact" else ImplicitStepper(body, step_s)
+    stepper = ExactStepper(body, step_s) if chosen == "exact" else ImplicitStepper(body, step_s)
 
     rise = start - datum * system.uniform
     readings, states = np.empty((len(read), len(body.rows))), np.empty((len(keep), system.size))

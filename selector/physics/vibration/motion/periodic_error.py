@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import require_finite, require_positive
+from selector.physics.checks import ABOVE_0, FINITE, Checked
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.rounding import SAME, above, below
 from selector.types import ComplexMatrix, Vector
@@ -29,6 +29,7 @@ MOST_REALISATIONS = 1 << 22
 _BLOCK = 1 << 15
 _WAVES, _MOST_WAVES = 512, 1 << 17
 _REST = 1e-9
+_Above0 = Annotated[float, ABOVE_0]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -216,26 +217,21 @@ def _mean_ordinate(total: ComplexMatrix, step: NDArray[np.complex128]) -> Vector
 
 
 @dataclass(frozen=True)
-class Cutting:
+class Cutting(Checked):
     """Turning on a lathe.
 
     The law of the force is P = 10·C_p·t^x·S^y·V^n·K_p [N] with t in mm, S in mm/rev, V in m/min (V eq. 2).
     """
 
-    diameter_mm: float  #: Diameter of the workpiece at the cut [mm]
-    workpiece_rpm: float  #: Speed of the workpiece [r/min]
-    feed_mm_per_rev: float  #: S [mm/rev]
+    diameter_mm: _Above0  #: Diameter of the workpiece at the cut [mm]
+    workpiece_rpm: _Above0  #: Speed of the workpiece [r/min]
+    feed_mm_per_rev: _Above0  #: S [mm/rev]
     #: force_coefficient, depth_exponent, feed_exponent, speed_exponent and force_correction: C_p, x, y, n, K_p
-    force_coefficient: float
-    depth_exponent: float
-    feed_exponent: float
-    speed_exponent: float
-    force_correction: float = 1.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "diameter_mm", "workpiece_rpm", "feed_mm_per_rev")
-        require_positive(self, "force_coefficient", "depth_exponent", "force_correction")
-        require_finite(self, "feed_exponent", "speed_exponent")
+    force_coefficient: _Above0
+    depth_exponent: _Above0
+    feed_exponent: Annotated[float, FINITE]
+    speed_exponent: Annotated[float, FINITE]
+    force_correction: _Above0 = 1.0
 
     @property
     def speed_m_per_min(self) -> float:
@@ -256,16 +252,13 @@ _NO_FORCE_LOG = 200.0
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(Checked):
     """Where one kind of periodic error ends and the next begins."""
 
     #: Wavelength below which an error is roughness [mm]: the cut-off (ISO 21920-3, ISO 4288)
-    roughness_below_mm: float = 0.8
+    roughness_below_mm: _Above0 = 0.8
     #: Waves per revolution up to which an error belongs to the form of the cross-section
-    lobing_up_to_upr: float = 15.0
-
-    def __post_init__(self) -> None:
-        require_positive(self, "roughness_below_mm", "lobing_up_to_upr")
+    lobing_up_to_upr: _Above0 = 15.0
 
 
 @dataclass(frozen=True)

@@ -5,30 +5,29 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import keep_arrays, require_finite, require_not_negative, require_positive
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.types import Indices, Vector
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Checked):
     """One line of a spectrum: amplitude·sin(ωt + phase)."""
 
-    frequency_hz: float | None = None  #: Where the frequency is fixed [Hz]
-    order: float | None = None  #: Where it follows a shaft: periods per revolution
-    force_n: float = 0.0  #: Amplitude of the force, the same at every speed [N]
+    frequency_hz: Annotated[float, ABOVE_0] | None = None  #: Where the frequency is fixed [Hz]
+    order: Annotated[float, ABOVE_0] | None = None  #: Where it follows a shaft: periods per revolution
+    force_n: Annotated[float, FROM_0] = 0.0  #: Amplitude of the force, the same at every speed [N]
     #: Mass times eccentricity of what turns [kg·m]: a force of unbalance·ω² beside `force_n`
-    unbalance_kg_m: float = 0.0
-    phase_rad: float = 0.0  #: Phase against the other lines of its source [rad]
+    unbalance_kg_m: Annotated[float, FROM_0] = 0.0
+    phase_rad: Annotated[float, FINITE] = 0.0  #: Phase against the other lines of its source [rad]
 
     def __post_init__(self) -> None:
-        require_positive(self, "frequency_hz", "order")
-        require_not_negative(self, "force_n", "unbalance_kg_m")
-        require_finite(self, "phase_rad")
+        super().__post_init__()
         if (self.frequency_hz is None) == (self.order is None):
             raise InputError(
                 "both frequency_hz and order" if self.order is not None else "neither frequency_hz nor order",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,7 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
-from selector.physics.checks import require_not_negative, require_positive
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
@@ -20,14 +21,14 @@ GROUND = "ground"
 
 
 @dataclass(frozen=True)
-class Member:
+class Member(Checked):
     """A part of the machine that moves as one mass."""
 
     name: str
-    mass_kg: float  #: m [kg]
+    mass_kg: Annotated[float, ABOVE_0]  #: m [kg]
 
     def __post_init__(self) -> None:
-        require_positive(self, "mass_kg")
+        super().__post_init__()
         if self.name == GROUND or not self.name:
             raise InputError(
                 f"a member called {self.name!r}",
@@ -38,16 +39,16 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Joint:
+class Joint(Checked):
     """Spring and damping between two members, or between a member and `GROUND`."""
 
     between: tuple[str, str]  #: Names of what it joins
-    stiffness_n_per_m: float  #: j [N/m]
-    dissipation: float = 0.0  #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
+    stiffness_n_per_m: Annotated[float, ABOVE_0]  #: j [N/m]
+    #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
+    dissipation: Annotated[float, FROM_0] = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "stiffness_n_per_m")
-        require_not_negative(self, "dissipation")
+        super().__post_init__()
         if self.between[0] == self.between[1]:
             raise InputError(
                 f"a joint of {self.between[0]!r} with itself",
@@ -355,33 +356,6 @@ def structure_modes(structure: Structure) -> StructureModes:
     )
 
 
-def receptance_by_modes(
-    structure: Structure,
-    frequency_hz: ArrayLike,
-    *,
-    of: str,
-    at: str,
-    against: str | None = None,
-    modes: StructureModes | None = None,
-) -> Complex:
-    """Motion of `of` per unit force on `at` [m/N], shape (n_freq,): Σ φ_of·φ_at / (λ − ω²) over all modes.
-
-    The opposite force acts on `against`, by default on the ground. `modes` are those of the structure, where they are
-    known already. Where modes are not complete, by the triangular form of Schur instead.
-
-    InputError at a resonance that nothing damps, and for unknown members.
-    """
-    frequency = checked_frequencies(frequency_hz)
-    modes = structure_modes(structure) if modes is None else modes
-    refuse_unresolved(structure, frequency)
-    force, place = unit_force(structure, at, against), known_place(structure, of, "of")
-    square = (2.0 * math.pi * frequency) ** 2
-    if not modes.complete:
-        return _by_schur(structure, square, force, place)
-    weight = modes.shapes[place] * (modes.shapes.T @ force)
-    return np.asarray((weight / (modes.eigenvalues_per_s2 - square[:, None])).sum(axis=1))
-
-
 def _eigenpairs(structure: Structure) -> tuple[Complex, Complex]:
     """Eigenvalues and vectors of length 1; real shapes where every joint takes the same share of energy.
 
@@ -410,21 +384,6 @@ def _normalised(vectors: Complex) -> Complex:
             root = linalg.sqrtm(block)
             normalised[:, together] = vectors[:, together] @ np.linalg.inv(root)
     return normalised
-
-
-def _by_schur(structure: Structure, square: NDArray[np.float64], force: NDArray[np.float64], place: int) -> Complex:
-    """Receptance by back substitution in the triangular form T of the inverse, all frequencies at once.
-
-    (K − ω²)⁻¹ = T·(1 − ω²·T)⁻¹ between unitary matrices; needs no complete modes.
-    """
-    root = np.sqrt(np.diag(mass_matrix(structure)))
-    triangle, unitary = linalg.schur(linalg.inv(scaled_stiffness_matrix(structure)), output="complex")
-    load = unitary.conj().T @ (force / root)
-    found = np.zeros((len(load), len(square)), dtype=np.complex128)
-    for row in range(len(load) - 1, -1, -1):
-        rest = load[row] + square * (triangle[row, row + 1 :] @ found[row + 1 :])
-        found[row] = rest / (1.0 - square * triangle[row, row])
-    return np.asarray((unitary[place] @ triangle) @ found / root[place])
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Sensors: every λ and every set at once; groups, model, errors and faults move with the slider.
+"""Sensors: how many, which, and what they reach; groups, model, errors and faults move with the dials.
 
 A move of the slider must be seen at once. So it does not go through Dash, whose renderer takes longer than the
 numbers and the pictures together: the browser asks the server for what changes and puts it into the pictures itself
@@ -21,7 +21,7 @@ from selector.workbench.commands import SELECTION, command_text, option_argument
 from selector.workbench.live import View
 from selector.workbench.pages.sensors import machine, pictures, wishes
 from selector.workbench.pages.sensors.machine import ID
-from selector.workbench.typed import FIELDS, in_words_of_fields, number
+from selector.workbench.typed import FIELDS, above_zero, in_words_of_fields, number
 
 __all__ = ["ID", "TITLE", "command", "layout", "register"]
 
@@ -29,7 +29,12 @@ TITLE = "Sensors"
 
 _NOTE = (
     "The error on left-out runs is here that of sets as they are: coefficients are fitted anew without each run, but "
-    "the choice of the set has seen them all, so it flatters. “Run this selection” chooses anew without each run."
+    "the choice of the set has seen them all, so it flatters. “Run this selection” at a λ chooses anew without each "
+    "run; of a set that was taken it proves this set and no other."
+)
+LAMBDA = (
+    "λ says how alike two sensors must move to be in one group, of which one sensor is offered. Near 1 every sensor is "
+    "alone and all are compared; lower, groups are fewer and larger, and sensors that say the same are out."
 )
 _LINEAR = (
     "Numbers and pictures here are of linear models without memory, whatever the Selection page asks of powers, "
@@ -39,24 +44,25 @@ _GRAPH: Any = {**parts.GRAPH, "displayModeBar": False}
 
 
 def layout(bench: Bench) -> Component:
-    """The bar with λ, pictures in two columns, groups, wishes."""
+    """The dials, pictures in two columns, groups, wishes."""
     return html.Div(
         [
-            html.H1("Sensors: groups, model and errors for every λ"),
+            html.H1("Sensors: how many, and which"),
             html.Div("Load recordings first.", id=f"{ID}-wait", className="about", role="status"),
             html.Div(
                 [
                     # filled by sensors.js
                     html.Div(id=f"{ID}-bar", className="lambda"),
+                    html.P(LAMBDA, id=f"{ID}-lambda", className="about"),
                     html.P(_LINEAR, className="about"),
                     html.Div([_picture(name) for name in pictures.NAMES], className="pictures"),
                     html.P(_NOTE, className="about"),
                     parts.section(
                         "Groups", html.Div(id=f"{ID}-groups", className="scroll"), parts.table_download("groups")
                     ),
-                    wishes.table(),
+                    wishes.table(bench),
                     machine.controls(),
-                    html.Div(html.Button("Run this selection", id=f"{ID}-start", className="main"), className="row"),
+                    parts.start_row(ID, "Run this selection"),
                 ],
                 id=f"{ID}-body",
                 hidden=True,
@@ -88,7 +94,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if text is not None and _view(bench) is not None:
             _moved(bench, {"level": text})
 
-    forms = (*wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
+    forms = (wishes.register(app, bench), parts.Form((), take_level, ((f"{ID}-typed", "data"),)))
     parts.register_table(app, "groups", pictures.GROUP_COLUMNS, lambda: _group_rows(bench))
 
     @app.callback(
@@ -137,7 +143,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
     missing = parts.no_recordings(TITLE)
-    parts.register_start(app, bench, ID, "Selection", lambda: command(bench), lambda: SELECTION, missing, forms)
+    parts.register_start(
+        app, bench, ID, parts.Task("selection", "Selection", command, lambda _: SELECTION, missing, forms)
+    )
 
 
 def _group_rows(bench: Bench) -> list[list[object]]:
@@ -151,8 +159,8 @@ def _group_rows(bench: Bench) -> list[list[object]]:
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
     """Looks where the browser asks to look; what is different then.
 
-    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level`` (as it was typed), ``take``
-    (sensors; none: the set of λ) and ``response``.
+    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level`` and ``target`` (as they were
+    typed), ``size`` (of the best set of so many sensors), ``take`` (sensors; none: the set of λ) and ``response``.
     """
     view = _view(bench)
     if view is None or not isinstance(asked, dict):
@@ -165,15 +173,31 @@ def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
         level = number(str(asked["level"]), FIELDS["--lambda"], 0.0, 1.0)
         exploration.cut(level)
         bench.live.look_at(level=level)
-    elif "take" in asked:
-        sensors = tuple(map(str, asked["take"]))
+    elif "target" in asked:
+        bench.choose(target=above_zero(str(asked["target"]), FIELDS["--target"], "µm"))
+        bench.live.look_at(taken=_reaching(bench, view) or None)
+    elif "size" in asked or "take" in asked:
+        sensors = tuple(map(str, asked["take"] if "take" in asked else _of_size(view, int(asked["size"]))))
         if sensors:
             exploration.fixed(sensors)
         bench.live.look_at(taken=sensors)
     elif "response" in asked:
         bench.live.look_at(response=str(asked["response"]))
-    view = bench.live.view(exploration)
+    view = bench.live.view(exploration, bench.options)
     return {**_told(bench, view), "changes": pictures.moved(view, machine.pins(bench))}
+
+
+def _of_size(view: View, size: int) -> tuple[str, ...]:
+    """The best set of about so many sensors."""
+    sets = view.exploration.best_sets
+    return sets[min(sets, key=lambda one: abs(one - size))]
+
+
+def _reaching(bench: Bench, view: View) -> tuple[str, ...]:
+    """The smallest of the best sets that is within the target; none if there is none, or no target."""
+    target, sets = bench.options.target, view.exploration.best_sets
+    errors = {size: view.exploration.fixed(sets[size]).models[view.response].heldout_rmse_um for size in sorted(sets)}
+    return next((sets[size] for size, error in errors.items() if target is not None and error <= target), ())
 
 
 def _told(bench: Bench, view: View) -> dict[str, Any]:
@@ -183,6 +207,9 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
         "step": view.step,
         "last": len(view.exploration.steps) - 1,
         "level": view.level,
+        "size": len(view.fixed.sensors),
+        "sizes": sorted(view.exploration.best_sets),
+        "target": "" if view.target_um is None else f"{view.target_um:g}",
         "is_taken": view.is_taken,
         "responses": list(view.exploration.question.responses),
         "response": view.response,
@@ -196,7 +223,7 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
 def _view(bench: Bench) -> View | None:
     material = bench.material
     found = bench.live.exploration(material.number, material.reading, bench.options, material.findings)
-    return None if found is None else bench.live.view(found)
+    return None if found is None else bench.live.view(found, bench.options)
 
 
 def _signature(bench: Bench, view: View) -> list[Any]:
@@ -207,7 +234,7 @@ def _signature(bench: Bench, view: View) -> list[Any]:
         bench.material.number, asked.must, asked.never, dict(asked.cost), asked.max_sensors, asked.reference,
         asked.responses, asked.absolute_similarity, dict(asked.conditions), places,
         [hash(address) for address in machine.photos(bench).values()],
-        view.level, view.fixed.sensors, view.response,
+        view.level, view.fixed.sensors, view.response, view.target_um,
     ]  # fmt: skip
 
 

@@ -37,11 +37,11 @@ from selector.sensors.groups import Dendrogram, dendrogram
 from selector.workbench.live import View
 from selector.workbench.pages.sensors.machine import Pins
 
-NAMES = ("tree", "machine", "sets", "runs", "coefficients", "faults")
+NAMES = ("sets", "runs", "tree", "machine", "coefficients", "faults")
 NOTES = {
+    "sets": "Each point is a set of sensors. Click one, or move the dial above, to take it.",
     "tree": "Dashed: λ. Colours: groups; grey: sensors that are alone.",
     "machine": "Colours as in the tree; rings: the set that is shown. Drag a pin to where its sensor sits.",
-    "sets": "Each point is a set of sensors. Click one to take it.",
     "runs": "Each run predicted by coefficients that were fitted without it; the sensors are fixed.",
     "coefficients": "Per standard deviation of a reading, with 95 % intervals that allow for autocorrelation.",
     "faults": "Largest change of the correction over the recorded samples.",
@@ -71,10 +71,10 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
     drawn = {
         "tree": tree_picture(tree, "", max(least, room + each * len(tree.leaf_order))),
         "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos, _LONGEST_BESIDE_PIN),
-        "sets": set_errors_picture(view.response, _HEIGHT),
-        "runs": run_errors_picture(view.response, _runs(view), ""),
-        "coefficients": coefficients_picture(view.response, _HEIGHT, ""),
-        "faults": faults_picture([view.response], _HEIGHT, ""),
+        "sets": set_errors_picture(_HEIGHT),
+        "runs": run_errors_picture(_runs(view), ""),
+        "coefficients": coefficients_picture(_HEIGHT, ""),
+        "faults": faults_picture(1, _HEIGHT, ""),
     }
     filled = {name: changed(drawn[name], what) for name, what in _changes(view, pins, tree).items()}
     for one in filled.values():
@@ -87,7 +87,7 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
         # margins that follow the labels would lay every picture out twice
         filled[name].update_layout(margin={**_MARGINS[name], **margin})
         filled[name].update_xaxes(automargin=False).update_yaxes(automargin=False)
-    return filled
+    return {name: filled[name] for name in NAMES}
 
 
 def _name_margins(view: View) -> dict[str, dict[str, float]]:
@@ -144,8 +144,8 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
         "tree": tree_changes(tree, sensors, cut, is_live=True),
         "machine": machine_changes(pins.names, colours, view.fixed.sensors),
         "sets": _set_changes(view),
-        "runs": run_error_changes(_runs(view)),
-        "coefficients": coefficient_changes(_terms(view, model)),
+        "runs": run_error_changes(view.response, _runs(view)),
+        "coefficients": coefficient_changes(view.response, _terms(view, model)),
         "faults": fault_changes(view.fixed.sensors, [view.response], view.faults),
     }
 
@@ -159,7 +159,8 @@ def _set_changes(view: View) -> Changes:
     n = sum(part.n_samples for part in model.parts)
     before_um = (sum(part.n_samples * part.before_rmse_um**2 for part in model.parts) / n) ** 0.5 if n else 0.0
     taken = SetError(view.fixed.sensors, model.heldout_rmse_um)
-    return set_error_changes(errors(view.exploration.best_sets), errors(view.cut.best_sets), taken, before_um)
+    everywhere, of_cut = errors(view.exploration.best_sets), errors(view.cut.best_sets)
+    return set_error_changes(view.response, everywhere, of_cut, taken, before_um, view.target_um)
 
 
 def _runs(view: View) -> list[RunError]:
@@ -193,10 +194,13 @@ def facts(view: View) -> list[tuple[str, str]]:
     kind = KINDS[view.exploration.parts]
     worst = max(view.faults, key=lambda one: one.worst_um)
     n = len(view.cut.groups)
+    reached = "" if view.target_um is None else ", within the target"
+    if view.target_um is not None and not model.heldout_rmse_um <= view.target_um:
+        reached = ", above the target"
     return [
-        ("taken by hand" if view.is_taken else f"λ = {view.level:.6g}", f"{n} group{'s' * (n != 1)}"),
         ("sensors shown", ", ".join(view.fixed.sensors)),
-        (f"{view.response} on left-out {kind}, set fixed", f"{number_text(model.heldout_rmse_um)} µm"),
+        (f"{view.response} on left-out {kind}, set fixed", f"{number_text(model.heldout_rmse_um)} µm{reached}"),
+        ("taken by hand" if view.is_taken else f"λ = {view.level:.6g}", f"{n} group{'s' * (n != 1)}"),
         ("in sample", f"{number_text(model.rmse_um)} µm"),
         ("R², adjusted R²", f"{model.r2:.4f}, {model.adjusted_r2:.4f}"),
         ("largest VIF", number_text(view.fixed.largest_vif) if view.fixed.largest_vif < _INFINITE_VIF else "∞"),

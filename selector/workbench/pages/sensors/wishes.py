@@ -2,31 +2,71 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import dash
-from dash import ALL, Input, Output, State, dcc, html
+from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
 from selector.errors import OptionError
+from selector.selection import Options
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
-from selector.workbench.pages import wished
+from selector.workbench.boxes import Column, Rows
 from selector.workbench.pages.sensors.machine import ID, sensors_of
+from selector.workbench.typed import FIELDS
 
+USES = ("may be used", FIELDS["--must"], FIELDS["--never"])
+COLUMNS = ("sensor", "place", "use", "cost", "x [m]", "y [m]", "z [m]")
 _FARTHEST_M = 1e6
 
 
-def table() -> Component:
+def _rows(bench: Bench) -> Rows:
+    def place(name: str) -> Any:
+        return next((one.xyz_m for one in sensors_of(bench) if one.name == name), None)
+
+    def choose(wished: dict[str, dict[str, Any]]) -> bool:
+        uses, costs = wished["use"], wished["cost"]
+        moved = {name: at for name, at in wished["place"].items() if at is not None and at != place(name)}
+        if moved:
+            bench.place(moved)
+        is_other = bench.choose(
+            must=tuple(name for name, use in uses.items() if use == USES[1]),
+            never=tuple(name for name, use in uses.items() if use == USES[2]),
+            cost={name: cost for name, cost in costs.items() if cost != 1.0},
+        )
+        return is_other or bool(moved)
+
+    columns = (
+        Column("use", lambda use, _: use, lambda name: _use(bench.options, name)),
+        Column(
+            "cost", lambda text, name: typed.number(text or "1", f"cost of {name}", 0.0),
+            lambda name: bench.options.cost.get(name, 1.0), lambda cost: f"{cost:.12g}",
+        ),
+        Column("place", lambda text, name: _coordinates(text, name) if text else None, place, _place_text),
+    )  # fmt: skip
+    return Rows(ID, columns, lambda: [one.name for one in sensors_of(bench)], choose)
+
+
+def table(bench: Bench) -> Component:
     """Where the table is; it stays open when its rows change."""
     shown = [html.Summary("Must, never, cost and place of each sensor"), html.Div(id=f"{ID}-wishes")]
-    kept = [dcc.Store(id=f"{ID}-wished", data=None), wished.followed(ID), wished.followed(ID, "place")]
+    kept = [dcc.Store(id=f"{ID}-wished", data=None), _rows(bench).followed()]
     return html.Details([*shown, parts.table_download("sensors"), *kept], id=f"{ID}-every")
 
 
-def register(app: dash.Dash, bench: Bench) -> tuple[parts.Form, ...]:
-    """The table follows the bench, and the bench the table; its forms."""
+def rows(bench: Bench) -> list[list[object]]:
+    """A row for each sensor under `COLUMNS`: what is wished of it, and where it sits."""
+    asked = bench.options
+    return [
+        [one.name, one.place or "", _use(asked, one.name), asked.cost.get(one.name, 1.0), *(one.xyz_m or ())]
+        for one in sensors_of(bench)
+    ]
+
+
+def register(app: dash.Dash, bench: Bench) -> parts.Form:
+    """The table follows the bench, and the bench the table; its form."""
+    parts.register_table(app, "sensors", COLUMNS, lambda: rows(bench))
 
     @app.callback(
         Output(f"{ID}-wishes", "children"),
@@ -39,54 +79,25 @@ def register(app: dash.Dash, bench: Bench) -> tuple[parts.Form, ...]:
             raise dash.exceptions.PreventUpdate
         return _table(bench), bench.material.number
 
-    wished.register_following(app, ID, lambda: wished.said_of(bench))
-    wished.register_following(app, ID, lambda: {name: [text] for name, text in _places(bench).items()}, ["place"])
-    forms = (wished.form(bench, ID), _places_form(bench))
-    for form in forms:
-        form.register(app)
-    return forms
+    return _rows(bench).register(app, bench)
 
 
-def _places_form(bench: Bench) -> parts.Form:
-    def take(texts: list[str | None], ids: list[dict[str, str]]) -> None:
-        known = _places(bench)
-        named = {one["sensor"]: text for one, text in zip(ids, texts, strict=True) if text}
-        changed = {name: text for name, text in named.items() if name in known and text != known[name]}
-        boxes = [{"type": f"{ID}-place", "sensor": name} for name in changed]
-        shown = [*changed.values()]
-
-        def counting() -> list[str]:
-            return [_places(bench)[name] for name in changed]
-
-        with parts.typed_over(boxes, shown, counting) as read:
-            places_m = {name: read(partial(_coordinates, text, name), None) for name, text in changed.items()}
-            if places := {name: place for name, place in places_m.items() if place is not None}:
-                bench.place(places)
-                parts.tell(bench)
-
-    place = {"type": f"{ID}-place", "sensor": ALL}
-    return parts.Form(((place, "value"),), take, ((place, "id"),))
+def _use(options: Options, name: str) -> str:
+    """One of `USES`."""
+    return USES[1] if name in options.must else USES[2] if name in options.never else USES[0]
 
 
-def _places(bench: Bench) -> dict[str, str]:
-    """Name → coordinates as they stand in the table."""
-    return {
-        channel.name: "" if channel.xyz_m is None else ", ".join(f"{v:g}" for v in channel.xyz_m)
-        for channel in sensors_of(bench)
-    }
+def _place_text(xyz_m: tuple[float, float, float] | None) -> str:
+    return "" if xyz_m is None else ", ".join(f"{v:g}" for v in xyz_m)
 
 
 def _table(bench: Bench) -> Component:
-    places = _places(bench)
-    shown = [
-        [
-            html.Span(channel.name, className="name"),
-            channel.place or "",
-            *wished.controls(bench.options, ID, channel.name),
-            parts.typed_text({"type": f"{ID}-place", "sensor": channel.name}, places[channel.name], className="place"),
-        ]
-        for channel in sensors_of(bench)
-    ]
+    shown, rows = [], _rows(bench)
+    for channel, (use, cost, place) in zip(sensors_of(bench), rows.counting().values(), strict=True):
+        use_box, cost_box, place_box = rows.boxes(channel.name)
+        name = html.Span(channel.name, className="name")
+        fields = [parts.typed_text(cost_box, cost), parts.typed_text(place_box, place, className="place")]
+        shown.append([name, channel.place or "", parts.choice(use_box, USES, use), *fields])
     return parts.table(["sensor", "place", "use", "cost", "x, y, z [m]"], shown, name="channels sensors")
 
 

@@ -1,13 +1,15 @@
-"""The slow and obvious twin of the compiled kernel: an axis as a `System`, for SciPy's solvers and `linearise`."""
+"""The slow and obvious twin of the compiled kernel: an axis as x' = f(t, x, u), for SciPy's solvers and `linearise`."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 from scipy import interpolate, optimize
 
 from selector.errors import InputError
@@ -16,17 +18,13 @@ from selector.physics.drive.parts.axis import (
     Axis,
     AxisState,
     RigidMechanics,
-    Sensing,
     Servo,
     ThreeMassMechanics,
     pitch_error_m,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
-from selector.physics.system import linearise
-from selector.types import Vector
-
-# |R(z)| ≤ 1 of Runge–Kutta 4 holds on the axes to −2.785 and ±2.828; the least of both is the least around
-_STABLE = 2.78
+from selector.physics.system import StateSpace
+from selector.types import Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -219,9 +217,16 @@ class AxisSystem:
         return bristle * state["bristle"] + damping * rate["bristle"]
 
 
+def shaft_m_per_n(compliance: AxialCompliance, table_m: float) -> float:
+    """Deflection of the shaft alone per force with the table there [m/N]; constant beyond the bearings."""
+    free = min(max(compliance.origin_m + table_m, 0.0), compliance.length_m)
+    share = free * (compliance.length_m - free) / compliance.length_m if compliance.both_ends else free
+    return share / compliance.shaft_n
+
+
 def _compliant(compliance: AxialCompliance, deflection: float, table_m: float) -> tuple[float, float]:
     """Force at a deflection by root finding, and the force along the travel of ½·force²·shaft(x)."""
-    shaft, free = compliance.shaft_m_per_n(table_m), compliance.origin_m + table_m
+    shaft, free = shaft_m_per_n(compliance, table_m), compliance.origin_m + table_m
     slope = (1.0 - 2.0 * free / compliance.length_m) if compliance.both_ends else 1.0
     if not 0.0 < free < compliance.length_m:
         slope = 0.0
@@ -237,17 +242,27 @@ def _compliant(compliance: AxialCompliance, deflection: float, table_m: float) -
     return force, 0.5 * force**2 * slope / compliance.shaft_n
 
 
-def mechanical_poles(axis: Axis) -> NDArray[np.complex128]:
-    """Poles of the axis with its servo, if that is continuous, else without one [1/s]; without dry friction and gap."""
-    servo = axis.servo if axis.servo is not None and axis.servo.sample_s == 0 else None
-    if servo is not None:
-        servo = replace(servo, command_limit=None, speed_limit=None)
-    without = replace(axis, servo=servo, sensing=Sensing(), transmission=replace(axis.transmission, backlash_m=0.0))
-    system = AxisSystem(without, Reference(1.0, np.zeros(2), np.zeros(2), np.zeros(2)))
-    return linearise(system, system.start(AxisState()), np.zeros(2)).poles
+def linearise(system: Any, x: ArrayLike, u: ArrayLike, *, t_s: float = 0.0) -> StateSpace:
+    """The linear system that small deviations from (`x`, `u`) obey at time `t_s` [s]; by central differences."""
+    state, held = np.array(x, dtype=np.float64), np.array(u, dtype=np.float64)
+    return StateSpace(
+        A=_jacobian(lambda value: system.derivative(t_s, value, held), state, len(system.states)),
+        B=_jacobian(lambda value: system.derivative(t_s, state, value), held, len(system.states)),
+        C=_jacobian(lambda value: system.output(t_s, value, held), state, len(system.outputs)),
+        D=_jacobian(lambda value: system.output(t_s, state, value), held, len(system.outputs)),
+        states=tuple(system.states),
+        inputs=tuple(system.inputs),
+        outputs=tuple(system.outputs),
+    )
 
 
-def largest_stable_step_s(axis: Axis) -> float:
-    """Largest step at which the kernel does not blow up the fastest vibration of an axis [s]; infinite if none."""
-    fastest = float(np.abs(mechanical_poles(axis)).max())
-    return _STABLE / fastest if fastest > 0 else math.inf
+def _jacobian(function: Callable[[Vector], Vector], at: Vector, rows: int) -> Matrix:
+    found = np.empty((rows, len(at)))
+    for column in range(len(at)):
+        # cube root of the rounding: where truncation and rounding of a central difference meet
+        step = 6e-6 * max(1.0, abs(at[column]))
+        above, below = at.copy(), at.copy()
+        above[column] += step
+        below[column] -= step
+        found[:, column] = (function(above) - function(below)) / (above[column] - below[column])
+    return found

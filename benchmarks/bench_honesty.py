@@ -1,0 +1,188 @@
+"""What `select` promises and what unseen runs bear out, on simulated machines whose truth is known.
+
+    python benchmarks/bench_honesty.py [--machines 15] [--seed 1] [--rows cold,warm]
+
+A machine is five bodies in a row (spindle, housing, column, bed, and one that no thermometer touches) in a hall with
+its day and night; thermometers sit between bodies, with noise, steps of 0.1 K and a lag of their own. Every row of the
+table asks `select` of 15 machines and then applies the model to twelve further runs: true ÷ reported error, whether
+what was proposed is worse than no compensation, and the error over that of the best four sensors, which only the
+further runs can tell (linear models of all sets of four, fitted on the same runs).
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from collections.abc import Callable
+from datetime import datetime, timedelta
+
+import numpy as np
+import pandas as pd
+
+from selector.controllers.application import apply_model
+from selector.controllers.from_selection import model_file_of
+from selector.models.design import Design, datum_of, rows_of
+from selector.recording import Channel, Recording
+from selector.selection import Options, Selection, select
+from selector.telling.selected.advice import useless_responses
+
+PERIOD_S, N_SENSORS, N_FURTHER = 60.0, 12, 12
+SENSORS = tuple(f"T{j + 1}" for j in range(N_SENSORS))
+Samples = np.ndarray
+
+
+class Machine:
+    """A chain of bodies with random conductances, a hidden one at its end."""
+
+    def __init__(self, rng: np.random.Generator, hidden: float) -> None:
+        self.rng = rng
+        self.taus_s = np.exp(rng.uniform(np.log([300, 900, 2400, 6000, 4000]), np.log([900, 2400, 6000, 20000, 15000])))
+        self.coupled = rng.uniform(0.3, 0.9, 5)
+        self.heat = rng.uniform(6.0, 14.0)
+        self.weights = rng.normal(0, 1, 5) * [3.0, 4.0, 5.0, 4.0, 6.0 * hidden]
+        # a thermometer sits between two bodies that one can reach
+        place = rng.uniform(0, 3, N_SENSORS)
+        self.places = np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(4)))
+        self.lags_s = rng.uniform(30, 200, N_SENSORS)
+        self.noise_k = np.exp(rng.uniform(np.log(0.02), np.log(0.15), N_SENSORS))
+
+    def run(self, hours: float, *, warm: bool) -> pd.DataFrame:
+        """A run; a warm one begins after some hours of other work and a pause that is seldom long enough."""
+        rng, n = self.rng, round(hours * 60)
+        before = round(rng.uniform(120, 600)) if warm else 0
+        total = before + n
+        length = rng.integers(20, 90)
+        speed = np.repeat(rng.choice([0, 1500, 3000, 4500, 6000], total // length + 1), length)[:total].astype(float)
+        if before:
+            speed[before - round(rng.uniform(5, 60)) : before] = 0.0
+        day = rng.uniform(0, 2 * np.pi)
+        hall = rng.uniform(16, 27) + rng.uniform(0.5, 2.5) * np.sin(np.arange(total) * 2 * np.pi / 1440 + day)
+        bodies, seen = np.full(5, hall[0]), np.empty((total, 5))
+        source = np.zeros(5)
+        share = PERIOD_S / (self.taus_s + PERIOD_S)
+        for k in range(total):
+            source[0] = self.heat * (speed[k] / 6000.0) ** 1.3
+            ends = np.r_[bodies[0], bodies, bodies[-1]]
+            pulled = hall[k] + self.coupled * (0.5 * (ends[:-2] + ends[2:]) - hall[k])
+            bodies = bodies + share * (pulled + source - bodies)
+            seen[k] = bodies
+        read = seen[:, :4] @ self.places.T
+        read[:, -1] = hall
+        slow = PERIOD_S / (self.lags_s + PERIOD_S)
+        for k in range(1, total):
+            read[k] = read[k - 1] + slow * (read[k] - read[k - 1])
+        table = pd.DataFrame(
+            np.round((read + self.noise_k * rng.normal(size=read.shape))[before:], 1),
+            columns=list(SENSORS),
+            index=np.arange(n) * PERIOD_S,
+        )
+        rise = seen[before:] - seen[before]
+        table["n"] = speed[before:]
+        table["Z"] = rise @ self.weights + rng.normal(0, 0.4, n)
+        return table
+
+
+CHANNELS = (
+    *(Channel(name, "temperature", "degC") for name in SENSORS),
+    Channel("n", "spindle_speed", "rpm"),
+    Channel("Z", "displacement", "um", axis="Z"),
+)
+
+
+Warm = Callable[[int], bool] | None
+
+
+def recording(machine: Machine, n_runs: int, warm: Warm) -> Recording:
+    """Runs of four to eight hours; None: one after the other, as their clocks say, the first from cold."""
+    hours = machine.rng.uniform(4, 8, n_runs)
+    if warm is not None:
+        runs = {f"r{k + 1}": machine.run(hours[k], warm=warm(k)) for k in range(n_runs)}
+        return Recording.from_runs(runs, CHANNELS)
+    whole, ends = machine.run(float(hours.sum()) + 1.0, warm=False), np.round(np.cumsum(hours) * 60).astype(int)
+    runs, starts = {}, {}
+    for k, (start, stop) in enumerate(itertools.pairwise([0, *ends])):
+        part = whole.iloc[start:stop].copy()
+        starts[f"r{k + 1}"] = {"start": (datetime(2026, 3, 2) + timedelta(minutes=int(start))).isoformat()}
+        part.index = part.index - part.index[0]
+        part["Z"] -= part["Z"].iloc[:3].mean()
+        runs[f"r{k + 1}"] = part
+    return Recording.from_runs(runs, CHANNELS, {"runs": starts})
+
+
+def true_rmse_um(selection: Selection, further: Recording) -> tuple[float, float]:
+    """(error with the model, error without compensation) on further runs."""
+    model = model_file_of(selection, CHANNELS)
+    # the start is what a curve through the first samples says, as in the fit and in the best four
+    starts = {run: dict(levels) for run, levels in datum_of(further, selection.chosen, (), "rise").levels.items()}
+    found = apply_model(model, further, starts).overall["Z"]
+    return found.rmse_um, found.before_rmse_um
+
+
+def best_four_um(seen: Recording, further: Recording) -> float:
+    """Smallest error on the further runs of a linear model with four sensors that was fitted to the runs seen."""
+
+    def rows(runs: Recording) -> Samples:
+        datum = datum_of(runs, SENSORS, ("Z",), "rise")
+        found = rows_of(runs, Design(SENSORS, ("Z",), datum), runs.runs)
+        return np.column_stack([np.ones(len(found.run)), found.variables, found.responses])
+
+    ours, theirs = (part.T @ part for part in (rows(seen), rows(further)))
+    sets = np.array([[0, *(1 + np.array(four))] for four in itertools.combinations(range(N_SENSORS), 4)])
+    beta = np.linalg.solve(ours[sets[:, :, None], sets[:, None, :]], ours[sets, -1][:, :, None])[:, :, 0]
+    squares = (
+        theirs[-1, -1]
+        - 2 * (beta * theirs[sets, -1]).sum(axis=1)
+        + np.einsum("si,sij,sj->s", beta, theirs[sets[:, :, None], sets[:, None, :]], beta)
+    )
+    return float(np.sqrt(squares.min() / theirs[0, 0]))
+
+
+ROWS: dict[str, tuple[int, Warm, Options, float]] = {
+    "cold, 6 runs": (6, lambda _: False, Options(max_sensors=4), 0.0),
+    "warm, 6 runs": (6, lambda _: True, Options(max_sensors=4), 0.0),
+    "cold, 6 runs, hidden body, memory": (6, lambda _: False, Options(max_sensors=4, memory=True), 1.0),
+    "warm, 6 runs, hidden body, memory": (6, lambda _: True, Options(max_sensors=4, memory=True), 1.0),
+    "one after the other, 6 runs, hidden body, memory": (6, None, Options(max_sensors=4, memory=True), 1.0),
+    "warm, 3 runs, hidden body, memory": (3, lambda _: True, Options(max_sensors=4, memory=True), 1.0),
+    "every second warm, 4 runs, hidden body, memory": (4, lambda k: k % 2 == 1, Options(memory=True), 1.0),
+}
+
+
+def main() -> None:
+    """Prints a Markdown table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--machines", type=int, default=15)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rows", default="", help="only rows whose names have one of these words, e.g. memory,3")
+    arguments = parser.parse_args()
+    print(
+        "| row | true ÷ reported: median | 5 % to 95 % | within 0.67–1.5 | proposed | worse than none | ÷ best four |"
+    )
+    print("|---|---:|---:|---:|---:|---:|---:|")
+    for name, (n_runs, warm, options, hidden) in ROWS.items():
+        if not any(word in name for word in arguments.rows.split(",")):
+            continue
+        ratios, worse, proposed, over_best = [], 0, 0, []
+        for m in range(arguments.machines):
+            machine = Machine(np.random.default_rng([arguments.seed, m]), hidden)
+            seen = recording(machine, n_runs, warm)
+            further = recording(machine, N_FURTHER, warm)
+            selection = select(seen, options)
+            true, before = true_rmse_um(selection, further)
+            ratios.append(true / selection.proof.rmse_um("Z"))
+            over_best.append(true / best_four_um(seen, further))
+            if not useless_responses(selection):
+                proposed += 1
+                worse += true > before
+        ratio = np.array(ratios)
+        within = float(np.mean((ratio >= 0.67) & (ratio <= 1.5)))
+        low, high = np.quantile(ratio, [0.05, 0.95])
+        print(
+            f"| {name} | {np.median(ratio):.2f} | {low:.2f} to {high:.2f} | {within:.0%} | {proposed} of {len(ratio)} "
+            f"| {worse} | {np.median(over_best):.2f} |",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Does a name stand beside a misfit that is nobody's? Its evidence with a smooth function of the state beside it.
+
+A simulation that is a little wrong in a way that no effect describes is off by a function of its own state: of where a
+response is, and of how it got there. Where such a misfit has the size of the noise it leaves nothing that would show by
+itself, and the nearest shape of the catalogue passes for an effect. So that function is a rival of every name: a random
+one with a Gaussian prior (M. C. Kennedy, A. O'Hagan, Bayesian calibration of computer models, JRSS B 63, 2001), made of
+waves over the simulated response and its memories (A. Rahimi, B. Recht, NIPS 20, 2007), of unknown size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, numbers, without
+from selector.diagnosis.evidence.testing import members_of, prices_of
+from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.signals import filled, lagged
+from selector.types import Matrix, Vector
+
+_WAVES = 96
+_MEMORIES = (0.01, 0.05, 0.25)
+"""Time constants of what the misfit remembers, in parts of the longest run."""
+_LENGTHS = 0.7
+"""Half the logarithm by which the lengths of the waves differ, in standard deviations of the state."""
+_SIZES = np.geomspace(1e-3, 2.0, 14)
+"""Root mean square of the misfit in parts of that of the mismatch; as likely as not there is none."""
+_KEPT = 0.4
+"""Of its evidence: a name that keeps less says little more than that something is wrong."""
+_KEPT_BESIDE = 0.8
+"""The same where another name was no more than that."""
+_LEFT = 0.1
+"""Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too."""
+
+
+def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
+    """The search without names that a misfit of nobody's makes as likely; the least clear first, others in doubt.
+
+    Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
+    the responses of a name that is gone something is wrong that is no effect: there the others have to keep more.
+    """
+    waves = {name: waves_of(comparison, name) for name in found.benches}
+    while True:
+        kept = {id_: _kept(found, id_, waves) for id_ in found.named if id_ != "data.stuck"}
+        short = {
+            id_: share - (_KEPT_BESIDE if found.wrong & set(found.named[id_]) else _KEPT)
+            for id_, (share, _) in kept.items()
+            if all(found.misfit[name] == 1.0 for name in found.named[id_])
+        }
+        if min(short.values(), default=0.0) >= 0.0:
+            doubted = {id_ for id_, (share, size) in kept.items() if share < _KEPT or size >= _LEFT}
+            return replace(found, doubted=frozenset(doubted))
+        least = min(short, key=lambda id_: short[id_])
+        wrong = found.wrong | set(found.named[least])
+        found = replace(found.only(set(found.named) - {least}), wrong=wrong)
+
+
+def waves_of(comparison: Comparison, response: str) -> Matrix:
+    """(n_rows, n_waves): Smooth functions of where a response is simulated to be, and where it was of late."""
+    state = np.column_stack(list(_states(comparison, response)))
+    spread = state.std(axis=0)
+    moving = spread > 1e-9 * spread.max(initial=1e-300)
+    state = (state - state.mean(axis=0))[:, moving] / spread[moving]
+    draw = np.random.default_rng(_WAVES)
+    steepness = np.exp(draw.uniform(-_LENGTHS, _LENGTHS, _WAVES))
+    directions = draw.normal(size=(state.shape[1], _WAVES)) * steepness
+    return np.asarray(np.sqrt(2.0) * np.cos(state @ directions + draw.uniform(0.0, 2.0 * np.pi, _WAVES)))
+
+
+def _states(comparison: Comparison, response: str) -> Iterator[Vector]:
+    """Where the response is, and how far it is ahead of its memories."""
+    course = filled(comparison, comparison.simulated[response])
+    yield course
+    for part in _MEMORIES:
+        yield course - lagged(comparison, course, part * comparison.longest_s, settled=True)
+
+
+def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, float]:
+    """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest.
+
+    What explains most of a mismatch is no guess among shapes of the noise's size: it keeps all.
+    """
+    others = without(found.named, id_)
+    if any(_share(found, others, id_, name) >= MOST_OF_IT for name in found.named[id_]):
+        return 1.0, 0.0
+    told = np.array(
+        [
+            _evidence(bench, numbers(others, name), members_of(bench)[id_], waves[name])
+            for name, bench in found.benches.items()
+            if name in found.named[id_]
+        ]
+    )
+    alone, beside = told[:, 0].sum(), told[:, 1].sum()
+    return float(beside / alone) if alone > 0.0 else 1.0, float(told[:, 2].min())
+
+
+def _share(found: Search, others: Named, id_: str, response: str) -> float:
+    """Share of what recalibration leaves of a response that a name explains beside the others."""
+    bench, of = found.benches[response], numbers(others, response)
+    fall = bench.mean_square(of) - bench.mean_square([*of, found.named[id_][response]])
+    return fall / bench.mean_square([])
+
+
+def _evidence(bench: Bench, others: Sequence[int], own: NDArray[np.intp], waves: Matrix) -> tuple[float, float, float]:
+    """Logarithm of how much more likely a name makes the record, without a misfit and with one beside it.
+
+    The last is the likeliest size of the misfit beside the name, in parts of the mismatch.
+    """
+    base = np.linalg.qr(bench.base(others))[0]
+
+    def rest(columns: Matrix) -> Matrix:
+        return np.asarray(columns - base @ (base.T @ columns))
+
+    target = rest(bench.white_target)
+    left, values, _ = np.linalg.svd(rest(bench.behind_filter(waves)), full_matrices=False)
+    prices = prices_of(bench)[own]
+    columns = [rest(bench.white_columns[:, bench.candidates[v].columns]) for v in own]
+    inside = [left.T @ one for one in columns]
+    of_target = left.T @ target
+    sizes = np.r_[0.0, _SIZES] * np.sqrt(bench.mean_square(others) / _WAVES)
+    without_it, with_it = np.empty(len(sizes)), np.empty(len(sizes))
+    for k, power in enumerate(sizes**2):
+        more = power * values**2
+        shrunk = more / (1.0 + more)
+        without_it[k] = 0.5 * np.sum(shrunk * of_target**2) - 0.5 * np.sum(np.log1p(more))
+        gains = [
+            _gain(one.T @ one - part.T @ (shrunk[:, None] * part), one.T @ target - part.T @ (shrunk * of_target))
+            for one, part in zip(columns, inside, strict=True)
+        ]
+        with_it[k] = without_it[k] + logsumexp(0.5 * (np.array(gains) - prices)) - np.log(len(gains))
+    odds = np.log(np.r_[0.5, np.full(len(_SIZES), 0.5 / len(_SIZES))])
+    likeliest = float(np.r_[0.0, _SIZES][int(np.argmax(with_it + odds))])
+    return with_it[0] - without_it[0], float(logsumexp(with_it + odds) - logsumexp(without_it + odds)), likeliest
+
+
+def _gain(gram: Matrix, score: Vector) -> float:
+    return float(score @ least_squares(gram, score))

@@ -1,0 +1,135 @@
+"""How much of what is left is structure that is nobody's, or strays, and what evidence counts for beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from selector.diagnosis.evidence.noise import NoiseModel
+from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.shapes.residual import least_squares
+from selector.types import Matrix, Vector
+
+_SHAPES = 240
+_SHIFTS = 12
+_DRAWS = 60
+_FEWEST_ROWS = 24
+_BEYOND = 1.2
+"""Times the largest of the draws of noise, which are of white noise, while what is left is so only about."""
+
+
+def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
+    """Times what noise gains that shapes at a wrong time gain in what is left beside `named`; 1 where it is noise.
+
+    A simulation is never wrong in one way only. With many samples all structure that is nobody's is significant, and
+    shapes of the catalogue pick it up whether they are right or not. What shapes gain that are certainly wrong, those
+    of the catalogue at another time, tells how much that is. Evidence counts in units of it, as if the noise were
+    larger by that factor (a tempered posterior: J. W. Miller, D. B. Dunson, Robust Bayesian Inference via Coarsening,
+    JASA 114, 2019).
+
+    Counted is the largest gain of any shape, in the median over shifts by a quarter to three quarters of each run. Some
+    courses are much the same wherever they are moved, so that the median is chance itself: it has to be beyond that of
+    all draws of noise.
+    """
+    if not bench.candidates or len(bench.rows) < _FEWEST_ROWS:
+        return 1.0
+    base = np.linalg.qr(bench.base(named))[0]
+    left = bench.white_target - base @ (base.T @ bench.white_target)
+    left /= max(float(np.sqrt(np.mean(left**2))), 1e-300)
+    some = np.unique(np.linspace(0, len(bench.candidates) - 1, _SHAPES).astype(int))
+    columns = bench.white_columns[:, [bench.candidates[v].columns.start for v in some]]
+    draw = np.random.default_rng(seed)
+    beside_noise = np.column_stack([left, draw.standard_normal((len(left), _DRAWS))])
+    gains = []
+    for _ in range(_SHIFTS):
+        shifted = _elsewhere(bench, columns, draw)
+        gains.append(_largest_gains(shifted - base @ (base.T @ shifted), beside_noise))
+    return max(_times(np.median(gains, axis=0)), _of_repeats(bench, columns, left, draw))
+
+
+def _of_repeats(bench: Bench, columns: Matrix, left: Vector, draw: np.random.Generator) -> float:
+    """The same of what differs between runs of one programme, where there are any: no shape should gain by it.
+
+    Such runs have the same shapes; what they leave differs by noise alone.
+    """
+    place = np.full(len(bench.target), -1)
+    place[bench.rows] = np.arange(len(bench.rows))
+    gains = []
+    for pair in bench.repeats:
+        first, second = (place[rows] for rows in pair)
+        both = (first >= 0) & (second >= 0)
+        if both.sum() < _FEWEST_ROWS:
+            continue
+        apart = (left[first[both]] - left[second[both]]) / np.sqrt(2.0)
+        noise = draw.standard_normal((len(apart), _DRAWS))
+        gains.append(_largest_gains(columns[first[both]], np.column_stack([apart, noise])))
+    return _times(np.median(gains, axis=0)) if gains else 1.0
+
+
+def _largest_gains(columns: Matrix, targets: Matrix) -> Vector:
+    """The largest gain of any column alone, in each of the targets; 0 where no column is left."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-6 * size.max(initial=0.0)]
+    if columns.shape[1] == 0:
+        return np.zeros(targets.shape[1])
+    columns = columns / np.linalg.norm(columns, axis=0)
+    return np.asarray(np.max((columns.T @ targets) ** 2, axis=0))
+
+
+def _times(gains: Vector) -> float:
+    """Times by which the first gain is above the median of the others, which are of noise; 1 if not beyond them all."""
+    own, by_chance = float(gains[0]), gains[1:]
+    return own / float(np.median(by_chance)) if own > _BEYOND * float(np.max(by_chance)) else 1.0
+
+
+def _elsewhere(bench: Bench, columns: Matrix, draw: np.random.Generator) -> Matrix:
+    result = np.empty_like(columns)
+    edges = np.flatnonzero(np.diff(bench.runs[bench.rows], prepend=-1, append=-1) != 0)
+    for first, last in pairwise(edges):
+        n = last - first
+        result[first:last] = np.roll(columns[first:last], int(draw.integers(n // 4, 3 * n // 4 + 1)), axis=0)
+    return result
+
+
+def tempered(bench: Bench, times: float) -> Bench:
+    """The bench with noise of `times` the variance, its target and its shapes smaller accordingly."""
+    if times == 1.0:
+        return bench
+    size = float(np.sqrt(times))
+    calm = replace(bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size)), is_misfit=True)
+    return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)
+
+
+_BEND = 1.345
+"""Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal."""
+_WORTH = 0.9
+"""Share of the noise's variance that must be saved; of normal noise nothing is."""
+
+
+def with_pseudo_target(bench: Bench, chosen: Sequence[int]) -> Bench:
+    """The bench with Huber's pseudo-values for the target, if its noise has heavy tails.
+
+    Beside the `chosen` candidates a whitened residual r counts as ψ(r)/E ψ′, with ψ the residual up to a bend, whose
+    variance is E ψ²/(E ψ′)² (P. J. Huber, Robust Statistics, 1981, sections 7.3 and 7.6). Least squares on these
+    values is the robust estimate, to first order in what is still missing.
+    """
+    base = bench.base(chosen)
+    if len(base) <= 2 * base.shape[1]:
+        return bench
+    fit = base @ least_squares(base, bench.white_target)
+    left = bench.white_target - fit
+    bend = _BEND * 1.4826 * float(np.median(np.abs(left - np.median(left))))
+    inside = float(np.mean(np.abs(left) < bend))
+    variance = float(np.mean(left**2))
+    if bend <= 0.0 or inside <= 0.0 or variance <= 0.0:
+        return bench
+    pseudo = np.clip(left, -bend, bend) / inside
+    saved = float(np.mean(pseudo**2)) / variance
+    if saved >= _WORTH:
+        return bench
+    size = float(np.sqrt(saved))
+    quieter = bench.with_noise(NoiseModel(bench.noise.phi, bench.noise.sd * size))
+    return replace(quieter, pseudo_target=(fit + pseudo) / size)

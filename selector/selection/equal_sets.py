@@ -1,0 +1,124 @@
+"""Every set of sensors that is about as good as the best of its size: for whoever has to mount them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.models.moments import WORTH_OF_A_SENSOR, LeaveOneOut
+from selector.selection.library import Bench, Shape
+from selector.selection.options import Question
+
+MOST_SETS = 500_000
+"""Sets that are looked at, one by one; a second for 37 sensors by four, six for more."""
+
+MOST_LISTED = 500
+CHUNK = 20_000
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class EqualSet:
+    """A set of sensors with its coefficients refitted without each run."""
+
+    sensors: tuple[str, ...]
+    heldout_rmse_um: tuple[float, ...]  #: One per response
+    largest_vif: float
+    #: Largest share of a displacement's spread that one sensor moves when it is wrong by its own spread
+    worst_fault: float
+
+
+@dataclass(frozen=True)
+class EqualSets:
+    """The sets of one size whose error on unseen parts is within a margin of the best one's, the best first."""
+
+    sets: tuple[EqualSet, ...]
+    n_equal: int  #: Sets within the margin; only the best `MOST_LISTED` of them are in `sets`
+    n_compared: int  #: All sets of this size that there are
+    within_um: float | None  #: Margin for every response [µm]; None = a share of the error, `WORTH_OF_A_SENSOR`
+
+    def as_dict(self, responses: Sequence[str]) -> dict[str, Any]:
+        """JSON form."""
+        sets = [
+            {**vars(one), "heldout_rmse_um": dict(zip(responses, one.heldout_rmse_um, strict=True))}
+            for one in self.sets
+        ]
+        return {**vars(self), "sets": sets}
+
+
+def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: Shape) -> EqualSets | None:
+    """All sets as large as a known one that are about as good as the best; None where they are too many to look at.
+
+    The bench holds the terms of all sensors. Nothing is missed: to leave a part out never lowers its error, so a set
+    that errs more than the margin allows where it was fitted needs no second look.
+    """
+    sensors, must, size = question.sensors, question.options.must, len(known)
+    others = [name for name in sensors if name not in must]
+    n_sets = math.comb(len(others), max(size - len(must), 0))
+    if n_sets > MOST_SETS or size < len(must):
+        return None
+    brought = [bench.library.columns((name,), shape) for name in sensors]
+    shared = set(bench.library.columns((), shape))
+    own = np.array([[column for column in columns if column not in shared] for columns in brought])
+    always = np.array(sorted(shared), dtype=np.int64)
+    folds, n_responses = bench.leave_one_out, len(question.responses)
+    whole, n = folds.left_out.sum(axis=0, keepdims=True), folds.left_out[:, 0, 0].sum()
+    in_sample = LeaveOneOut(whole, whole, folds.n_columns)
+    power, margin = bench.power, question.options.within
+
+    def limit(best: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean squares that a set may have, of the best one's."""
+        share = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best
+        return np.asarray(share if margin is None else (np.sqrt(best) + margin) ** 2)
+
+    best = bench.held_out(known, shape).rmse_um ** 2
+    least = float((best / power).mean())
+    near: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+    for chosen in _chunks(sensors, must, others, size):
+        at = np.concatenate([own[chosen].reshape(len(chosen), -1), np.tile(always, (len(chosen), 1))], axis=1)
+        seen = in_sample.errors_of(at, n_responses)[0] / n * (1.0 - ROUNDING)
+        promising = _within(seen, limit(best), power, margin)
+        at, chosen = at[promising], chosen[promising]
+        if not len(chosen):
+            continue
+        unseen = folds.errors_of(at, n_responses).sum(axis=0) / n
+        total = (unseen / power).mean(axis=1)
+        if total.min() <= least:
+            least, best = float(total.min()), unseen[int(total.argmin())]
+        near.append((chosen, unseen))
+    chosen, unseen = (np.concatenate(part) for part in zip(*near, strict=True))
+    good = _within(unseen, limit(best), power, margin)
+    chosen, unseen = chosen[good], unseen[good]
+    order = np.argsort((unseen / power).mean(axis=1), kind="stable")[:MOST_LISTED]
+    found = []
+    for names, error in zip(chosen[order], unseen[order], strict=True):
+        of_set = tuple(sensors[i] for i in sorted(names))
+        fault, vif = bench.worst_fault(of_set, shape), bench.largest_vif(of_set, shape)
+        found.append(EqualSet(of_set, tuple(map(float, np.sqrt(error))), vif, fault))
+    return EqualSets(tuple(found), len(chosen), n_sets, margin)
+
+
+def _within(
+    error: NDArray[np.float64], most: NDArray[np.float64], power: NDArray[np.float64], margin: float | None
+) -> NDArray[np.bool_]:
+    """A share is one of the error over all responses; micrometres are those of every response."""
+    if margin is None:
+        return np.asarray((error / power).mean(axis=1) <= (most / power).mean())
+    return np.asarray((error <= most).all(axis=1))
+
+
+def _chunks(
+    sensors: Sequence[str], must: Sequence[str], others: Sequence[str], size: int
+) -> Iterator[NDArray[np.int64]]:
+    """Positions of the sensors of all sets of a size, (n_sets, size) at a time."""
+    position = {name: i for i, name in enumerate(sensors)}
+    fixed = [position[name] for name in must]
+    sets = itertools.combinations([position[name] for name in others], size - len(must))
+    while some := list(itertools.islice(sets, CHUNK)):
+        yield np.array([[*fixed, *one] for one in some], dtype=np.int64)

@@ -1,0 +1,149 @@
+"""Predict: a duty cycle that is drawn, heating tests, and what comes out: the course and the correction program."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import dash
+from dash import Input, Output, State, dcc, html
+from dash.development.base_component import Component
+
+from selector.errors import OptionError
+from selector.figures.duty_cycle import drawn_cycle
+from selector.telling.predicted.account import prediction_account
+from selector.telling.predicted.document import prediction_of
+from selector.workbench import parts
+from selector.workbench.bench import Bench
+from selector.workbench.boxes import Box, Boxes, one_of, several
+from selector.workbench.commands import PREDICTION, prediction_command
+from selector.workbench.cycle import Step, steps_text, typed_steps
+from selector.workbench.typed import FIELDS
+
+ID, TITLE = "prediction", "Predict"
+
+_FILES = (
+    ("report.html", "Report"),
+    ("program.csv", "Program (CSV)"),
+    ("program.txt", "Program as blocks"),
+    ("prediction.json", "All results (JSON)"),
+)
+
+
+def _boxes(bench: Bench) -> Boxes:
+    def tests(paths: list[str] | None) -> tuple[Path, ...]:
+        return tuple(path for path in bench.used if str(path) in (paths or ()))
+
+    chosen = several("tests", "Heating and cooling tests", "Recordings with a spindle speed. None: all that are used.")
+    boxes = (
+        dataclasses.replace(chosen, read=tests, shown=lambda paths: [str(path) for path in paths]),
+        several("responses", FIELDS["--response"], "None: all that are there."),
+        one_of("method", FIELDS["--method"], ["modal", "piecewise"]),
+        Box("operations", FIELDS["--operations"], "minutes, e.g. 60,60,45; empty: no program"),
+        Box("tolerance", FIELDS["--tolerance"], "µm, e.g. 10; one an operation: 10,5,10; empty: no program"),
+    )
+    return Boxes(ID, boxes, lambda: bench.prediction, bench.choose_prediction)
+
+
+def layout(bench: Bench) -> Component:
+    """The cycle as a picture and as text, what is asked, Start, and the answer."""
+    boxes = _boxes(bench)
+    graph = dcc.Graph(id=f"{ID}-cycle", responsive=True, config={"displayModeBar": False}, style={"height": 300})
+    about = "Drag a handle up and down for the speed, its end to the sides for the time; or type the steps below."
+    typed_steps_field = parts.field(
+        "Steps", parts.typed_text(f"{ID}-steps", steps_text(bench.cycle.steps)), "minutes at r/min, apart by semicolons"
+    )
+    return html.Div(
+        [
+            html.H1("A duty cycle: how far it drifts, and when to correct"),
+            html.Figure(
+                [html.Figcaption([html.H3("The duty cycle"), html.P(about)]), html.Div(graph, className="plot")]
+            ),
+            typed_steps_field,
+            html.Div(boxes.fields(), className="fields wide"),
+            parts.start_row(ID),
+            *parts.answer_place(ID),
+            boxes.followed(),
+            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("dragged", "drawn")),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector predict` with what is asked."""
+    reading = bench.material.reading
+    if reading is None or not bench.cycle.steps or not reading.recording.with_role("spindle_speed"):
+        return None
+    return prediction_command(bench.folder, bench.prediction, bench.used, bench.machine, bench.overrides)
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """What is typed, chosen or dragged goes to the bench at once."""
+
+    @app.callback(Output(f"{ID}-tests", "options"), Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> tuple[Any, list[str]]:
+        reading = bench.material.reading
+        runs = [{"label": path.name, "value": str(path)} for path in bench.used]
+        return runs, [] if reading is None else list(reading.recording.with_role("displacement", "temperature"))
+
+    @app.callback(
+        Output(f"{ID}-cycle", "figure"),
+        Output(f"{ID}-drawn", "data"),
+        Input(parts.REVISION, "data"),
+        State(f"{ID}-drawn", "data"),
+        State(f"{ID}-steps", "value"),
+    )
+    def _draw(_: int, drawn: Any, shown: str | None) -> tuple[Any, Any]:
+        text = steps_text(bench.cycle.steps)
+        if text == drawn:
+            raise dash.exceptions.PreventUpdate
+        parts.follow([f"{ID}-steps"], [shown], [drawn], [text])
+        picture = drawn_cycle(bench.cycle.steps)
+        return picture.update_layout(title=None, width=None, autosize=True), text
+
+    @app.callback(Input(f"{ID}-dragged", "data"), prevent_initial_call=True)
+    def _dragged(steps: list[list[float]] | None) -> None:
+        found = [Step(*one) for one in steps or () if len(one) == 2 and 0 < one[0] < 1e6 and 0 <= one[1] < 1e6]
+        if found:
+            bench.choose_cycle(found)
+            parts.tell(bench)
+
+    def take(text: str | None, drawn: str | None) -> None:
+        if text == drawn:
+            # a cycle that was dragged meanwhile is newer than what the page itself wrote there
+            return
+        with parts.typed_over([f"{ID}-steps"], [text], lambda: [steps_text(bench.cycle.steps)]) as read:
+            if bench.choose_cycle(read(lambda: typed_steps(text), bench.cycle.steps)):
+                parts.tell(bench)
+
+    steps = parts.Form(((f"{ID}-steps", "value"),), take, ((f"{ID}-drawn", "data"),))
+    steps.register(app)
+    form = _boxes(bench).register(app, bench)
+    missing = OptionError(
+        "nothing to predict from",
+        expected="recordings of heating and cooling tests with a spindle speed, and a duty cycle",
+        where=TITLE,
+        advice="load tests on the first page, and draw the cycle here",
+    )
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, _started, lambda _: PREDICTION, missing, [steps, form], answered=_answered)
+    )
+
+
+def _started(bench: Bench) -> tuple[str, ...] | None:
+    """The command, after the file of the duty cycle has been written."""
+    bench.choose_cycle(bench.cycle.steps)
+    return command(bench)
+
+
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
+    result = bench.result(f"{PREDICTION}/prediction.json")
+    if result is None:
+        return None
+    return parts.section(
+        "The answer",
+        *parts.told(prediction_account(prediction_of(result), drawn=True), ("cycle", "program")),
+        parts.saved(bench, PREDICTION, _FILES),
+        parts.framed(f"{PREDICTION}/report.html", "Report of the prediction", stamp),
+    )

@@ -1,0 +1,214 @@
+"""Simulate: a machine from a model file, its parameters as fields, and pictures that follow them."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import dash
+from dash import Input, Output, State, dcc, html
+from dash.development.base_component import Component
+
+from selector.errors import InputError, OptionError
+from selector.physics.model_fields import Parameter
+from selector.physics.simulation_kind import RunSettings, simulation_kinds
+from selector.shipped import shipped_models
+from selector.telling.account import Account
+from selector.telling.simulated import account_of
+from selector.telling.simulated.result import SimulationResult
+from selector.workbench import parts, typed
+from selector.workbench.bench import Bench
+from selector.workbench.boxes import Column, Rows
+from selector.workbench.commands import SIMULATED, Simulation, told_path
+from selector.workbench.study_folder import MODELS, files_in
+
+ID, TITLE = "simulation", "Simulate"
+
+_FILES = (("report.html", "Report"), ("run.csv", "Recording"), ("run.machine.toml", "Machine file of the recording"))
+
+
+def layout(bench: Bench) -> Component:
+    """Kind, machine, parameters beside the pictures, Start."""
+    asked = bench.simulation
+    kinds = list(simulation_kinds())
+    machine = dcc.Dropdown(id=f"{ID}-model", options=[], value=asked.model or None, clearable=False)
+    fields = [
+        parts.field("What is simulated", parts.choice(f"{ID}-kind", kinds, asked.kind)),
+        parts.field("Machine", machine),
+    ]
+    drop = parts.drop_zone(MODELS, "Choose a model file …", "or drop it here (.toml); it stands below Machine then.")
+    return html.Div(
+        [
+            html.H1("A simulated machine"),
+            drop,
+            html.Div(fields, className="fields wide"),
+            html.Div(id=f"{ID}-parameters"),
+            parts.start_row(ID, "Write the recording"),
+            *parts.answer_place(ID),
+            html.Div("Choose a machine.", id=f"{ID}-pictures", role="status"),
+            *(dcc.Store(id=f"{ID}-{name}", data=None) for name in ("shown", "drawn")),
+            _rows(bench).followed(),
+        ]
+    )
+
+
+def command(bench: Bench) -> tuple[str, ...] | None:
+    """`selector simulate` of the machine, its changed parameters in a file of the study folder."""
+    asked = bench.simulation
+    if asked.model not in _models(bench, asked.kind):
+        return None
+    path = Path(asked.model) if not asked.values else bench.folder / MODELS / f"changed-{Path(asked.model).name}"
+    return (
+        "simulate", asked.kind, told_path(bench.folder, path), "--out", f"{SIMULATED}/run.csv",
+        "--report", f"{SIMULATED}/report.html",
+    )  # fmt: skip
+
+
+def register(app: dash.Dash, bench: Bench) -> None:
+    """What is chosen and typed goes to the bench; the pictures follow in a thread."""
+
+    @app.callback(Output(f"{ID}-model", "options"), Output(f"{ID}-model", "value"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> tuple[Any, str | None]:
+        models = _models(bench, bench.simulation.kind)
+        chosen = bench.simulation.model
+        return models, chosen if chosen in models else None
+
+    @app.callback(
+        Output(f"{ID}-parameters", "children"),
+        Output(f"{ID}-pictures", "children"),
+        Output(f"{ID}-shown", "data"),
+        Output(f"{ID}-drawn", "data"),
+        Input(parts.REVISION, "data"),
+        Input("address", "hash"),
+        State(f"{ID}-shown", "data"),
+        State(f"{ID}-drawn", "data"),
+    )
+    def _draw(_: int, address: str | None, shown: Any, drawn: Any) -> tuple[Any, ...]:
+        """Simulated when somebody wants to see it."""
+        asked = bench.simulation
+        if address != f"#{ID}" or asked.model not in _models(bench, asked.kind):
+            raise dash.exceptions.PreventUpdate
+        wanted = [asked.kind, asked.model, Path(asked.model).stat().st_mtime_ns]
+        now = [*wanted, sorted(asked.values.items())]
+        try:
+            account = bench.simulated_live.of(now, lambda: _simulated(asked))
+            pictures: Any = html.P("Simulating …") if account is None else parts.told(account)
+        except InputError as refused:
+            account, pictures = None, parts.problem(refused)
+        state = [now, account is not None]
+        if state == drawn:
+            raise dash.exceptions.PreventUpdate
+        # fields stay as they are while somebody types in them
+        fields = dash.no_update if wanted == shown else _fields(asked)
+        # the pictures of before stay until there are new ones
+        is_waiting = account is None and wanted == shown and not isinstance(pictures, html.Div)
+        return fields, dash.no_update if is_waiting else pictures, wanted, state
+
+    def choose(kind: str, model: str | None) -> None:
+        if kind in simulation_kinds() and bench.choose_simulation(kind=kind, model=model or ""):
+            parts.tell(bench)
+
+    choices = parts.Form(((f"{ID}-kind", "value"), (f"{ID}-model", "value")), choose)
+
+    values = _rows(bench).register(app, bench)
+    choices.register(app)
+
+    missing = OptionError("no machine", expected="a model file", where=TITLE, advice="choose one")
+    parts.register_task(
+        app, bench, parts.Task(ID, TITLE, _started, lambda _: SIMULATED, missing, [choices, values], answered=_answered)
+    )
+
+
+def _started(bench: Bench) -> tuple[str, ...] | None:
+    """The command, after the changed machine and the folder that it needs have been written."""
+    asked = command(bench)
+    if asked is not None:
+        (bench.folder / SIMULATED).mkdir(exist_ok=True)
+        if bench.simulation.values:
+            bench.write_model(asked[2], _changed_model(bench.simulation, bench.simulation.values))
+    return asked
+
+
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
+    return None if stamp == "0" else parts.section("Written", parts.saved(bench, SIMULATED, _FILES))
+
+
+def _rows(bench: Bench) -> Rows:
+    def parameters() -> Mapping[str, Parameter]:
+        asked = bench.simulation
+        return _parameters(asked) if asked.model in _models(bench, asked.kind) else {}
+
+    def read(text: str | None, name: str) -> float:
+        return typed.number(text, name, unit=parameters()[name].unit)
+
+    def choose(columns: dict[str, dict[str, Any]]) -> bool:
+        own = {name: one.value for name, one in parameters().items()}
+        changed = {name: value for name, value in columns["value"].items() if f"{value:.9g}" != f"{own[name]:.9g}"}
+        _changed_model(bench.simulation, changed)
+        return bench.choose_simulation(values=changed)
+
+    def now(name: str) -> float:
+        return bench.simulation.values.get(name, parameters()[name].value)
+
+    return Rows(ID, (Column("value", read, now, lambda value: f"{value:.9g}"),), lambda: [*parameters()], choose)
+
+
+def _models(bench: Bench, kind: str) -> dict[str, str]:
+    """Path → name of every model file of this kind: shipped ones, and those of the study folder."""
+    own = [path for path in files_in(bench.folder / MODELS) if path.suffix == ".toml"]
+    return {str(path): path.stem for path in (*shipped_models(kind), *own)}
+
+
+def _parameters(asked: Simulation) -> Mapping[str, Parameter]:
+    """The numbers of the model file as it is."""
+    return _parameters_of(asked.kind, Path(asked.model), Path(asked.model).stat().st_mtime_ns)
+
+
+@functools.lru_cache(maxsize=4)
+def _parameters_of(name: str, path: Path, _: int) -> Mapping[str, Parameter]:
+    kind = simulation_kinds()[name]
+    found: Mapping[str, Parameter] = kind.model(kind.read(path), {}).parameters
+    return found
+
+
+def _changed_model(asked: Simulation, values: Mapping[str, float]) -> Any:
+    """The content of the model file with these values. Raises InputError: it cannot have them."""
+    kind = simulation_kinds()[asked.kind]
+    model = kind.model(kind.read(Path(asked.model)), {})
+    return (model.with_parameters(values) if values else model).file
+
+
+def _simulated(asked: Simulation) -> Account:
+    kind = simulation_kinds()[asked.kind]
+    file = _changed_model(asked, asked.values)
+    if kind.columns_needed(file):
+        raise OptionError(
+            "a model that reads columns of recordings beside it", expected="one that says its run itself",
+            where=asked.model, advice="write the recording below: the command reads them",
+        )  # fmt: skip
+    model = kind.model(file, {})
+    options = {one.name: False if one.kind is bool else None for one in kind.options}
+    done = kind.planned(model, kind.runs(model)[0] or "run", RunSettings(asked=options))
+    summary = kind.summary(done, lambda *_: None)
+    findings = (*kind.findings_before(model), *done.findings, *kind.findings_after(done, summary))
+    return account_of(SimulationResult(kind.name, done, summary, findings, Path(asked.model), options), drawn=True)
+
+
+def _fields(asked: Simulation) -> list[Component]:
+    """The parameters, a part of the machine each to be unfolded."""
+    found: list[Component] = []
+    for part, inside in groupby(_parameters(asked).items(), lambda one: ".".join(one[0].split(".")[:2][:-1] or [""])):
+        fields = [
+            parts.field(
+                name.removeprefix(f"{part}.").replace("_", " "),
+                parts.typed_text({"type": f"{ID}-value", "name": name}, f"{asked.values.get(name, one.value):.9g}"),
+                f"{one.unit.removeprefix('1')} usually {one.low:.4g} to {one.high:.4g}",
+            )
+            for name, one in inside
+        ]
+        title = html.Summary(f"{part.replace('_', ' ') or 'machine'} ({len(fields)})")
+        found.append(html.Details([title, html.Div(fields, className="fields")]))
+    return found

@@ -1,0 +1,77 @@
+"""A name gives way to a smooth misfit of the state, or is doubted beside one, and stands where it explains all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.effects.effect import Variant
+from selector.diagnosis.evidence.discrepancy import beside_discrepancy, waves_of
+from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.evidence.search import search
+from tests.diagnosis.made import comparison
+
+N = 600
+
+
+def states(plain):
+    """Where the response is, and where it was of late, both of mean 0 and variance 1."""
+    course = plain.simulated["Z"]
+    slow = np.concatenate([lfilter([0.02], [1.0, -0.98], part) for part in course.reshape(3, N)])
+    return [(one - one.mean()) / one.std() for one in (course, slow)]
+
+
+def hills(seed, course, slow):
+    """A smooth function of the state that is no effect's."""
+    draw = np.random.default_rng(seed)
+    places = [(draw.normal(size=2), draw.choice([-1.0, 1.0])) for _ in range(5)]
+    height = sum(sign * np.exp(-((course - at[0]) ** 2 + (slow - at[1]) ** 2)) for at, sign in places)
+    return (height - height.mean()) / height.std()
+
+
+def looked_at(seed, truth, shape, size):
+    """The search before and after, of one effect of this shape, where `truth` and white noise of 1 µm are missing."""
+    plain = comparison({"Z": np.random.default_rng(seed).standard_normal(3 * N)})
+    recorded = plain.recorded | {"Z": plain.recorded["Z"] + size * truth(*states(plain))}
+    asked = replace(plain, recorded=recorded)
+    column = shape(*states(plain))[:, None]
+    one = replace(
+        effect_of("thermal.memory"),
+        variants=lambda comparison, response: [Variant(column, ("shape",))],
+        testable=lambda comparison, response: None,
+    )
+    found = search({"Z": bench_of(asked, "Z", (one,))[0]}, false_alarm=0.02, seed=0)
+    return found, beside_discrepancy(asked, found)
+
+
+@pytest.mark.parametrize("size", [0.3, 0.5])
+@pytest.mark.parametrize("seed", range(2))
+def test_the_nearest_shape_to_a_misfit_that_is_nobodys_is_no_sure_name(seed, size):
+    def near(course, slow):
+        true, other = hills(seed, course, slow), hills(seed + 100, course, slow)
+        return 0.6 * true + 0.8 * (other - np.mean(other * true) * true)
+
+    before, after = looked_at(seed, lambda course, slow: hills(seed, course, slow), near, size)
+    assert set(before.named) == {"thermal.memory"}
+    assert not before.doubted
+    assert set(after.named) <= after.doubted
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_true_shape_stands(seed):
+    def true(course, slow):
+        return hills(seed, course, slow)
+
+    before, after = looked_at(seed, true, true, 0.3)
+    assert set(before.named) == set(after.named) == {"thermal.memory"}
+    assert not after.doubted
+
+
+def test_waves_are_the_same_each_time_and_of_the_simulated_state_alone():
+    one = comparison({"Z": np.zeros(3 * N)})
+    other = replace(one, recorded=one.recorded | {"Z": np.ones(3 * N)})
+    assert waves_of(one, "Z") == pytest.approx(waves_of(other, "Z"), abs=0.0)

@@ -1,0 +1,267 @@
+"""The workbench as somebody meets it who has never seen it: an example, faults, a set, a program; and every page."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from selector.readers import machine as machine_file
+from selector.shipped import shipped, shipped_models
+from selector.workbench.bench import Bench
+from selector.workbench.page import PAGES
+from selector.workbench.server import started
+
+api = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+PATIENCE_MS = 300_000
+AXE = Path(os.environ.get("AXE_CORE", "node_modules/axe-core/axe.min.js"))
+"""Of the npm package axe-core, which is not a part of this repository."""
+
+TITLES = """Object.fromEntries([["sets", "yaxis"], ["runs", "xaxis"], ["coefficients", "xaxis"]].map(
+  ([name, axis]) => [name, document.querySelector(`#sensors-${name} .js-plotly-plot`).layout[axis].title.text]))"""
+HANDLE = """([trace, number]) => {
+  const graph = document.querySelector("#prediction-cycle .js-plotly-plot");
+  const box = graph.getBoundingClientRect();
+  const { xaxis, yaxis } = graph._fullLayout;
+  const { x, y } = graph._fullData[trace];
+  return [box.left + xaxis._offset + xaxis.d2p(x[number]), box.top + yaxis._offset + yaxis.d2p(y[number])];
+}"""
+SERIOUS = """async () => (await axe.run(document, { resultTypes: ["violations"], iframes: false })).violations
+  .filter((one) => ["serious", "critical"].includes(one.impact))
+  .map((one) => [one.id, one.nodes.slice(0, 5).map((node) => node.html.slice(0, 200))])"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def bench(tmp_path):
+    (tmp_path / "study").mkdir()
+    return Bench((tmp_path / "study").resolve())
+
+
+@pytest.fixture
+def page(browser, bench, tmp_path):
+    """The workbench as the file opens it that the command names to the browser; what a script complains of fails."""
+    server = started(bench)
+    opener = tmp_path / "opener.html"
+    opener.write_text(server.access.opener(), encoding="utf-8")
+    said: list[str] = []
+    # axe is put into the page, which its policy forbids to everybody else
+    context = browser.new_context(viewport={"width": 1280, "height": 900}, bypass_csp=True)
+    context.set_default_timeout(PATIENCE_MS)
+    opened = context.new_page()
+    opened.on("pageerror", lambda error: said.append(str(error)))
+    opened.on("console", lambda line: said.append(line.text) if line.type == "error" else None)
+    opened.goto(opener.as_uri())
+    opened.get_by_role("button", name="Choose recordings …").wait_for()
+    yield opened
+    context.close()
+    server.close()
+    assert said == []
+
+
+def reach(page, name: str) -> None:
+    """Goes on with Tab until the focus is at the element with this id."""
+    for _ in range(200):
+        if page.evaluate("document.activeElement.id") == name:
+            return
+        page.keyboard.press("Tab")
+    raise AssertionError(f"{name} is not reached")
+
+
+def test_from_an_example_to_a_program_by_keyboard_alone(page, bench):
+    page.get_by_role("button", name="Simulated: a machining centre").focus()
+    page.keyboard.press("Enter")
+    page.get_by_text("The first lines of the file").wait_for()
+    reach(page, "to-sensors")
+    page.keyboard.press("Enter")
+    page.locator("#sensors-facts dd").first.wait_for()
+    # the smallest set that is good enough
+    reach(page, "sensors-target")
+    page.keyboard.type("5")
+    page.keyboard.press("Enter")
+    page.get_by_text("within the target").wait_for()
+    first = page.locator("#sensors-facts dd").first
+    fewest = first.inner_text().count(",") + 1
+    assert page.locator("#sensors-count").input_value() == str(fewest)
+    reach(page, "sensors-count")
+    page.keyboard.press("ArrowRight")
+    page.wait_for_function(
+        "(n) => document.querySelector('#sensors-facts dd').textContent.split(',').length === n", arg=fewest + 1
+    )
+    assert "error of Y_lower" in page.evaluate(TITLES)["sets"]
+    page.locator("#sensors-response").select_option("Z")
+    page.wait_for_function(f"({TITLES}).sets.includes('error of Z,')")
+    titles = page.evaluate(TITLES)
+    assert "error of Z" in titles["runs"]
+    assert "change of Z" in titles["coefficients"]
+    # what is looked at stays when the page is loaded again
+    shown = first.inner_text()
+    page.reload()
+    first.wait_for()
+    assert (first.inner_text(), page.locator("#sensors-response").input_value()) == (shown, "Z")
+    reach(page, "sensors-start")
+    page.keyboard.press("Enter")
+    answer = page.locator("#page-selection").get_by_role("heading", name="The answer")
+    answer.wait_for()
+    assert page.evaluate("location.hash") == "#selection"
+    page.wait_for_function("document.querySelector('#selection-answer').getBoundingClientRect().top < innerHeight / 2")
+    assert bench.result("selection/selection.json")["chosen"]["sensors"] == shown.split(", ")
+    assert page.get_by_text("with other settings").count() == 0
+    page.get_by_role("link", name="the program for your control").focus()
+    page.keyboard.press("Enter")
+    reach(page, "export-start")
+    page.keyboard.press("Enter")
+    page.get_by_role("heading", name="Files in export-c").wait_for()
+    page.get_by_text("it differs from the model by at most").wait_for()
+    assert page.locator("#page-export table.files").get_by_text("thermal_correction.c", exact=True).is_visible()
+    assert page.locator("#export-answer").get_by_text("What the command said").count() == 0
+
+
+def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):
+    """Two cables that changed places in one run."""
+    folder = tmp_path / "recorded"
+    shutil.copytree(shipped("vmc37"), folder)
+    table = pd.read_csv(folder / "r3.csv")
+    table[["T01", "T30"]] = table[["T30", "T01"]].to_numpy()
+    table.to_csv(folder / "r3.csv", index=False)
+    bench.add(*sorted(folder.glob("*.csv")), machine=folder / "machine.toml")
+    page.get_by_role("heading", name="What is wrong with the data").wait_for()
+    tops = [page.get_by_role("heading", name=name).bounding_box()["y"] for name in
+            ("What is wrong with the data", "How they were read", "What was recorded")]  # fmt: skip
+    assert tops == sorted(tops)
+    row = page.locator("table.files tr", has_text="r3.csv")
+    assert "fault" in row.inner_text()
+    assert "fault" not in page.locator("table.files tr", has_text="r2.csv").inner_text()
+    page.locator("#recordings-run").click()
+    page.get_by_role("option", name="r3").click()
+    page.locator("#recordings-courses").get_by_text("T01, T30").first.wait_for()
+    page.get_by_role("button", name="Repair: exchange T01 and T30 in r3").first.click()
+    page.get_by_role("button", name="Take the repair of r3 back").wait_for()
+    assert machine_file(bench.folder / "machine.toml").runs["r3"].swap == (("T01", "T30"),)
+    assert not machine_file(folder / "machine.toml").runs
+    assert "fault" not in row.inner_text()
+    page.get_by_role("button", name="Take the repair of r3 back").click()
+    page.get_by_role("button", name="Repair: exchange T01 and T30 in r3").first.wait_for()
+    assert machine_file(bench.folder / "machine.toml").runs == {}
+
+
+def test_a_duty_cycle_is_dragged_typed_and_predicted(page, bench):
+    tests = Path(__file__).parents[2] / "fixtures" / "dutycycle"
+    bench.add(*sorted((tests / "tests").glob("*.csv")), machine=tests / "machine.toml")
+    page.locator("#to-prediction").click()
+    page.locator("#prediction-cycle .main-svg").first.wait_for()
+    steps = page.locator("#prediction-steps")
+    for trace, number, by in ((1, 0, (0, -40)), (2, 0, (50, 0))):
+        before = steps.input_value()
+        x, y = page.evaluate(HANDLE, [trace, number])
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + by[0], y + by[1], steps=3)
+        page.mouse.up()
+        api.expect(steps).not_to_have_value(before, timeout=PATIENCE_MS)
+        page.wait_for_timeout(1000)  # the picture is drawn again
+    first, second = bench.cycle.steps[:2]
+    assert first.speed_rpm > 2000
+    assert first.minutes > 60
+    assert second.minutes == 30
+    assert steps.input_value() == "; ".join(f"{m:.6g} at {rpm:.6g}" for m, rpm in bench.cycle.steps)
+    steps.fill("60 at 2000; 30 at fast")
+    steps.press("Enter")
+    page.locator("#notice").get_by_text("“fast” was typed").wait_for()
+    steps.fill("60 at 2000; 60 at 1250")
+    steps.press("Enter")
+    page.locator("#prediction-operations").fill("60,60")
+    page.locator("#prediction-tolerance").fill("10")
+    page.locator("#prediction-start").click()
+    page.locator("#prediction-answer").get_by_role("heading", name="The answer").wait_for()
+    assert (bench.folder / "cycle.csv").read_text().splitlines()[1:3] == ["0.0,2000.0", "3600.0,1250.0"]
+    assert page.locator("#prediction-answer .main-svg").count() > 0
+    (blocks,) = page.locator("#prediction-answer pre", has_text="operation").all()[:1]
+    assert blocks.inner_text().strip() == (bench.folder / "prediction" / "program.txt").read_text().strip()
+
+
+def test_a_machine_is_picked_and_the_pictures_follow_its_parameters(page, bench):
+    page.locator("#to-simulation").click()
+    for kind in ("thermal", "drive", "gauging", "vibration"):
+        assert shipped_models(kind)
+    page.locator("#simulation-kind").click()
+    page.get_by_role("option", name="vibration").click()
+    page.locator("#simulation-model").click()
+    page.get_by_role("option", name="two-members").click()
+    page.locator("#simulation-pictures .main-svg").first.wait_for()
+    said = page.locator("#simulation-pictures .advice").inner_text()
+    page.locator("#simulation-parameters summary").first.click()
+    mass = page.locator("#simulation-parameters input").first
+    value = float(mass.input_value())
+    mass.fill("heavy")
+    mass.press("Enter")
+    page.locator("#notice").get_by_text("“heavy” was typed").wait_for()
+    mass.fill(f"{2 * value:g}")
+    mass.press("Enter")
+    page.wait_for_function(
+        "(said) => document.querySelector('#simulation-pictures .advice')?.innerText !== said", arg=said
+    )
+    page.locator("#simulation-start").click()
+    page.locator("#simulation-answer").get_by_role("link", name="Recording").wait_for()
+    assert (bench.folder / "simulated" / "run.csv").is_file()
+    assert f"{2 * value:g}" in (bench.folder / "models" / "changed-two-members.toml").read_text()
+
+
+def test_a_stretch_is_marked_in_all_pictures_of_a_diagnosis(page, bench):
+    page.get_by_role("button", name="Simulated: 3 runs, and a simulation").click()
+    page.get_by_text("The first lines of the file").wait_for()
+    page.locator("#to-diagnosis").click()
+    page.get_by_text("--simulation simulation").wait_for()
+    page.locator("#diagnosis-start").click()
+    page.locator("#diagnosis-answer").get_by_role("heading", name="The answer").wait_for()
+    frame = page.frame_locator("#diagnosis-answer iframe")
+    plots = frame.locator("[aria-label^='Picture over time']")
+    plots.first.locator(".main-svg").first.wait_for()
+    assert plots.count() >= 2
+    plots.first.scroll_into_view_if_needed()
+    box = plots.first.bounding_box()
+    shapes = "(plots) => plots.map((plot) => plot.layout.shapes.filter((one) => one.layer === 'above').length)"
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(500)
+    assert plots.evaluate_all(shapes) == [1] * plots.count()
+    plots.first.focus()
+    page.keyboard.press("Escape")
+    assert plots.evaluate_all(shapes) == [0] * plots.count()
+    page.keyboard.press("ArrowRight")
+    assert plots.evaluate_all(shapes) == [1] * plots.count()
+
+
+@pytest.mark.skipif(not AXE.is_file(), reason="axe-core is not there: npm install axe-core, or AXE_CORE names its file")
+@pytest.mark.parametrize("width", [1280, 800])
+def test_no_page_has_a_serious_violation_of_accessibility_or_is_wider_than_the_window(page, bench, width):
+    page.set_viewport_size({"width": width, "height": 900})
+    page.add_script_tag(path=str(AXE.resolve()))
+    assert page.evaluate(SERIOUS) == []
+    page.get_by_role("button", name="Simulated: 3 runs, and a simulation").click()
+    page.get_by_text("The first lines of the file").wait_for()
+    found = {}
+    for one in PAGES:
+        page.locator(f"#to-{one.ID}").click()
+        if one.ID == "sensors":
+            page.locator("#sensors-facts dd").first.wait_for()
+        page.wait_for_timeout(1500)
+        found[one.ID] = page.evaluate(SERIOUS), page.evaluate("document.documentElement.scrollWidth") > width
+        if pictures := os.environ.get("PICTURES"):
+            page.screenshot(path=f"{pictures}/{one.ID}-{width}.png", full_page=True)
+    assert found == {one.ID: ([], False) for one in PAGES}
