@@ -233,7 +233,8 @@ def _with(
     is_borne_out = any(left[name] <= (1.0 - LEAST) * was[name] for name in off) and not best.is_idle
     if sum(left.values()) > (_RUIN if is_borne_out or not off else 1.0) * sum(was.values()):
         return None
-    if off and not best.is_idle and not is_borne_out:
+    # nor does what is near the noise with one effect lack another one
+    if not is_borne_out and (earlier or (off and not best.is_idle)):
         return None
     rivals = tuple(one.switch.id for one in alike[1:])
     return _Put(best, rivals, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
@@ -455,7 +456,9 @@ def _is_noise(answer: Diagnosis) -> bool:
 
 def _is_near(given: Comparison, fitted: Comparison, floor: Mapping[str, float]) -> bool:
     """Whether unseen errors are near the noise in every response, or parameters went nearly all of the way there."""
+    copies = identical_responses(fitted)
     was, now = (unseen_squares(one, floor) for one in (given, fitted))
+    now = {name: squares for name, squares in now.items() if name not in copies}
     ways = {name: (np.sqrt(was[name]) - np.sqrt(now[name])) / max(np.sqrt(was[name]) - 1.0, 1e-300) for name in now}
     return all(now[name] <= _NEAR**2 or ways[name] >= _NEARLY_ALL for name in now)
 
