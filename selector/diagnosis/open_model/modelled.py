@@ -28,7 +28,7 @@ from selector.diagnosis.open_model.candidates import (
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
 from selector.diagnosis.open_model.switches import ThroughModel, through_model
-from selector.diagnosis.wording import headline
+from selector.diagnosis.wording import headline, is_data
 from selector.diagnosis.workflow import diagnosis
 from selector.errors import InputError
 from selector.findings import Finding
@@ -80,7 +80,7 @@ _FLOOR = 0.02
 _TRIED = 2
 _MOST = 3
 """Effects that are put into a model one after the other."""
-_NEAR = 1.3
+_AT_NOISE, _NEAR = 1.1, 1.3
 """Times the noise: unseen errors up to which parameters may be all that was wrong."""
 _RUIN = 1.1
 """Times the unseen mean squares that an effect may leave which is borne out in one response."""
@@ -88,6 +88,8 @@ _NEARLY_ALL = 0.8
 """Of the way from the simulation as given to the noise."""
 _CARRIES = 0.15
 """Of the unseen misfit: names that carry less are none where structure is left."""
+_BESIDE = 0.5
+"""The same of physics beside the model, which has a coefficient for every response and imitates what is nobody's."""
 _SUSPECTED = 0.5
 """What is left of the confidence in a name that unseen rows could not bear out."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
@@ -231,7 +233,8 @@ def _with(
     is_borne_out = any(left[name] <= (1.0 - LEAST) * was[name] for name in off) and not best.is_idle
     if sum(left.values()) > (_RUIN if is_borne_out or not off else 1.0) * sum(was.values()):
         return None
-    if off and not best.is_idle and not is_borne_out:
+    # nor does what is near the noise with one effect lack another one
+    if not is_borne_out and (earlier or (off and not best.is_idle)):
         return None
     rivals = tuple(one.switch.id for one in alike[1:])
     return _Put(best, rivals, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
@@ -253,6 +256,8 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     mismatch, left = _squares(first.comparison), _squares(last.comparison)
     floor = _floors(tried)
     put, beside, also = _named(tried), list[NamedEffect](), [*answer.also_seen]
+    corrected = replace(last.comparison, simulated={name: answer.fit[name].after for name in answer.fit})
+    carries_beside = _carried(last.comparison, corrected, floor)
     asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
     for effect in answer.effects:
         one = replace(
@@ -260,22 +265,22 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         )
         if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
             continue
-        (beside if any(_is_borne_out(tried, name, floor[name]) for name in one.channels) else also).append(one)
-    was, now = (sum(unseen_squares(one.comparison, floor).values()) for one in (first, last))
-    carried = (was - now) / max(was - len(floor), 1e-300)
-    if answer.verdict == "unexplained" and put and carried < _CARRIES:
+        is_sure = is_data(one.id) or carries_beside >= _BESIDE
+        is_sure &= any(_is_borne_out(tried, name, floor[name]) for name in one.channels)
+        (beside if is_sure else also).append(one)
+    if answer.verdict == "unexplained" and put and _carried(first.comparison, last.comparison, floor) < _CARRIES:
         put, also = [], [*also, *put]
     effects = tuple(sorted([*put, *beside], key=lambda effect: -effect.share))
-    verdict: Verdict = "missing-physics" if any(not e.id.startswith("data.") for e in effects) else "data-fault"
+    verdict: Verdict = "missing-physics" if any(not is_data(e.id) for e in effects) else "data-fault"
     if not effects:
         is_near = _is_near(first.nominal, last.comparison, floor)
-        if answer.verdict == "unexplained" or not is_near:
+        if (answer.verdict == "unexplained" and not _is_noise(answer)) or not is_near:
             verdict = "unexplained"
         elif _is_recalibrated(first) or answer.verdict == "miscalibrated":
             verdict = "miscalibrated"
         else:
             verdict = "nothing-missing"
-    lacking = [effect.id for effect in beside if not effect.id.startswith("data.")]
+    lacking = [effect.id for effect in beside if not is_data(effect.id)]
     improved = None
     if put:
         improved = Improved(
@@ -317,6 +322,12 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     return Modelled(replace(result, headline=headline(result)), first, improved)
 
 
+def _carried(before: Comparison, after: Comparison, floor: Mapping[str, float]) -> float:
+    """Share of the way to the noise that unseen mean squares of all responses together went."""
+    was, now = (unseen_squares(one, floor) for one in (before, after))
+    return float((sum(was.values()) - sum(now.values())) / max(sum(was.values()) - len(was), 1e-300))
+
+
 def _floors(tried: _Tried) -> dict[str, float]:
     """Response → its noise: from sample to sample, and what the answer to the rest takes for it, if that is more."""
     comparison, fit = tried.last.comparison, tried.answer.fit
@@ -345,8 +356,7 @@ def _named(tried: _Tried) -> list[NamedEffect]:
         )
         was, now = (_squares(fit.comparison) for fit in (before, after))
         shares = {name: (was[name] - now[name]) / max(mismatch[name], 1e-300) for name in was}
-        gap, left = (sum(unseen_squares(fit.comparison, floor).values()) for fit in (before, after))
-        carried = (gap - left) / max(gap - len(floor), 1e-300)
+        carried = _carried(before.comparison, after.comparison, floor)
         sure = float(np.clip(carried, 0.0, 1.0)) / (1.0 + 0.5 * len(one.rivals))
         channels = sorted((name for name in shares if shares[name] >= _FLOOR), key=lambda name: -shares[name])
         named.append(
@@ -438,9 +448,17 @@ def _closed(middle: Vector, after: Vector, floor: float, seed: int) -> Quantity 
     return share_closed([block for block in blocks if len(block)], middle, after, floor, seed)
 
 
+def _is_noise(answer: Diagnosis) -> bool:
+    """Whether no response is further off in unseen rows than its noise makes it."""
+    held = [fit.heldout for fit in answer.fit.values()]
+    return all(of.noise_floor is not None and of.rmse_after <= _AT_NOISE * of.noise_floor for of in held)
+
+
 def _is_near(given: Comparison, fitted: Comparison, floor: Mapping[str, float]) -> bool:
     """Whether unseen errors are near the noise in every response, or parameters went nearly all of the way there."""
+    copies = identical_responses(fitted)
     was, now = (unseen_squares(one, floor) for one in (given, fitted))
+    now = {name: squares for name, squares in now.items() if name not in copies}
     ways = {name: (np.sqrt(was[name]) - np.sqrt(now[name])) / max(np.sqrt(was[name]) - 1.0, 1e-300) for name in now}
     return all(now[name] <= _NEAR**2 or ways[name] >= _NEARLY_ALL for name in now)
 

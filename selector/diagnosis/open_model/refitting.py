@@ -404,7 +404,8 @@ def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
 
 def _step(columns: Matrix, white: Vector, held: Vector, z: Vector, low: Vector, high: Vector) -> Vector:
     """The step to the smallest sum of squares within the limits, as the slopes have it."""
-    triangle = np.linalg.qr(np.column_stack([np.vstack([columns, np.diag(held)]), np.r_[white, -held * z]]), mode="r")
+    both = np.column_stack([np.vstack([columns, np.diag(held)]), np.r_[white, -held * z]])
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
     room = low - z, np.maximum(high - z, low - z + 1e-12)
     return np.asarray(lsq_linear(triangle[:, :-1], triangle[:, -1], room).x)
 
