@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,15 @@ import numpy as np
 import pandas as pd
 
 from selector.atomic_file import write_whole
-from selector.controllers.evaluator import axes_of, evaluate, first_finite
+from selector.controllers.evaluator import axes_of, evaluate, evaluate_after, first_finite
 from selector.controllers.finding_table import FINDINGS, SENSOR_LOOKS_BROKEN
 from selector.controllers.guard.decided import CODE_SLACK, RANGE_SLACK
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
-from selector.models.design import Before, chain_before, datum_of, runs_before
+from selector.models.design import datum_of
+from selector.models.run_before import Before, chain_before, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.survey import duration
 from selector.recording import SENSOR_ROLES, Recording, RunSource
@@ -398,7 +399,12 @@ def _predictions(
     }
     predicted = evaluate(model, time_s, readings, starts, positions or None)
     if chain := chain_before(follows, run, np.array([state.tau_s for state in model.states])):
-        predicted = _going_on(model, recording, chain, time_s, readings, starts, positions, predicted)
+        earlier = []
+        for before, later_s in chain:
+            table, times = recording.values(before, names), recording.time_s(before) - later_s
+            read, _ = usable_readings(model, before, times, dict(zip(names, table.T, strict=True)))
+            earlier.append((times, read))
+        predicted = evaluate_after(model, earlier, time_s, readings, starts, positions, predicted)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
     for name, values in predicted.items():
         missing = ~np.isfinite(values)
@@ -413,35 +419,6 @@ def _predictions(
                 )
             )
     return predicted, found
-
-
-def _going_on(
-    model: ModelFile,
-    recording: Recording,
-    chain: Sequence[Before],
-    time_s: Array,
-    readings: Mapping[str, Array],
-    starts: Mapping[str, float],
-    positions: Mapping[str, Array],
-    alone: Mapping[str, Array],
-) -> dict[str, Array]:
-    """The predictions with the memory of the runs before; rises have at the start what they have `alone`."""
-    names = list(readings)
-    times, parts = [], []
-    for earlier, later_s in chain:
-        table = recording.values(earlier, names)
-        times.append(recording.time_s(earlier) - later_s)
-        parts.append(usable_readings(model, earlier, times[-1], dict(zip(names, table.T, strict=True)))[0])
-    n = sum(map(len, times))
-    joined = {name: np.concatenate([*(part[name] for part in parts), readings[name]]) for name in names}
-    at = {axis: np.r_[np.full(n, values[0]), values] for axis, values in positions.items()}
-    whole = evaluate(model, np.concatenate([*times, time_s]), joined, starts, at or None)
-    predicted = {name: values[n:] for name, values in whole.items()}
-    for output in model.outputs:
-        known = np.flatnonzero(np.isfinite(predicted[output.name]))
-        if len(known) and output.reference == "rise":
-            predicted[output.name] = predicted[output.name] + (alone[output.name] - predicted[output.name])[known[0]]
-    return predicted
 
 
 def displacement_of(output: Output, recording: Recording, run: str) -> Array:

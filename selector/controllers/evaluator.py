@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Protocol
 
@@ -137,6 +137,32 @@ def evaluate(
             for output in model.outputs:
                 result[output.name][block] = _displacement(output, z, at)
     return result
+
+
+def evaluate_after(
+    model: Equations,
+    earlier: Sequence[tuple[Array, Mapping[str, Array]]],
+    time_s: Array,
+    readings: Mapping[str, Array],
+    start_readings: Mapping[str, float],
+    positions_m: Mapping[str, Array],
+    alone: Mapping[str, Array],
+) -> dict[str, Array]:
+    """The outputs of a run with the memory of the runs before, whose (time, readings) end before it begins.
+
+    Rises have at the start what they have `alone`, which is what `evaluate` gives for the run by itself.
+    """
+    n = sum(len(times) for times, _ in earlier)
+    joined = {name: np.concatenate([*(of[name] for _, of in earlier), values]) for name, values in readings.items()}
+    positions = {axis: np.r_[np.full(n, values[0]), values] for axis, values in positions_m.items()}
+    times = np.concatenate([*(times for times, _ in earlier), time_s])
+    whole = evaluate(model, times, joined, start_readings, positions or None)
+    found = {name: values[n:] for name, values in whole.items()}
+    for output in model.outputs:
+        known = np.flatnonzero(np.isfinite(found[output.name]))
+        if len(known) and output.reference == "rise":
+            found[output.name] = found[output.name] + (alone[output.name] - found[output.name])[known[0]]
+    return found
 
 
 def _scaled(

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
-from selector.models.design import Datum, Rows, chain_before
+from selector.models.design import Datum, Rows
 from selector.models.least_squares import outermost_samples, validity_hull
+from selector.models.run_before import chain_before
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FINDINGS
 from selector.selection.fitting import evenly

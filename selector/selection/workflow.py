@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.findings import Finding
-from selector.models.design import Form, Rows, datum_of, rows_of, runs_before
+from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import response_power
+from selector.models.run_before import runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates

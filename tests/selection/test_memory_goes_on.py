@@ -11,7 +11,8 @@ import pytest
 
 from selector.controllers.application import apply_model
 from selector.controllers.from_selection import model_file_of
-from selector.models.design import Design, Lag, datum_of, runs_before
+from selector.models.design import Design, Lag, datum_of
+from selector.models.run_before import runs_before
 from selector.recording import Recording
 from selector.selection import Options, select
 from tests.models.runs import recording

@@ -288,7 +288,7 @@ class TestResult:
 
     def test_the_reason_holds_the_errors_that_the_rule_compares(self, plain):
         errors = {set_.sensors: set_.heldout_rmse_um for set_ in plain.combinations}
-        best = min(errors.values())
+        best = min(error for sensors, error in errors.items() if len(sensors) <= len(plain.chosen))
         assert f"Fixed set errors: best Z {best:.3g} µm" in plain.because
         fewer = plain.fixed_set_errors_um("Z")[len(plain.chosen) - 1]
         assert f"best with {len(plain.chosen) - 1} Z {fewer:.3g} µm (" in plain.because
