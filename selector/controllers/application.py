@@ -405,8 +405,8 @@ def apply_model(
     `displacement_start`: per run and output, what counts as zero [µm]; default: 0, or `displacement_starts` if the
     output is a rise.
 
-    Raises RecordingError: an input (or an axis position that the model needs) is missing in every run. Raises UnitError:
-    a channel has a role that does not fit the input or output of its name. Raises OptionError: a start value names a
+    Raises RecordingError: an input (or an axis position that the model needs) is missing in every run. Raises
+    UnitError: a channel has a role that does not fit the input or output of its name. Raises OptionError: a start value names a
     run or a channel that does not exist, or is not a finite number.
     """
     require_channels(model, recording)
