@@ -329,14 +329,9 @@ def apply_model(
     `displacement_start`: per run and output, what counts as zero [µm]; default: 0, or `displacement_starts` if the
     output is a rise.
 
-    Raises
-    ------
-    RecordingError
-        An input (or an axis position that the model needs) is missing in every run.
-    UnitError
-        A channel has a role that does not fit the input or output of its name.
-    OptionError
-        A start value names a run or a channel that does not exist, or is not a finite number.
+    Raises RecordingError: an input (or an axis position that the model needs) is missing in every run. Raises
+    UnitError: a channel has a role that does not fit the input or output of its name. Raises OptionError: a start value names a
+    run or a channel that does not exist, or is not a finite number.
     """
     require_channels(model, recording)
     _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
@@ -399,11 +394,10 @@ def _predictions(
     }
     predicted = evaluate(model, time_s, readings, starts, positions or None)
     if chain := chain_before(follows, run, np.array([state.tau_s for state in model.states])):
-        earlier = []
-        for before, later_s in chain:
-            table, times = recording.values(before, names), recording.time_s(before) - later_s
-            read, _ = usable_readings(model, before, times, dict(zip(names, table.T, strict=True)))
-            earlier.append((times, read))
+        tables = {one: dict(zip(names, recording.values(one, names).T, strict=True)) for one, _ in chain}
+        times = [recording.time_s(one) - later_s for one, later_s in chain]
+        read = [usable_readings(model, one, at, tables[one])[0] for (one, _), at in zip(chain, times, strict=True)]
+        earlier = list(zip(times, read, strict=True))
         predicted = evaluate_after(model, earlier, time_s, readings, starts, positions, predicted)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
     for name, values in predicted.items():
