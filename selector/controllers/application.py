@@ -406,8 +406,8 @@ def apply_model(
     output is a rise.
 
     Raises RecordingError: an input (or an axis position that the model needs) is missing in every run. Raises
-    UnitError: a channel has a role that does not fit the input or output of its name. Raises OptionError: a start value names a
-    run or a channel that does not exist, or is not a finite number.
+    UnitError: a channel has a role that does not fit the input or output of its name. Raises OptionError: a start value
+    names a run or a channel that does not exist, or is not a finite number.
     """
     require_channels(model, recording)
     _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
