@@ -27,6 +27,8 @@ from selector.types import Matrix, Vector
 _WAVES = 96
 _MEMORIES = (0.01, 0.05, 0.25)
 """Time constants of what the misfit remembers, in parts of the longest run."""
+_BRIEFLY = _MEMORIES[:1]
+"""The same beside effects of heat: a misfit that remembers for long is what `thermal.memory` means."""
 _LENGTHS = 0.7
 """Half the logarithm by which the lengths of the waves differ, in standard deviations of the state."""
 _SIZES = np.geomspace(1e-3, 2.0, 14)
@@ -35,6 +37,9 @@ _KEPT = 0.4
 """Of its evidence: a name that keeps less says little more than that something is wrong."""
 _KEPT_BESIDE = 0.8
 """The same where another name was no more than that."""
+_DECISIVE = 20.0
+"""Logarithm of how much likelier a name makes the record, a misfit beside it, from which it stands whatever share it
+keeps, if a response needs no misfit beside it: what is a function of the state, as memory is, keeps little of much."""
 _LEFT = 0.1
 """Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too."""
 
@@ -45,9 +50,16 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
     the responses of a name that is gone something is wrong that is no effect: there the others have to keep more.
     """
-    waves = {name: waves_of(comparison, name) for name in found.benches}
+    waves = {
+        memories: {name: waves_of(comparison, name, memories) for name in found.benches}
+        for memories in (_MEMORIES, _BRIEFLY)
+    }
     while True:
-        kept = {id_: _kept(found, id_, waves) for id_ in found.named if id_ != "data.stuck"}
+        kept = {
+            id_: _kept(found, id_, waves[_BRIEFLY if id_.startswith("thermal.") else _MEMORIES])
+            for id_ in found.named
+            if id_ != "data.stuck"
+        }
         short = {
             id_: share - (_KEPT_BESIDE if found.wrong & set(found.named[id_]) else _KEPT)
             for id_, (share, _) in kept.items()
@@ -61,9 +73,9 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
         found = replace(found.only(set(found.named) - {least}), wrong=wrong)
 
 
-def waves_of(comparison: Comparison, response: str) -> Matrix:
+def waves_of(comparison: Comparison, response: str, memories: Sequence[float] = _MEMORIES) -> Matrix:
     """(n_rows, n_waves): Smooth functions of where a response is simulated to be, and where it was of late."""
-    state = np.column_stack(list(_states(comparison, response)))
+    state = np.column_stack(list(_states(comparison, response, memories)))
     spread = state.std(axis=0)
     moving = spread > 1e-9 * spread.max(initial=1e-300)
     state = (state - state.mean(axis=0))[:, moving] / spread[moving]
@@ -73,18 +85,19 @@ def waves_of(comparison: Comparison, response: str) -> Matrix:
     return np.asarray(np.sqrt(2.0) * np.cos(state @ directions + draw.uniform(0.0, 2.0 * np.pi, _WAVES)))
 
 
-def _states(comparison: Comparison, response: str) -> Iterator[Vector]:
+def _states(comparison: Comparison, response: str, memories: Sequence[float]) -> Iterator[Vector]:
     """Where the response is, and how far it is ahead of its memories."""
     course = filled(comparison, comparison.simulated[response])
     yield course
-    for part in _MEMORIES:
+    for part in memories:
         yield course - lagged(comparison, course, part * comparison.longest_s, settled=True)
 
 
 def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, float]:
     """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest.
 
-    What explains most of a mismatch is no guess among shapes of the noise's size: it keeps all.
+    What explains most of a mismatch is no guess among shapes of the noise's size: it keeps all. So does what is
+    decisive with a misfit beside it, where none is known.
     """
     others = without(found.named, id_)
     if any(_share(found, others, id_, name) >= MOST_OF_IT for name in found.named[id_]):
@@ -96,8 +109,11 @@ def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, flo
             if name in found.named[id_]
         ]
     )
-    alone, beside = told[:, 0].sum(), told[:, 1].sum()
-    return float(beside / alone) if alone > 0.0 else 1.0, float(told[:, 2].min())
+    alone, beside, size = told[:, 0].sum(), told[:, 1].sum(), float(told[:, 2].min())
+    is_known = any(found.misfit[name] > 1.0 for name in found.named[id_])
+    if alone <= 0.0 or (beside >= _DECISIVE and size < _LEFT and not is_known):
+        return 1.0, size
+    return float(beside / alone), size
 
 
 def _share(found: Search, others: Named, id_: str, response: str) -> float:
