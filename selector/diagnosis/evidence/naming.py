@@ -287,8 +287,9 @@ _LITTLE = 0.015
 """Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
 _NOTHING = 0.001
 """The same where what is left is noise, for all that is seen."""
-_LITTLE_BESIDE, _MUCH_SMALLER = 0.04, 0.8
-"""Of the movement: structure that is little beside what recalibration puts right; what that leaves of the error."""
+_LITTLE_BESIDE, _ALL_LEFT, _MUCH_SMALLER = 0.04, 0.1, 0.8
+"""Of the movement: structure, and all that recalibration leaves, that are little beside what it puts right; what that
+leaves of the error."""
 _LISTED = 0.01
 _SEEN_ONLY = 0.5
 """Confidence of what is only seen, too, at most."""
@@ -346,6 +347,7 @@ def is_small(comparison: Comparison, found: Search, response: str, size: float =
     repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
     is_as_repeated = repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
     is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
+    is_little &= _of_movement(comparison, found, response) < _ALL_LEFT
     return is_as_repeated or is_little or _is_trifle(comparison, found, response)
 
 
