@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -42,13 +43,15 @@ def demo(
         "spindle46": Source(runs=[measured / "tests.parquet"], machine=measured / "machine.toml"),
         "patent8": Source(runs=[shipped("patent8")]),
     }
-    selections, descriptions = [], []
+    first, selections, descriptions = next(iter(studies)), [], []
     with folder_written_whole(out) as folder:
         for name, options in studies.items():
             with progress_bar(spoken=True) as progress:
                 selection, material = study(sources[name], options, progress)
             account = selection_account(selection, material.description)
-            showing.show_account(console, account, everything=everything)
+            # the sentences of the reconstruction have its numbers
+            shown = account if everything or name == first else replace(account, answer=None)
+            showing.show_account(console, shown, everything=everything)
             showing.show_findings(console, selection.findings, everything=everything, most=1)
             (folder / name).mkdir()
             write_results(selection, account, material, folder / name)

@@ -121,27 +121,34 @@ def test_the_fixed_point_program_drops_them_too(kept, last, tmp_path):
     assert found["correction_1"][-1] == pytest.approx(last, abs=2)
 
 
+def macro_off_for_ten_minutes(model, name, bad):
+    """The macro of a model, its memory of this name changed while it was not called, and then called again."""
+    macro, names = MacroB(fanuc_export(model).files[FILE]), macro_variables(model)
+    for time_s in (*range(0, 300, 5), *range(1000, 1300, 5)):
+        macro.variables |= {100: float(time_s), names.readings["T1"]: 22.0 if time_s < 100 else 23.0}
+        if time_s == 1000:
+            assert macro.variables[names.program["start_1"]] == 22.0
+            macro.variables[names.program[name]] = bad
+        macro.call()
+    kept = [macro.variables[names.program[one]] for one in ("start_1", "level_1", "mode", "sensor_1")]
+    return macro.offsets["Z"], *kept
+
+
 @pytest.mark.parametrize("bad", [1e30, -1e30, 61.0])
 def test_the_macro_drops_a_start_that_is_no_reading(bad):
-    model = model_of(reading_max=60.0)
-    macro, names = MacroB(fanuc_export(model).files[FILE]), macro_variables(model)
-    for time_s in range(0, 300, 5):
-        macro.variables |= {100: float(time_s), names.readings["T1"]: 22.0}
-        if time_s == 150:
-            macro.variables[names.starts["T1"]] = bad
-        macro.call()
-    assert macro.variables[names.starts["T1"]] == 22.0
-    assert macro.offsets["Z"] == pytest.approx(-0.010)
+    z_mm, *kept = macro_off_for_ten_minutes(model_of(reading_max=60.0), "start_1", bad)
+    assert kept == [23.0, 0.0, Mode.MODEL, SensorCode.OK]
+    assert z_mm == pytest.approx(-0.010)
 
 
 @pytest.mark.parametrize("bad", [1e30, -1e30, 9.1])
 def test_the_macro_drops_a_level_out_of_range(bad):
-    model = model_of()
-    macro, names = MacroB(fanuc_export(model).files[FILE]), macro_variables(model)
-    for time_s in range(0, 300, 5):
-        macro.variables |= {100: float(time_s), names.readings["T1"]: 22.0 if time_s < 100 else 23.0}
-        if time_s == 150:
-            macro.variables[names.levels["T1", 3600.0]] = bad
-        macro.call()
-    assert macro.variables[names.starts["T1"]] == 22.0
-    assert macro.variables[names.levels["T1", 3600.0]] == pytest.approx(1.0)
+    z_mm, *kept = macro_off_for_ten_minutes(model_of(), "level_1", bad)
+    assert kept == [22.0, 1.0, Mode.MODEL, SensorCode.OK]
+    assert z_mm == pytest.approx(-0.016)
+
+
+def test_the_macro_keeps_what_can_be():
+    _, start, level, *_ = macro_off_for_ten_minutes(model_of(), "level_1", 9.0)
+    assert start == 22.0
+    assert 1.0 + 8.0 * math.exp(-1000 / 3600) < level < 1.0 + 8.0 * math.exp(-300 / 3600)

@@ -30,7 +30,8 @@ FIGURES = {"cut": 7, "run-up": 5, "alone": 4}
 
 def test_every_final_is_drawn_by_the_chains_of_every_source_that_have_a_way_to_it():
     model = vibration_model(read_model_file(ROOT / "fixtures" / "vibration" / "lathe.toml"))
-    _, answers = vibration_pictures._answers(model, vibration_summary(model, model.simulation()))
+    names = [source.name for source in model.sources]
+    _, answers = vibration_pictures._answers(model, vibration_summary(model, model.simulation()), names)
     led = {(source, chain.final) for chain in model.chains for source in chain.sources}
     drawn = {
         (one.source, model.finals[final]): one.chains_um_per_n is not None

@@ -92,7 +92,7 @@ def test_results_and_notes_in_the_folder_of_the_recordings_change_nothing(world,
     (runs / "notes.docx").write_text("mine", encoding="utf-8")
     renamed = runs.rename(tmp_path / "another name")
     capsys.readouterr()
-    assert exit_status(["select", "--study", str(renamed), "--out", str(renamed)]) == 0
+    assert exit_status(["select", "--study", str(renamed), "--out", str(renamed), "--all"]) == 0
     told = capsys.readouterr().out
     assert "the same bytes as the study recorded" in told
     assert "notes.docx" in told
