@@ -48,7 +48,8 @@ def page(bench: Bench, access: Access) -> dash.Dash:
         suppress_callback_exceptions=True,
         enable_mcp=False,
     )
-    app.index_string = app.index_string.replace("<html>", '<html lang="en">')
+    icon = '<link rel="icon" href="data:,">'  # none, not Dash's own
+    app.index_string = app.index_string.replace("<html>", '<html lang="en">').replace("{%favicon%}", icon)
     app.layout = lambda: _frame(bench)
     _register(app, bench)
     for one in PAGES:

@@ -22,6 +22,7 @@ from selector.readers import (
     read,
     write_machine_file,
 )
+from selector.readers.finding_table import RUN_REPAIRED
 from selector.readers.machine_file import ChannelSection, machine_from_text
 from selector.readers.roles.repairs import proposed
 from selector.workbench.access import defect
@@ -106,7 +107,7 @@ def is_fault(finding: Finding) -> bool:
 def repaired(reading: Reading, *findings: Finding) -> Machine | None:
     """The machine file with the repairs that findings propose, and without those that they tell of; None: as it is."""
     machine = machine_of(reading)
-    told = {one.where.run for one in findings if one.id == "run-repaired"}
+    told = {one.where.run for one in findings if one.id == RUN_REPAIRED}
     kept = {name: section for name, section in machine.runs.items() if name not in told}
     runs = proposed(kept, findings)
     return None if runs == dict(machine.runs) else machine.model_copy(update={"runs": runs})

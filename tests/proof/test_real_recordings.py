@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,13 +9,11 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive.asymmetric_friction import EFFECT as ASYMMETRIC
-from selector.diagnosis.effects.effect import Effect, Variant
+from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.effects.flow.overflow import EFFECT as OVERFLOW
 from selector.diagnosis.effects.vibration.hardening import EFFECT as HARDENING
 from selector.diagnosis.effects.vibration.hysteresis import EFFECT as HYSTERESIS
 from selector.diagnosis.matching.alignment import comparison_of
-from selector.diagnosis.open_model.switches import Switch, ThroughModel
 from selector.diagnosis.shapes.force_response import closed_loop
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import filled, rate
@@ -95,19 +92,6 @@ def test_a_record_that_starts_in_motion_tells_a_loop_without_an_integral_part(la
     # speed over two samples comes a millisecond late, which makes the loop some per cent quicker
     natural_per_s = np.sqrt(stiffness / identified(law).mass_kg)
     assert np.sqrt(loop.polynomial[-1]) == pytest.approx(natural_per_s, rel=0.15)
-
-
-def test_an_effect_that_a_model_file_has_in_one_form_is_tested_in_its_others_too():
-    comparison = comparison_of(*emps("symmetric", ("nominal",)))
-    through = Variant(np.ones((len(comparison.time_s), 1)), ("dry friction beyond that of the other direction",))
-    switch = Switch(ASYMMETRIC.id, through.names, ("N",), (1.0,), lambda a: (), (), "guide", is_part=True)
-    for one, more in ((switch, True), (replace(switch, is_part=False), False)):
-        model = ThroughModel(None, {"q": {ASYMMETRIC.id: [through]}}, {id(through.columns): one}, {})  # type: ignore[arg-type]
-        found = model.shapes((ASYMMETRIC, HARDENING), comparison)
-        assert list(found["q"]) == [ASYMMETRIC.id]
-        first, *others = found["q"][ASYMMETRIC.id]
-        assert first is through
-        assert any("growing with speed" in name for variant in others for name in variant.names) is more
 
 
 def test_the_drive_without_dry_friction_lacks_coulomb_friction_and_nothing_else():

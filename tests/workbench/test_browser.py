@@ -122,7 +122,7 @@ def test_a_diagnosis_and_an_export(page, bench, study):
     page.get_by_role("button", name="Remove").nth(2).wait_for()
     page.get_by_text("--simulation simulation").wait_for()
     page.locator("#page-diagnosis").get_by_role("button", name="Start").click()
-    page.locator("#page-diagnosis").get_by_text("thermal.memory", exact=True).wait_for()
+    page.locator("#page-diagnosis").get_by_text("memory of past heating").first.wait_for()
     assert page.locator("#page-diagnosis").get_by_role("cell", name="Z").first.is_visible()
 
     page.locator("#to-export").click()

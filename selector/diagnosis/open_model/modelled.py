@@ -90,6 +90,8 @@ _CARRIES = 0.15
 """Of the unseen misfit: names that carry less are none where structure is left."""
 _BESIDE = 0.5
 """The same of physics beside the model, which has a coefficient for every response and imitates what is nobody's."""
+_AT_END = 1e-3
+"""So near to a limit of an exponent or a share is at it."""
 _MOST_SURE = 0.85
 """Of 25 names that the blind proof had put into models, or beside them, 22 were right."""
 _MOST_SURE_BESIDE = 0.5
@@ -230,6 +232,10 @@ def _with(
     again = refitted(
         made[0], recording, responses=responses, holdout=holdout, added=starts, start=now, progress=progress
     )
+    # a law whose shape runs to an end of what it can be stands for another one
+    ends = {name: made[0].parameters[name] for name in names if made[0].parameters[name].unit == "1"}
+    if any(min(again.values[name] - one.low, one.high - again.values[name]) < _AT_END for name, one in ends.items()):
+        return None
     floor = {name: quick_noise(again.comparison, name) for name in again.comparison.responses}
     was, left = (unseen_squares(one.comparison, floor) for one in (now, again))
     off = [name for name in was if was[name] > _NEAR**2]

@@ -12,7 +12,7 @@ from typing import NoReturn
 from selector.errors import RecordingError
 from selector.findings import Finding, Where
 from selector.quality.finding_table import SWAPPED_CHANNELS, WRONG_UNIT
-from selector.readers.finding_table import FINDINGS
+from selector.readers.finding_table import FINDINGS, RUN_REPAIRED
 from selector.readers.machine_file import Machine, RunChannelSection, RunSection
 from selector.readers.roles.names import closest
 from selector.readers.roles.plan import Plan, Planned
@@ -122,7 +122,7 @@ def _told(run: str, section: RunSection) -> Finding:
     done += [f"{name} is in {repair.unit}" for name, repair in section.channels.items() if repair.unit is not None]
     done += [f"stretches of {name} are left out" for name, repair in section.channels.items() if repair.leave_out]
     return FINDINGS.finding(
-        "run-repaired",
+        RUN_REPAIRED,
         f"Run {run!r} was read as the machine file repairs it: {'; '.join(done)}.",
         Where(run=run),
         section.model_dump(exclude_defaults=True, mode="json"),

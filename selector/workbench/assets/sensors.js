@@ -68,7 +68,7 @@
       level: made("input", undefined, { type: "text", inputmode: "decimal", id: `${PAGE}-level` }),
       response: made("select", undefined, { id: `${PAGE}-response`, "aria-label": "displacement" }),
       back: made("button", "Back to the set of λ", { type: "button", id: `${PAGE}-back` }),
-      facts: made("dl", undefined, { class: "facts", id: `${PAGE}-facts`, role: "status", "aria-live": "polite" }),
+      facts: made("dl", undefined, { class: "facts", id: `${PAGE}-facts`, "aria-live": "polite" }),
     };
     const [first, second] = [0, 1].map(() => made("div", undefined, { class: "row" }));
     const dial = (...inside) => {

@@ -14,6 +14,7 @@ from selector.findings import Finding
 from selector.quality import stretches
 from selector.quality.survey import duration
 from selector.readers import Overrides
+from selector.readers.finding_table import RUN_REPAIRED
 from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
@@ -214,7 +215,7 @@ def _faults(bench: Bench) -> Component | None:
     material = bench.material
     reading = material.reading
     positions = {id(one): k for k, one in enumerate(material.findings)}
-    shown = [one for one in material.findings if is_fault(one) or one.id == "run-repaired"]
+    shown = [one for one in material.findings if is_fault(one) or one.id == RUN_REPAIRED]
     if reading is None or not shown:
         return None
 
@@ -237,7 +238,7 @@ def _faults(bench: Bench) -> Component | None:
 def _repair_text(finding: Finding) -> str:
     """What a click repairs, or takes back; nothing where there is no such repair."""
     where, evidence = finding.where, finding.evidence
-    if finding.id == "run-repaired":
+    if finding.id == RUN_REPAIRED:
         return f"Take the repair of {where.run} back"
     if "other" in evidence:
         return f"Repair: exchange {where.channel} and {evidence['other']} in {where.run}"
