@@ -73,7 +73,7 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     power, margin = bench.power, question.options.within
 
     def limit(best: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Mean squares that a set may have, of the best one's; of what rounding leaves of an exact fit they are alike."""
+        """Mean squares that a set may have, of the best one's; what rounding leaves of exact fits is alike."""
         best = np.maximum(best, ROUNDING**2 * power)
         share = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best
         return np.asarray(share if margin is None else (np.sqrt(best) + margin) ** 2)
