@@ -215,7 +215,8 @@ def _poorest_of(errors: Errors, offer: Offer) -> Plan:
 def _of_larger_sets(plan: Plan, errors: Errors) -> dict[int, float]:
     """Largest number of sensors → error of the whole procedure, relative to that of the plan, for larger sets."""
     larger = (other for other in errors if other[0] == plan[0] and other[1] > plan[1])
-    return {other[1]: _rms(errors[other]) / _rms(errors[plan]) for other in larger}
+    least = np.finfo(np.float64).tiny
+    return {other[1]: (_rms(errors[other]) + least) / (_rms(errors[plan]) + least) for other in larger}
 
 
 def _rms(errors: NDArray[np.float64]) -> float:
