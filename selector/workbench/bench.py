@@ -78,6 +78,10 @@ class Bench:
         """The recordings that are used."""
         return tuple(one.path for one in self.loaded if one.is_used)
 
+    def used_as_options(self) -> list[dict[str, str]]:
+        """The recordings that are used, as a menu offers them."""
+        return [{"label": path.name, "value": str(path)} for path in self.used]
+
     @property
     def simulated(self) -> tuple[Path, ...]:
         """The simulated runs in the study folder."""

@@ -29,11 +29,12 @@ class Box:
     shown: Callable[[Any], Any] = str  #: The option → what the field holds
     kind: Any = str | None  #: What a browser may send of it
     control: Callable[[str, Any], Component] = parts.typed_text
+    offered: Callable[[], list[Any]] | None = None  #: What can be chosen now, where that is not always the same
 
 
-def several(name: str, title: str, note: str) -> Box:
-    """A field for some of several names, which the page offers."""
-    return Box(name, title, note, lambda names: tuple(names or ()), list, list[str] | None, _many)
+def several(name: str, title: str, note: str, offered: Callable[[], list[Any]]) -> Box:
+    """A field for some of several names."""
+    return Box(name, title, note, lambda names: tuple(names or ()), list, list[str] | None, _many, offered)
 
 
 def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], Any] = str, note: str = "") -> Box:
@@ -121,6 +122,10 @@ class Boxes:
         )
         def _follow(_: int, before: list[Any], *shown: Any) -> list[Any]:
             now = self.counting()
+            # in one answer with the values: a menu takes back a value that it does not offer yet
+            for box, place in zip(self.boxes, places, strict=True):
+                if box.offered is not None:
+                    dash.set_props(place, {"options": box.offered()})
             parts.follow(places, shown, before, now)
             return now
 

@@ -305,15 +305,17 @@ def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
         Input(REVISION, "data"),
         State(f"{task.page}-answered", "data"),
     )
-    def _answer(_: int, shown: Any) -> tuple[Any, Any]:
+    def _answer(_: int, was: Any) -> tuple[Any, Any]:
         job = next((job for job in reversed(bench.jobs.all) if job.title == task.title), None)
         path = bench.folder / task.folder(bench) / task.sheet
         stamp = str(path.stat().st_mtime_ns if path.is_file() else 0)
         now = [None if job is None else [job.number, job.state], stamp]
-        if now == shown:
+        if now == was:
             raise PreventUpdate
         said = None if job is None or job.out != path.parent else job.data
-        return [None if job is None else job_answer(job), task.answered(bench, stamp, said)], now
+        shown = [None if job is None else job_answer(job), task.answered(bench, stamp, said)]
+        # what a command printed says the answer again, folded; trouble and patience come before an earlier answer
+        return shown[::-1] if job is not None and job.state == "done" else shown, now
 
 
 def answer_place(page: str) -> list[Component]:

@@ -33,8 +33,13 @@ _LEAST, _MOST = 1e-9, 0.2
 
 def _boxes(bench: Bench) -> Boxes:
     default, title = DiagnoseSection(), FIELDS["--false-alarm"]
+
+    def channels() -> list[str]:
+        reading = bench.material.reading
+        return [] if reading is None else list(reading.recording.names)
+
     boxes = (
-        several("responses", "Channels to compare", "None: all that are simulated."),
+        several("responses", "Channels to compare", "None: all that are simulated.", channels),
         Box(
             "holdout", FIELDS["--holdout"], "last, the name of a run, or a share such as 0.3",
             lambda text: (text or "").strip() or default.holdout,
@@ -80,13 +85,9 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
 
-    @app.callback(
-        Output(f"{ID}-files", "children"), Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data")
-    )
-    def _show(_: int) -> tuple[Any, list[str]]:
-        reading = bench.material.reading
-        names = list(reading.recording.names) if reading is not None else []
-        return _files(bench), names
+    @app.callback(Output(f"{ID}-files", "children"), Input(parts.REVISION, "data"))
+    def _show(_: int) -> Component:
+        return _files(bench)
 
     @app.callback(Input({"type": f"{ID}-remove", "file": ALL}, "n_clicks"), prevent_initial_call=True)
     def _remove(clicks: list[int | None]) -> None:

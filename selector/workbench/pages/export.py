@@ -56,7 +56,9 @@ def _boxes(bench: Bench) -> Boxes:
     def shown(_: Any) -> list[str]:
         return [str(path) for path in _replayed(bench)]
 
-    models = Box("model", "Model", read=lambda model: model or "", control=partial(_menu, []))
+    models = Box(
+        "model", "Model", read=lambda model: model or "", control=partial(_menu, []), offered=lambda: _models(bench)
+    )
     note = "The program is executed on them and compared with the model, sample by sample."
     targets = [{"label": target.title, "value": name} for name, target in TARGETS.items()]
     target = one_of("target", "Control", list(TARGETS))
@@ -66,7 +68,11 @@ def _boxes(bench: Bench) -> Boxes:
     boxes = (
         models,
         replace(target, control=partial(_menu, targets)),
-        replace(several("replayed", "Recordings to run through the program", note), read=replayed, shown=shown),
+        replace(
+            several("replayed", "Recordings to run through the program", note, bench.used_as_options),
+            read=replayed,
+            shown=shown,
+        ),
         tick("is_sign_verified", FIELDS["--sign-verified"]),
         Box("tested", FIELDS["--tested"], tested),
     )
@@ -110,12 +116,11 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """What is asked goes to the bench as soon as it is changed, so that the command shows it."""
 
-    @app.callback(Output(f"{ID}-model", "options"), Output(f"{ID}-replayed", "options"), Input(parts.REVISION, "data"))
-    def _show(_: int) -> tuple[list[str], list[dict[str, str]]]:
+    @app.callback(Input(parts.REVISION, "data"))
+    def _choose(_: int) -> None:
         models = _models(bench)
         if models and bench.export.model not in models and bench.choose_export(model=models[0]):
             parts.tell(bench)
-        return models, [{"label": path.name, "value": str(path)} for path in bench.used]
 
     @app.callback(
         Output(f"{ID}-outputs", "children"),

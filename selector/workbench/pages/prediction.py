@@ -35,10 +35,15 @@ def _boxes(bench: Bench) -> Boxes:
     def tests(paths: list[str] | None) -> tuple[Path, ...]:
         return tuple(path for path in bench.used if str(path) in (paths or ()))
 
-    chosen = several("tests", "Heating and cooling tests", "Recordings with a spindle speed. None: all that are used.")
+    def responses() -> list[str]:
+        reading = bench.material.reading
+        return [] if reading is None else list(reading.recording.with_role("displacement", "temperature"))
+
+    about = "Recordings with a spindle speed. None: all that are used."
+    chosen = several("tests", "Heating and cooling tests", about, bench.used_as_options)
     boxes = (
         dataclasses.replace(chosen, read=tests, shown=lambda paths: [str(path) for path in paths]),
-        several("responses", FIELDS["--response"], "None: all that are there."),
+        several("responses", FIELDS["--response"], "None: all that are there.", responses),
         one_of("method", FIELDS["--method"], ["modal", "piecewise"]),
         Box("operations", FIELDS["--operations"], "minutes, e.g. 60,60,45; empty: no program"),
         Box("tolerance", FIELDS["--tolerance"], "µm, e.g. 10; one an operation: 10,5,10; empty: no program"),
@@ -80,12 +85,6 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """What is typed, chosen or dragged goes to the bench at once."""
-
-    @app.callback(Output(f"{ID}-tests", "options"), Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
-    def _show(_: int) -> tuple[Any, list[str]]:
-        reading = bench.material.reading
-        runs = [{"label": path.name, "value": str(path)} for path in bench.used]
-        return runs, [] if reading is None else list(reading.recording.with_role("displacement", "temperature"))
 
     @app.callback(
         Output(f"{ID}-cycle", "figure"),

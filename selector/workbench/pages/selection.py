@@ -49,8 +49,12 @@ def _boxes(bench: Bench) -> Boxes:
             changes["rounds"] = max(changes["rounds"], len(levels))
         return bench.choose(**changes)
 
+    def displacements() -> list[str]:
+        reading = bench.material.reading
+        return [] if reading is None else list(reading.recording.with_role("displacement"))
+
     boxes = (
-        several("responses", FIELDS["--response"], "None: all that are there."),
+        several("responses", FIELDS["--response"], "None: all that are there.", displacements),
         Box(
             "target", FIELDS["--target"], "the fewest sensors that reach it on unseen runs; empty: as good as any",
             lambda text: typed.above_zero(text, FIELDS["--target"], "µm"),
@@ -99,11 +103,6 @@ def command(bench: Bench) -> tuple[str, ...] | None:
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
     form = _boxes(bench).register(app, bench)
-
-    @app.callback(Output(f"{ID}-responses", "options"), Input(parts.REVISION, "data"))
-    def _show(_: int) -> list[str]:
-        reading = bench.material.reading
-        return [] if reading is None else list(reading.recording.with_role("displacement"))
 
     @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
     def _earlier(_: int) -> Component | None:
