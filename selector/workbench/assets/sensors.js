@@ -227,7 +227,10 @@
     requestAnimationFrame(() => setTimeout(next));
   }
 
+  let looks = 0;
+
   function show(told, asked = null) {
+    looks = told.looks;
     showBar(told, asked);
     for (const [name, text] of Object.entries(told.titles)) place(`${name}-title`).textContent = text;
     showGroups(told.groups);
@@ -240,9 +243,11 @@
 
   window.dash_clientside = Object.assign({}, window.dash_clientside, {
     [PAGE]: {
-      // after a change of the bench; Dash has drawn, or will draw, the pictures
+      // after a change of the bench; Dash has drawn, or will draw, the pictures: as they were when it asked, so that
+      // a move that was answered meanwhile is asked for again
       show(told) {
-        if (told) show(told);
+        if (told && told.looks < looks) ask({});
+        else if (told) show(told);
         return "";
       },
     },

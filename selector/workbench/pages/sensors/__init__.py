@@ -159,7 +159,7 @@ def _group_rows(bench: Bench) -> list[list[object]]:
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
     """Looks where the browser asks to look; what is different then.
 
-    `asked` holds one of ``step`` (number of the step of λ, the coarsest 0), ``level`` and ``target`` (as they were
+    `asked` holds nothing, or one of ``step`` (number of the step of λ, the coarsest 0), ``level`` and ``target`` (as they were
     typed), ``size`` (of the best set of so many sensors), ``take`` (sensors; none: the set of λ) and ``response``.
     """
     view = _view(bench)
@@ -204,6 +204,7 @@ def _told(bench: Bench, view: View) -> dict[str, Any]:
     """What the page says, pictures excepted."""
     asked = command(bench)
     return {
+        "looks": bench.live.looks,
         "step": view.step,
         "last": len(view.exploration.steps) - 1,
         "level": view.level,
