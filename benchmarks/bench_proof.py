@@ -15,13 +15,13 @@ import sys
 import time
 from pathlib import Path
 
+from proving_ground.results import by_answerer, cases_csv, line_of, proof_account, row_texts, score_object
+from proving_ground.rivals import rivals
+from proving_ground.runner import TOOL, Answerer, Outcome, answer_of_selector, outcomes, questions
+from proving_ground.scenarios import scenarios
+from proving_ground.scoring import score_table, scores
 from selector.atomic_file import folder_written_whole
 from selector.cli.shared.showing import json_text
-from selector.proof.results import by_answerer, cases_csv, line_of, proof_account, row_texts, score_object
-from selector.proof.rivals import rivals
-from selector.proof.runner import TOOL, Answerer, Outcome, answer_of_selector, outcomes, questions
-from selector.proof.scenarios import scenarios
-from selector.proof.scoring import score_table, scores
 from selector.telling.page import account_page
 
 PORTION = 40

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from proving_ground.real.emps import AxisLaw, Record, identified, record, simulated
 from selector.physics.drive.identification import filtered_motion
-from selector.proof.real.emps import AxisLaw, Record, identified, record, simulated
 
 Vector = NDArray[np.float64]
 

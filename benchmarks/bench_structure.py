@@ -17,10 +17,10 @@ from scipy.signal import lfilter
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from proving_ground.scenarios import scenarios
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import unexplained
-from selector.proof.scenarios import scenarios
 from tests.diagnosis.made import coloured, comparison, door, residuals
 
 Vector = NDArray[np.float64]

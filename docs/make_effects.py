@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from proving_ground.case import Case, Scenario
+from proving_ground.scenarios import scenarios
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect
@@ -19,8 +21,6 @@ from selector.diagnosis.shown_units import unit_words
 from selector.figures.panels import shown_samples
 from selector.figures.style import time_unit
 from selector.number_text import number_text
-from selector.proof.case import Case, Scenario
-from selector.proof.scenarios import scenarios
 
 Vector = NDArray[np.float64]
 DOCS = Path(__file__).parent

@@ -16,7 +16,7 @@ from selector.cli.shared.showing import AsJson
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from selector.proof.runner import Outcome
+    from proving_ground.runner import Outcome
 
 _which = partial(typer.Option, rich_help_panel="Which cases")
 
@@ -94,8 +94,8 @@ def prove(
     catalogue of effects. The answer is judged against a truth that the program does not see; hashes of all cases are
     printed, so that anybody can check that they were not changed.
     """
-    from selector.proof import runner
-    from selector.proof.scenarios import scenarios as all_scenarios
+    from proving_ground import runner
+    from proving_ground.scenarios import scenarios as all_scenarios
 
     chosen = all_scenarios(proof_cases.split(families), proof_cases.split(scenarios), proof_cases.published(recordings))
     if list_only:
@@ -117,7 +117,7 @@ def prove(
 
 
 def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, console: Console, as_json: bool) -> None:
-    from selector.proof.results import cases_csv, proof_account, score_object
+    from proving_ground.results import cases_csv, proof_account, score_object
 
     result = score_object(outcomes, is_exam=is_exam)
     if out is not None:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "selector"
+GROUND = ROOT / "proving_ground"
 SNAPSHOT = Path(__file__).with_name("public_api.txt")
 NOT_FOR_IMPORT = ("selector.cli",)
 
@@ -39,7 +40,7 @@ class Public:
 @cache
 def public_names() -> tuple[Public, ...]:
     """Every public function, class, method and constant outside the command line, sorted."""
-    return tuple(sorted(_below("selector", PACKAGE), key=str))
+    return tuple(sorted([*_below("selector", PACKAGE), *_below("proving_ground", GROUND)], key=str))
 
 
 def _below(module: str, path: Path) -> Iterator[Public]:

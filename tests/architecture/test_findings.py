@@ -9,10 +9,10 @@ from importlib import import_module
 from pathlib import Path
 
 from selector.findings import Kinds
-from tests.architecture.public_names import PACKAGE, ROOT, parsed
+from tests.architecture.public_names import GROUND, PACKAGE, ROOT, parsed
 
 TABLES = sorted(PACKAGE.rglob("finding_table.py"))
-SOURCES = [path for path in sorted(PACKAGE.rglob("*.py")) if path not in TABLES]
+SOURCES = [path for path in sorted([*PACKAGE.rglob("*.py"), *GROUND.rglob("*.py")]) if path not in TABLES]
 
 
 def module_of(path: Path) -> str:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.architecture.public_names import PACKAGE, ROOT, parsed
+from tests.architecture.public_names import GROUND, PACKAGE, ROOT, parsed
 
 LONGEST_FILE = 600
 FORBIDDEN_NAMES = {"utils", "util", "helpers", "helper", "misc", "common", "manager", "base", "stuff"}
 FORBIDDEN_PREFIXES = ("get_", "compute_")
-SOURCES = sorted(PACKAGE.rglob("*.py"))
+SOURCES = sorted([*PACKAGE.rglob("*.py"), *GROUND.rglob("*.py")])
 
 
 def relative(path: Path) -> str:
@@ -40,7 +40,7 @@ def test_every_module_says_which_question_it_answers():
 def test_no_drawer_for_everything():
     drawers = [
         relative(path)
-        for path in [*PACKAGE.rglob("*"), *(ROOT / "tests").rglob("*.py")]
+        for path in [*PACKAGE.rglob("*"), *GROUND.rglob("*"), *(ROOT / "tests").rglob("*.py")]
         if path.stem.lower() in FORBIDDEN_NAMES and "__pycache__" not in path.parts
     ]
     assert not drawers
@@ -83,16 +83,21 @@ def test_layer_contract_is_exhaustive_and_has_no_exception():
 
 def test_computing_modules_import_no_drawing():
     """Results are data; only figures, the report, the workbench and the command line show them."""
-    showing = {"cli", "workbench", "proof", "telling", "figures"}
+    showing = {"cli", "workbench", "telling", "figures"}
     drawing = {"plotly", "typer", "dash", "jinja2", "rich", "matplotlib"}
     wrong = [
         f"{relative(path)} imports {name}"
         for path in SOURCES
-        if path.relative_to(PACKAGE).with_suffix("").parts[0] not in showing
+        if path.is_relative_to(PACKAGE) and path.relative_to(PACKAGE).with_suffix("").parts[0] not in showing
         for name in imported_packages(path)
         if name in drawing
     ]
     assert not wrong
+
+
+def test_only_the_command_knows_the_exam():
+    knowing = {relative(path) for path in PACKAGE.rglob("*.py") if "proving_ground" in imported_packages(path)}
+    assert knowing == {"selector/cli/proving.py", "selector/cli/shared/proof_cases.py"}
 
 
 def test_every_imported_package_is_declared():
@@ -111,7 +116,7 @@ def test_every_imported_package_is_declared():
         f"{relative(path)}: {name}"
         for path in SOURCES
         for name in imported_packages(path)
-        if name not in declared and name not in sys.stdlib_module_names and name != "selector"
+        if name not in declared and name not in sys.stdlib_module_names and name not in ("selector", "proving_ground")
     }
     assert not undeclared
 

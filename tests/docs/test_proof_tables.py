@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from selector.proof.scoring import ROWS, Measured, score_table
+from proving_ground.scoring import ROWS, Measured, score_table
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.real.case import Pair, RealCase, thinned
-from selector.proof.real.emps import Law, emps
-from selector.proof.real.regressed import ace_thermal
-from selector.proof.real.tables import cascaded_tanks, silverbox
+from proving_ground.real.emps import Law, emps
+from proving_ground.real.regressed import ace_thermal
+from proving_ground.real.tables import cascaded_tanks, silverbox
 from selector.recording import Channel, Recording
 
 _FRICTION = ("drive.viscous", "drive.stribeck")

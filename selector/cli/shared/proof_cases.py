@@ -17,15 +17,15 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from selector.proof.case import Scenario
-    from selector.proof.runner import Answerer, Outcome
+    from proving_ground.case import Scenario
+    from proving_ground.runner import Answerer, Outcome
 
 
 def published(folder: Path | None) -> tuple[Scenario, ...]:
     """Scenarios of the recordings in a folder; what was looked for in vain is told."""
     if folder is None:
         return ()
-    from selector.proof.real import published
+    from proving_ground.real import published
 
     found, lacking = published(folder)
     for name in lacking:
@@ -44,7 +44,7 @@ def show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
 
 def write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: bool) -> None:
     """The cases as folders, and their answers apart."""
-    from selector.proof.runner import write_bundles
+    from proving_ground.runner import write_bundles
 
     with folder_written_whole(folder) as part, counted_progress("writing cases") as say:
         sealed = write_bundles(asked, part, progress=say)
@@ -58,8 +58,8 @@ def rivals(names: list[str] | None) -> tuple[Answerer, ...]:
     """The other methods that are asked; what `all` cannot find is told."""
     if not names:
         return ()
-    from selector.proof.rivals import RIVALS
-    from selector.proof.rivals import rivals as known_rivals
+    from proving_ground.rivals import RIVALS
+    from proving_ground.rivals import rivals as known_rivals
 
     found = known_rivals(split(names))
     if "all" in split(names):
@@ -102,7 +102,7 @@ def seeds(text: str) -> tuple[int, ...]:
 
 def say_done(done: int, total: int, outcome: Outcome) -> None:
     """One line a case on stderr."""
-    from selector.proof.results import line_of
+    from proving_ground.results import line_of
 
     try:
         sys.stderr.write(f"[{done}/{total}] {line_of(outcome)}\n")

@@ -159,8 +159,9 @@ def _group_rows(bench: Bench) -> list[list[object]]:
 def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
     """Looks where the browser asks to look; what is different then.
 
-    `asked` holds nothing, or one of ``step`` (number of the step of λ, the coarsest 0), ``level`` and ``target`` (as they were
-    typed), ``size`` (of the best set of so many sensors), ``take`` (sensors; none: the set of λ) and ``response``.
+    `asked` holds nothing, or one of ``step`` (number of the step of λ, the coarsest 0), ``level`` and ``target`` (as
+    they were typed), ``size`` (of the best set of so many sensors), ``take`` (sensors; none: the set of λ) and
+    ``response``.
     """
     view = _view(bench)
     if view is None or not isinstance(asked, dict):
