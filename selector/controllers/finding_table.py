@@ -80,8 +80,6 @@ missing-readings [info] a sensor has single readings missing
 single-precision-bound [info, warning] by how much single precision can differ from the model
     → Use double precision where there is one; centres far from the valid range, terms that cancel each other and memory
       of many hours make it large.
-no-fixed-point [info] there is no fixed-point program of this model
-    → Use the double- or single-precision program.
 no-single-precision [warning] there is no single-precision program of this model
     → Use the double-precision program.
 guard-reduced [warning] a program has a smaller guard than the model file asks for
@@ -90,7 +88,6 @@ position-part-left-out [warning] a control cannot follow the position: part of t
     → use the offset near the reference position only, or a control with a slope of its own
 adaptation-not-exported [warning] a program cannot take touch-offs: it has the model without its adaptation
     → use c, st, tcpou, beckhoff, sinumerik, linuxcnc or python where touch-offs are wanted
-fixed-point-bound [info] by how much the fixed-point program can differ from the model
 position-not-wired [warning] LinuxCNC has no such axis: the position stays at its reference
     → Wire the pin of the position in the HAL file by hand.
 axis-not-wired [warning] a correction is on a pin that moves nothing

@@ -203,15 +203,13 @@ def test_files_that_this_model_does_not_get_are_not_left_from_an_earlier_export(
     out, model = tmp_path / "out", json.loads(PATENT.read_text(encoding="utf-8"))
     assert export(PATENT, "--for", "c", "--out", out) == 0
     (out / "mine.c").write_text("kept", encoding="utf-8")
-    assert (out / "thermal_correction_i.c").exists()
-    # fixed point holds clamps of 2 m at most
-    assert export(PATENT, "--for", "c", "--out", out, "--clamp", f"{model['outputs'][0]['name']}=999999") == 0
-    assert (out / "thermal_correction_i.c").exists()
-    model["outputs"][0]["terms"][0]["coefficient"] = 1e30
+    assert (out / "thermal_correction_f.c").exists()
+    (out / "thermal_correction_i.c").write_text("of version 0.1", encoding="utf-8")
+    model["outputs"][0]["terms"][0]["coefficient"] = 1e39
     model = {key: value for key, value in model.items() if "vectors" not in key and key != "digest"}
     (tmp_path / "m.json").write_text(json.dumps(model), encoding="utf-8")
     assert export(tmp_path / "m.json", "--for", "c", "--out", out) == 0
-    assert sorted(path.name for path in out.glob("*_i.*")) == []
+    assert sorted(path.name for path in out.glob("*_[fi].*")) == []
     assert (out / "mine.c").read_text(encoding="utf-8") == "kept"
 
 
@@ -224,7 +222,7 @@ def test_programs_of_other_targets_in_the_folder_are_named(tmp_path, capsys):
 
     assert left("c", "out") == left("c", "out") == []
     (tmp_path / "out" / "mine.st").write_text("own", encoding="utf-8")
-    programs = [f"thermal_correction{ending}" for ending in (".c", "_f.c", "_f.h", "_i.c", "_i.h")]
+    programs = [f"thermal_correction{ending}" for ending in (".c", "_f.c", "_f.h")]
     assert sorted(left("python", "out")) == programs
     assert "thermal_correction.py" in left("c", "out")
     assert "other controls" in (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")

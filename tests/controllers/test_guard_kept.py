@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, State, Term
 from selector.controllers.guard.decided import Mode, SensorCode
 from selector.controllers.guard.guarded_model import GuardedModel
-from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.macro_b_executed import MacroB
 from selector.controllers.writers.fanuc import FILE, fanuc_export, macro_variables
-from selector.controllers.writers.fixed_point_numbers import ONE
 from selector.controllers.writers.python_module import CLASS, python_files
-from tests.controllers.test_fixed_point import Compiled
 
 
 def model_of(**limits):
@@ -100,25 +96,6 @@ def test_what_can_be_is_kept_to_the_last_bit():
     good.is_restart = True
     called(good, 29.0, 100)
     assert (good.start_1, good.level_1) == (20.0, 9.0)
-
-
-@pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
-@pytest.mark.parametrize(
-    ("kept", "last"),
-    [
-        ({"start_1": "20000", "level_1": f"{2000 * ONE}LL"}, -22_000),
-        ({"start_1": "-2147483647 - 1"}, -10_000),
-        ({"start_1": "2147483647"}, -10_000),
-        ({"start_1": "60001"}, -10_000),
-        ({"start_1": "20000", "level_1": "9223372036854775807LL"}, -22_000),
-        ({"start_1": "20000", "level_1": "-9223372036854775807LL"}, -22_000),
-    ],
-)
-def test_the_fixed_point_program_drops_them_too(kept, last, tmp_path):
-    flags = {"has_start_1": "1", "has_memory_1": "1"}
-    run = Compiled(model_of(reading_max=60.0), tmp_path, {"level_1": "0", **flags, **kept})
-    found = run({"dt_ms": np.full(200, 1000), "reading_1": [22_000] * 200})
-    assert found["correction_1"][-1] == pytest.approx(last, abs=2)
 
 
 def macro_off_for_ten_minutes(model, name, bad):

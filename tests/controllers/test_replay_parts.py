@@ -133,7 +133,6 @@ MISTAKES = [
     ("c", "thermal_correction_f.c", "m->mode = m->follows;", "m->mode = 1;m->k0_1 += 1e-3f;"),
     # less than a hundredth of what single precision is allowed
     ("sinumerik", "thermal_correction.scl", "level_1 := level_1 +", "level_1 := level_1 + 1.0E-6 +"),
-    ("c", "thermal_correction_i.c", "m->slope_1 *", "(m->slope_1 + 300) *"),
     ("sinumerik", "thermal_to_sd.scl", "1.0E-6", "1.0E-3"),
     ("sinumerik", "thermal_to_sd.scl", "0.001", "0.0011"),
     ("sinumerik", "thermal_to_sd.scl", ":= 100.0", ":= 100.7"),
@@ -160,19 +159,6 @@ def test_a_mistake_in_any_file_is_found(target, file, was, becomes):
     wrong = {one.file for one in differences(found, model) if not one.is_explained}
     # axis lists and table are one part
     assert wrong == {file.replace("temp_comp_1.lis", "temp_comp_ads.txt")}
-
-
-@pytest.mark.parametrize("target", ["c"])
-def test_fixed_point_does_not_forgive_in_time_what_jumped_too_far(target):
-    model = MODELS["steep"]
-    rows = calls(model, 200, 5, "every second")
-    rows.dt_s[1:] = 60.0
-    # 40 K are forgiven after ten minutes of 4 K a minute, 100 K never
-    rows.readings[:] = [22.0, 26.0, 3000.0]
-    rows.readings[20:, 0] = 122.0
-    found, model = replayed_parts(target, model, rows)
-    assert set(found[2].answers.sensors[20:, 0].tolist()) == {6}
-    assert all(one.is_explained for one in differences(found, model))
 
 
 def test_a_control_that_tells_its_mode_is_asked():

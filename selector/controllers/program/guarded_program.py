@@ -17,30 +17,29 @@ from selector.controllers.guard.decided import (
 )
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.adapting import AdaptedOutput
-from selector.controllers.program.language import Expression, Flag, Program, Variable, is_code
-from selector.controllers.program.numbers import Numbers
+from selector.controllers.program.language import Expression, Flag, Program, Variable, Writing, is_code
 from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor
+from selector.controllers.program.steps import is_number, remembered
 
 
-def guarded_program(model: ModelFile, numbers: Numbers | None = None) -> Program:
+def guarded_program(model: ModelFile) -> Program:
     """The program of a model with its guard.
 
     Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``,
     ``test_um_1`` …; outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and
     sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`. With
     adaptation also inputs ``is_touch_valid``, ``touch_um_1`` … and outputs ``touch_1`` …, of the outputs that have it.
-    `numbers`: default binary floating point.
     """
-    return _Guarded(model, numbers or Numbers()).program()
+    return _Guarded(model).program()
 
 
 class _Guarded:
-    def __init__(self, model: ModelFile, n: Numbers) -> None:
-        self._model, self._n = model, n
-        self._w = w = n.writing()
+    def __init__(self, model: ModelFile) -> None:
+        self._model = model
+        self._w = w = Writing()
         self._dt = w.variable("dt_s", "real", "input", "time since the last call [s]")
         self._sensors = {
-            item.name: WatchedSensor(w, n, item, model.guard, k) for k, item in enumerate(model.inputs, start=1)
+            item.name: WatchedSensor(w, item, model.guard, k) for k, item in enumerate(model.inputs, start=1)
         }
         axes = axes_of(model)
         reference = {o.position.axis: o.position.reference_m for o in model.outputs if o.position is not None}
@@ -66,7 +65,7 @@ class _Guarded:
                 for of in block.outputs
             }
         self._outputs = [
-            SlewedCorrection(w, n, output, limits[output.name], k, adapted.get(output.name))
+            SlewedCorrection(w, output, limits[output.name], k, adapted.get(output.name))
             for k, output in enumerate(model.outputs, 1)
         ]
         self._adapted = list(adapted.values())
@@ -114,24 +113,24 @@ class _Guarded:
         dt = w.variable("passed_s")
         w.remark("time: what is no time, or too long, counts as 0")
         w.assign(dt, 0.0)
-        with w.when((self._dt > 0.0) & (self._dt <= self._n.seconds(LONGEST_S))):
+        with w.when((self._dt > 0.0) & (self._dt <= LONGEST_S)):
             w.assign(dt, self._dt)
         self._positions()
         w.assign(self._since, self._since + dt)
-        w.at_most(self._since, self._n.seconds(LONGEST_S))
+        w.at_most(self._since, LONGEST_S)
         if self._is_touch is not None:
             w.remark("a touch-off is taken when it becomes valid, and acts with the next sample")
             for output in self._outputs:
                 output.touched(self._is_touch & ~self._was_touch)
             w.assign(self._was_touch, self._is_touch)
-        with w.when(self._first | (self._since >= self._n.seconds(SAMPLE_S))):
+        with w.when(self._first | (self._since >= SAMPLE_S)):
             self._sample()
             w.assign(self._first, False)
             w.assign(self._since, 0.0)
         self._choose_mode()
         slewed = w.variable("slewed_s")
         w.assign(slewed, dt)
-        w.at_most(slewed, self._n.seconds(LONGEST_STEP_S))
+        w.at_most(slewed, LONGEST_STEP_S)
         for one in self._outputs:
             one.moved(self._mode, slewed, self._at, self._back)
         return w.program(self._model.name)
@@ -150,7 +149,7 @@ class _Guarded:
             with w.when(left > 0.0):
                 w.assign(self._mode, Mode.TEST)
         with w.otherwise():
-            w.assign(left, self._n.seconds(longest_test_s(self._model)))
+            w.assign(left, longest_test_s(self._model))
         with w.when(~self._ready):
             w.assign(self._mode, Mode.OFF)
             w.assign(left, 0.0)
@@ -160,11 +159,11 @@ class _Guarded:
         for wired, (axis, (low, high)) in zip(self._wired, valid_positions_m(self._model).items(), strict=True):
             at, code, back = self._at[axis], self._codes[axis], self._back[axis]
             w.assign(back, False)
-            with w.when(self._n.is_given(wired)):
+            with w.when(is_number(wired)):
                 w.assign(back, is_code(code, SensorCode.MISSING))
                 w.assign(at, wired)
                 w.assign(code, SensorCode.OK)
-                with w.when((at < self._n.metres(low)) | (at > self._n.metres(high))):
+                with w.when((at < low) | (at > high)):
                     w.assign(code, SensorCode.LIMITED)
             with w.otherwise():
                 w.assign(code, SensorCode.MISSING)
@@ -176,14 +175,14 @@ class _Guarded:
         w.assign(off, 0.0)
         with w.when(self._standstill > 0.0):
             w.assign(off, self._standstill)
-        w.at_most(off, self._n.seconds(LONGEST_S))
+        w.at_most(off, LONGEST_S)
         for sensor in self._sensors.values():
             sensor.passed(off)
         anew: Expression | None = None
         if guard.restart == "new-start":
             anew = Flag(True)
         elif guard.new_start_after_s is not None:
-            anew = off > self._n.seconds(guard.new_start_after_s)
+            anew = off > guard.new_start_after_s
         if anew is not None:
             with w.when(anew):
                 for sensor in self._sensors.values():
@@ -223,7 +222,7 @@ class _Guarded:
                 for (of, tau_s), level in self._levels.items():
                     if of == source:
                         is_gap = sensor.is_new & sensor.has_memory
-                        self._n.remembered(w, level, sensor.x, sensor.since, tau_s, is_gap)
+                        remembered(w, level, sensor.x, sensor.since, tau_s, is_gap)
         for sensor in self._sensors.values():
             with w.when(sensor.is_believed):
                 w.assign(sensor.has_memory, True)
@@ -247,7 +246,7 @@ class _Guarded:
     def _begin_memory(self, source: str) -> None:
         for (of, _), level in self._levels.items():
             if of == source:
-                self._w.assign(level, self._n.begun(self._sensors[source].x))
+                self._w.assign(level, self._sensors[source].x)
 
     def _choose(self) -> None:
         w, guard, model = self._w, self._model.guard, self._model
@@ -260,9 +259,9 @@ class _Guarded:
                         w.assign(self._follows, Mode.FALLBACK + k)
         with w.when(is_code(self._follows, Mode.HOLD)):
             w.assign(self._held, self._held + self._since)
-            w.at_most(self._held, self._n.seconds(LONGEST_S))
+            w.at_most(self._held, LONGEST_S)
             if guard.hold_at_most_s is not None:
-                with w.when(self._held > self._n.seconds(guard.hold_at_most_s)):
+                with w.when(self._held > guard.hold_at_most_s):
                     w.assign(self._follows, Mode.RAMP_TO_ZERO)
         with w.otherwise():
             if guard.hold_at_most_s is None:
@@ -294,13 +293,12 @@ class _Guarded:
         w = self._w
         z: dict[str, Variable] = {}
         used = {name for output in of.outputs for term in output.all_terms for name in term.powers}
-        sources = {item.name: item for item in self._model.inputs}
         for item in (one for one in of.inputs if one.name in used):
             z[item.name] = w.variable(f"z_{len(z) + 1}")
-            self._n.scaled(w, z[item.name], item, self._sensors[item.name].x, sources[item.name])
+            w.assign(z[item.name], (self._sensors[item.name].x - item.centre) / item.scale)
         for state in (one for one in of.states if one.name in used):
             z[state.name] = w.variable(f"z_{len(z) + 1}")
             level = self._levels[state.source, state.tau_s]
-            self._n.scaled(w, z[state.name], state, level, sources[state.source])
+            w.assign(z[state.name], (level - state.centre) / state.scale)
         for one, output in zip(self._outputs, of.outputs, strict=True):
             one.aimed(output, z)

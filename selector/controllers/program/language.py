@@ -88,14 +88,6 @@ class Not(Expression):
 
 
 @dataclass(frozen=True, eq=False)
-class Call(Expression):
-    """A function of the language in which the program is printed."""
-
-    name: str
-    of: tuple[Expression, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class Assign:
     """variable := expression."""
 
@@ -299,16 +291,12 @@ class Language:
         """A variable as it is written inside the program."""
         return self.prefixes.get(variable.place, "") + variable.name
 
-    def assigned(self, one: Assign) -> str:
-        """What an assignment assigns."""
-        return self.expression(one.value)
-
     def lines(self, body: tuple[Statement, ...], depth: int = 0) -> Iterator[str]:
         """Statements as lines without line ends."""
         before = self.indent * depth
         for one in body:
             if isinstance(one, Assign):
-                yield before + self.assignment.format(to=self.name(one.to), value=self.assigned(one))
+                yield before + self.assignment.format(to=self.name(one.to), value=self.expression(one.value))
             elif isinstance(one, Remark):
                 yield before + self.remark.format(text=plain(one.text))
             else:
@@ -322,8 +310,6 @@ class Language:
             return self.flag(of.value)
         if isinstance(of, Code):
             return self.code(of.value)
-        if isinstance(of, Call):
-            return f"{of.name}({', '.join(map(self.expression, of.of))})"
         if isinstance(of, Real):
             text = self.real(of.value)
             return f"({text})" if text.startswith("-") and outer > self.signed_above else text

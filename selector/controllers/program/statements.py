@@ -19,8 +19,8 @@ from selector.controllers.guard.decided import (
     is_turned,
 )
 from selector.controllers.model_file import Guard, Input, Output, PositionPart
-from selector.controllers.program.language import Expression, Operation, Variable, Writing, is_code
-from selector.controllers.program.numbers import Numbers
+from selector.controllers.program.language import Expression, Operation, Real, Variable, Writing, is_code
+from selector.controllers.program.steps import is_number, polynomial, towards
 
 if TYPE_CHECKING:
     from selector.controllers.program.adapting import AdaptedOutput
@@ -31,8 +31,8 @@ NO_READING = 1e30  #: What an input holds that nobody has wired or read yet: mis
 class WatchedSensor:
     """Variables and statements of the k-th sensor (from 1)."""
 
-    def __init__(self, w: Writing, n: Numbers, item: Input, guard: Guard, k: int) -> None:
-        self._w, self._n = w, n
+    def __init__(self, w: Writing, item: Input, guard: Guard, k: int) -> None:
+        self._w = w
         self._item = item
         self._guard = guard
         self._codes = guard.break_codes if item.unit == "degC" else ()
@@ -67,7 +67,7 @@ class WatchedSensor:
     def passed(self, standstill: Variable) -> None:
         """Time went by without samples."""
         self._add(self.since, standstill)
-        self._w.assign(self._good_for, self._n.seconds(-1.0))
+        self._w.assign(self._good_for, -1.0)
         self._w.assign(self.is_new, True)
         if self._item.rate_limit_per_min is not None:
             self._w.assign(self._has_anchor, False)
@@ -86,11 +86,11 @@ class WatchedSensor:
         if item.reference == "rise":
             low = -LARGEST_NUMBER if item.reading_min is None else item.reading_min
             high = LARGEST_NUMBER if item.reading_max is None else item.reading_max
-            ends = self._n.reading(item, low, 1), self._n.reading(item, high, -1)
-            with w.when(~((self._start >= ends[0]) & (self._start <= ends[1]))):
+            with w.when(~((self._start >= low) & (self._start <= high))):
                 self.begins_anew()
+        slack = RANGE_SLACK * (item.valid_max - item.valid_min)
         for level in levels:
-            with w.when(~self._n.is_level(level, item)):
+            with w.when(~((level >= item.valid_min - slack) & (level <= item.valid_max + slack))):
                 w.assign(self.has_memory, False)
 
     def sampled(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
@@ -104,7 +104,7 @@ class WatchedSensor:
             # somebody wants a new start
             w.assign(self.has_memory, False)
             w.assign(self.is_new, True)
-            w.assign(self._good_for, self._n.seconds(-1.0))
+            w.assign(self._good_for, -1.0)
         if item.rate_limit_per_min is not None:
             self._credit(self._anchor_age, elapsed, ANCHOR_S, FORGIVEN_S)
         if self._stuck_after_s is not None:
@@ -113,7 +113,7 @@ class WatchedSensor:
         self._verdict()
         with w.when(is_code(self.code, SensorCode.OK)):
             self._count_good(elapsed, begin_memory)
-            with w.when(self._good_for < self._n.seconds(self._guard.recover_after_s)):
+            with w.when(self._good_for < self._guard.recover_after_s):
                 w.assign(self.code, SensorCode.RECOVERING)
             with w.otherwise():
                 if item.reference == "rise":
@@ -122,7 +122,7 @@ class WatchedSensor:
                 with w.when(self._is_outside(x)):
                     w.assign(self.code, SensorCode.LIMITED)
         with w.otherwise():
-            w.assign(self._good_for, self._n.seconds(-1.0))
+            w.assign(self._good_for, -1.0)
 
     def _count_good(self, elapsed: Variable, begin_memory: Callable[[], None]) -> None:
         """The first good reading is what a rise and memory begin with, if it is still believed at the end."""
@@ -130,9 +130,9 @@ class WatchedSensor:
         if item.reference == "rise":
             change, width = w.variable("change"), item.valid_max - item.valid_min
             w.assign(change, self._reading - self._start)
-            is_far = (change > self._n.reading(item, width, 1)) | (change < self._n.reading(item, -width, -1))
+            is_far = (change > width) | (change < -width)
             with w.when(~self.has_start & is_far):
-                w.assign(self._good_for, self._n.seconds(-1.0))
+                w.assign(self._good_for, -1.0)
         with w.when(self._good_for >= 0.0):
             self._credit(self._good_for, elapsed, self._guard.recover_after_s / LEAST_GOOD_SAMPLES)
         with w.otherwise():
@@ -149,17 +149,16 @@ class WatchedSensor:
         w, r, code = self._w, self._reading, self.code
         w.assign(code, SensorCode.OK)
         # written so that NaN fails
-        with w.when(~self._n.is_given(r)):
+        with w.when(~is_number(r)):
             w.assign(code, SensorCode.MISSING)
         for value in self._codes:
             slack = CODE_SLACK * abs(value)
-            low, high = self._n.reading(self._item, value - slack), self._n.reading(self._item, value + slack)
+            low, high = value - slack, value + slack
             with w.when(is_code(code, SensorCode.OK) & (r >= low) & (r <= high)):
                 w.assign(code, SensorCode.BREAK_CODE)
         for limit, sign in ((self._item.reading_min, "<"), (self._item.reading_max, ">")):
             if limit is not None:
-                end = self._n.reading(self._item, limit, 1 if sign == "<" else -1)
-                with w.when(is_code(code, SensorCode.OK) & Operation(sign, r, end)):
+                with w.when(is_code(code, SensorCode.OK) & Operation(sign, r, Real(limit))):
                     w.assign(code, SensorCode.OUT_OF_LIMITS)
         if self._item.rate_limit_per_min is not None:
             with w.when(is_code(code, SensorCode.OK)):
@@ -180,14 +179,14 @@ class WatchedSensor:
             self._take_anchor()
         with w.otherwise():
             w.assign(allowed, self._anchor_age)
-            w.at_least(allowed, self._n.seconds(ANCHOR_S))
-            w.assign(allowed, self._n.largest_change(self._item, rate_per_min, allowed))
+            w.at_least(allowed, ANCHOR_S)
+            w.assign(allowed, Real(rate_per_min / 60.0) * allowed)
             w.assign(change, r - self._anchor)
             with w.when((change > allowed) | (change < -allowed)):
                 w.assign(self.code, SensorCode.JUMP)
                 with w.when(self.is_new):
                     self._take_anchor()
-            with w.otherwise(), w.when(self._anchor_age >= self._n.seconds(ANCHOR_S)):
+            with w.otherwise(), w.when(self._anchor_age >= ANCHOR_S):
                 self._take_anchor()
 
     def _take_anchor(self) -> None:
@@ -201,7 +200,7 @@ class WatchedSensor:
             w.assign(self._last, r)
             w.assign(self._has_last, True)
             w.assign(self._unchanged, 0.0)
-        with w.when(self._unchanged > self._n.seconds(after_s)):
+        with w.when(self._unchanged > after_s):
             w.assign(self.code, SensorCode.STUCK)
 
     def _fresh_x(self) -> Variable:
@@ -217,8 +216,8 @@ class WatchedSensor:
 
     def _is_outside(self, x: Variable) -> Expression:
         slack = RANGE_SLACK * (self._item.valid_max - self._item.valid_min)
-        low = self._n.reading(self._item, self._item.valid_min - slack, 1)
-        return (x < low) | (x > self._n.reading(self._item, self._item.valid_max + slack, -1))
+        low = self._item.valid_min - slack
+        return (x < low) | (x > self._item.valid_max + slack)
 
     def _take_x(self) -> Variable:
         """What the model gets, inside its valid range; before that it is returned."""
@@ -226,19 +225,19 @@ class WatchedSensor:
         x = w.variable("x")
         w.assign(x, self._reading - self._start if item.reference == "rise" else self._reading)
         w.assign(self.x, x)
-        w.limit(self.x, self._n.reading(item, item.valid_min, -1), self._n.reading(item, item.valid_max, 1))
+        w.limit(self.x, item.valid_min, item.valid_max)
         return x
 
     def _credit(self, clock: Variable, elapsed: Variable, most_s: float, longest_s: float = LONGEST_S) -> None:
         """A sample counts for so long at most."""
         credit = self._w.variable("credit_s")
         self._w.assign(credit, elapsed)
-        self._w.at_most(credit, self._n.seconds(most_s))
+        self._w.at_most(credit, most_s)
         self._add(clock, credit, longest_s)
 
     def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
         self._w.assign(clock, clock + elapsed)
-        self._w.at_most(clock, self._n.seconds(longest_s))
+        self._w.at_most(clock, longest_s)
 
 
 class SlewedCorrection:
@@ -247,13 +246,12 @@ class SlewedCorrection:
     def __init__(
         self,
         w: Writing,
-        n: Numbers,
         output: Output,
         limits: DecidedLimits,
         k: int,
         adapted: AdaptedOutput | None = None,
     ) -> None:
-        self._w, self._n, self._limits, self._name = w, n, limits, output.name
+        self._w, self._limits, self._name = w, limits, output.name
         self.adapted, self.is_rise = adapted, output.reference == "rise"
         self._is_turned = is_turned(output)
         self._test = w.variable(
@@ -283,11 +281,11 @@ class SlewedCorrection:
         """What is commanded by hand, 0 if nothing is; what is no number commands nothing."""
         w, test, clamp = self._w, self._tested, self._limits.clamp_um
         w.assign(test, 0.0)
-        with w.when(self._n.is_given(self._test)):
+        with w.when(is_number(self._test)):
             w.assign(test, self._test)
         with w.when((test < 0.0) | (test > 0.0)):
             w.assign(is_test, True)
-        w.limit(test, self._n.um(-clamp), self._n.um(clamp))
+        w.limit(test, -clamp, clamp)
 
     def touched(self, becomes_valid: Expression) -> None:
         """What the probe shows while this correction acts is taken."""
@@ -297,40 +295,40 @@ class SlewedCorrection:
 
     def aimed(self, output: Output, z: Mapping[str, Variable]) -> None:
         """The output of the model, or of a fallback, is where it moves to from now on."""
-        w, n, limits, along = self._w, self._n, self._limits, self._along
+        w, limits, along = self._w, self._limits, self._along
         own, change = w.variable("own"), w.variable("change")
-        n.polynomial(w, own, output.intercept, output.terms, z)
+        polynomial(w, own, output.intercept, output.terms, z)
         if self.adapted is not None and output.position is not None:
             steep = w.variable("steep")
-            n.polynomial(w, steep, output.position.intercept, output.position.terms, z)
+            polynomial(w, steep, output.position.intercept, output.position.terms, z)
             self.adapted.added(own, steep, output.position.reference_m)
         elif self.adapted is not None:
             self.adapted.added(own, None, 0.0)
         self._turn(own)
-        is_number = n.is_number(own)
+        is_given = is_number(own)
         if along is not None:
             part, steep = output.position, w.variable("steep")
-            n.polynomial(w, steep, part.intercept if part else 0.0, part.terms if part else (), z)
+            polynomial(w, steep, part.intercept if part else 0.0, part.terms if part else (), z)
             self._turn(steep)
-            is_number = is_number & (steep >= n.um(-LARGEST_NUMBER)) & (steep <= n.um(LARGEST_NUMBER))
-        with w.when(is_number):
-            w.limit(own, n.um(-limits.clamp_um), n.um(limits.clamp_um))
+            is_given = is_given & (steep >= -LARGEST_NUMBER) & (steep <= LARGEST_NUMBER)
+        with w.when(is_given):
+            w.limit(own, -limits.clamp_um, limits.clamp_um)
             w.assign(change, own - self._aim)
-            with w.when((change >= n.um(limits.dead_band_um)) | (change <= n.um(-limits.dead_band_um))):
+            with w.when((change >= limits.dead_band_um) | (change <= -limits.dead_band_um)):
                 w.assign(self._aim, own)
             if along is not None and limits.reach_m > 0.0:
                 steep, size, most = w.variable("steep"), w.variable("size"), w.variable("most")
                 w.assign(size, self._aim)
                 with w.when(self._aim < 0.0):
                     w.assign(size, -self._aim)
-                w.assign(most, n.left_over(n.um(limits.clamp_um) - size, limits.reach_m))
-                w.at_most(most, n.um(limits.slope_clamp_um_per_m))
+                w.assign(most, (Real(limits.clamp_um) - size) / limits.reach_m)
+                w.at_most(most, limits.slope_clamp_um_per_m)
                 w.limit(steep, -most, most)
                 w.assign(along.aim, steep)
 
     def moved(self, mode: Variable, slewed: Variable, at: Mapping[str, Variable], back: Mapping[str, Variable]) -> None:
         """One call goes by; per axis, `at` is its position, and `back` says that it was lost and is there again."""
-        w, n, limits, along = self._w, self._n, self._limits, self._along
+        w, limits, along = self._w, self._limits, self._along
         switched_off, is_test = is_code(mode, Mode.SWITCHED_OFF), is_code(mode, Mode.TEST)
         w.remark(f"correction of {self._name}: no faster than the slew limit")
         with w.when(is_code(mode, Mode.OFF)):
@@ -344,21 +342,21 @@ class SlewedCorrection:
                 w.assign(to, 0.0)
             with w.when(is_test):
                 w.assign(to, self._tested)
-            n.towards(w, self._k0, to, self._rest, slewed, limits.own_slew_um_per_s)
+            towards(w, self._k0, to, self._rest, slewed, limits.own_slew_um_per_s)
             if along is None:
                 w.assign(self._correction, self._k0)
                 return
             w.assign(to, along.aim)
             with w.when(switched_off | is_test):
                 w.assign(to, 0.0)
-            n.towards(w, along.slope, to, along.rest, slewed, limits.slope_slew_um_per_m_s)
-            away = along.where - n.metres(along.part.reference_m)
-            w.assign(to, self._k0 + n.along(along.slope, away))
-            w.limit(to, n.um(-limits.clamp_um), n.um(limits.clamp_um))
+            towards(w, along.slope, to, along.rest, slewed, limits.slope_slew_um_per_m_s)
+            away = along.where - along.part.reference_m
+            w.assign(to, self._k0 + along.slope * away)
+            w.limit(to, -limits.clamp_um, limits.clamp_um)
             with w.when(along.is_back):
                 whole = w.variable("whole")
                 w.assign(whole, to)
-                n.towards(w, self._correction, to, along.back_rest, slewed, limits.slew_um_per_s)
+                towards(w, self._correction, to, along.back_rest, slewed, limits.slew_um_per_s)
                 w.assign(along.is_back, (self._correction < whole) | (self._correction > whole))
             with w.otherwise():
                 w.assign(self._correction, to)
@@ -373,14 +371,14 @@ class SlewedCorrection:
 
     def _carried(self, along: _Along, at: Variable, back: Variable) -> None:
         """The correction moves with its axis; after its position was lost, no faster than the slew limit."""
-        w, n, clamp, where = self._w, self._n, self._limits.clamp_um, self._w.variable("where")
+        w, clamp, where = self._w, self._limits.clamp_um, self._w.variable("where")
         w.assign(where, at)
-        w.limit(where, n.metres(along.part.valid_min_m), n.metres(along.part.valid_max_m))
+        w.limit(where, along.part.valid_min_m, along.part.valid_max_m)
         with w.when(back):
             w.assign(along.is_back, True)
         with w.otherwise():
-            w.assign(self._correction, self._correction + n.along(along.slope, where - along.where))
-            w.limit(self._correction, n.um(-clamp), n.um(clamp))
+            w.assign(self._correction, self._correction + along.slope * (where - along.where))
+            w.limit(self._correction, -clamp, clamp)
         w.assign(along.where, where)
 
     def _turn(self, displacement: Variable) -> None:

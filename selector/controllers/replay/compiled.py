@@ -18,13 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.controllers.guard.decided import LARGEST_NUMBER
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.parts import Answers, Rows, called
 from selector.controllers.writers.c99 import NAME, Precision, c_files
-from selector.controllers.writers.fixed_point import INT_NAME, MISSING
-from selector.controllers.writers.fixed_point_numbers import LARGEST_INT32, MS, fixed
 from selector.controllers.writers.linuxcnc import NAME as COMPONENT
 from selector.controllers.writers.linuxcnc import Pin, component, input_pins, output_pins
 from selector.controllers.writers.python_module import CLASS, MODULE_NAME, python_files
@@ -59,13 +56,13 @@ def c_answers(
     exported = files or c_files(model, precision=precision, name=name)
     into = rows.columns(model)
     out = [variable.name for variable in guarded_program(model).of("output")]
-    return Answers.of_outputs(replayed_columns(exported, name, into, out, np.float64), model)
+    return Answers.of_outputs(replayed_columns(exported, name, into, out), model)
 
 
 def replayed_columns(
-    files: Mapping[str, str], name: str, into: Mapping[str, NDArray[Any]], out: Sequence[str], number: type[Any]
+    files: Mapping[str, str], name: str, into: Mapping[str, NDArray[Any]], out: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
-    """Members of the struct ``<name>`` after its step, row by row, in a table of this type of numbers."""
+    """Members of the struct ``<name>`` after its step, row by row."""
     cc = compiler()
     if cc is None:
         raise NotExecutableError(
@@ -74,9 +71,9 @@ def replayed_columns(
             where="--replay",
             advice="install one (Debian: apt install gcc), or export without --replay",
         )
-    driver = _driver(name, _C_TYPES[number], list(into), out)
-    given = np.column_stack(list(into.values())).astype(number)
-    found = np.zeros((len(given), len(out)), dtype=number)
+    driver = _driver(name, list(into), out)
+    given = np.column_stack(list(into.values())).astype(np.float64)
+    found = np.zeros((len(given), len(out)))
     call = _compiled(cc, name, files[f"{name}.h"], files[f"{name}.c"], driver).replay
     call.restype = None
     call(ctypes.c_long(len(given)), *(ctypes.c_void_p(table.ctypes.data) for table in (given, found)))
@@ -105,11 +102,11 @@ def _compiled(cc: str, name: str, header: str, source: str, driver: str) -> ctyp
         return ctypes.CDLL(str(library))
 
 
-def _driver(name: str, number: str, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+def _driver(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """A loop over rows; what goes into a `float` is rounded once, as a control's inputs are."""
     lines = [
         f'#include "{name}.h"',
-        f"void replay(long n, const {number} *in, {number} *out)",
+        "void replay(long n, const double *in, double *out)",
         "{",
         f"    {name} m;",
         "    long k;",
@@ -122,42 +119,6 @@ def _driver(name: str, number: str, inputs: Sequence[str], outputs: Sequence[str
         "}",
     ]
     return "\n".join(lines) + "\n"
-
-
-_C_TYPES: dict[type[Any], str] = {np.float64: "double", np.int32: "int32_t"}
-_UM_PER_M, _NM_PER_UM = 1e6, 1000.0
-
-
-def fixed_point_answers(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
-    """What ``thermal_correction_i.c`` gives: readings in counts, times in ms and positions in µm go in, nm come out."""
-    numbers = fixed(model)
-    per_unit = [float(numbers.inputs[item.name].per_unit) for item in model.inputs]
-    into, n = rows.columns(model), len(model.outputs)
-    # the sum of the times is the true time
-    into["dt_ms"] = np.diff(np.rint(MS * np.cumsum(into.pop("dt_s"))), prepend=0.0)
-    into["standstill_ms"] = _whole(into.pop("standstill_s") * MS)
-    into |= {f"reading_{k}": _whole(into[f"reading_{k}"] * of) for k, of in enumerate(per_unit, 1)}
-    into |= {name: _whole(column * _UM_PER_M) for name, column in into.items() if name.startswith("position_")}
-    into |= {f"test_nm_{k}": _test_nm(into.pop(f"test_um_{k}")) for k in range(1, n + 1)}
-    out = [variable.name for variable in guarded_program(model).of("output")]
-    found = replayed_columns(files, INT_NAME, into, out, np.int32)
-    lengths = ("correction_", "k0_", "slope_")
-    return Answers.of_outputs(
-        {name: column / _NM_PER_UM if name.startswith(lengths) else column for name, column in found.items()}, model
-    )
-
-
-def _whole(values: Array) -> NDArray[Any]:
-    """Rounded; what is no number of 32 bits is missing."""
-    rounded = np.rint(values)
-    return np.where(np.abs(rounded) < LARGEST_INT32, rounded, MISSING)
-
-
-def _test_nm(test_um: Array) -> NDArray[Any]:
-    """As a person would round them: what is too large for 32 bits is the largest, what is too small 1 nm."""
-    nm = test_um * _NM_PER_UM
-    sizes = np.clip(np.ceil(np.abs(nm)), 0, LARGEST_INT32 - 1)
-    return np.where(np.abs(test_um) <= LARGEST_NUMBER, np.sign(nm) * sizes, 0)
 
 
 def python_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:

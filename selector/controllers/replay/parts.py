@@ -20,8 +20,6 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.single_precision import SINGLE
-from selector.controllers.writers.fixed_point import fixed_point_bound_um
-from selector.controllers.writers.fixed_point_numbers import fixed
 from selector.types import Array, Indices, Mask
 
 Flags = Mask
@@ -136,13 +134,6 @@ def in_single_um(model: ModelFile, rows: Rows, _whole: Answers, _main: Answers) 
     return reference_answers(model, rows, np.float32).correction_um
 
 
-def in_counts(model: ModelFile, rows: Rows) -> Rows:
-    """Readings as the fixed-point program gets them."""
-    inputs = fixed(model).inputs
-    per_unit = np.array([float(inputs[item.name].per_unit) for item in model.inputs])
-    return dataclasses.replace(rows, readings=np.rint(rows.readings * per_unit) / per_unit)
-
-
 def rows_at(rows: Rows, calls: Indices) -> Rows:
     """These rows alone, with the time from one to the next."""
     tables: dict[str, Any] = {field.name: getattr(rows, field.name) for field in dataclasses.fields(Rows)}
@@ -246,18 +237,6 @@ def tenths_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
     limits, _ = decided_limits(model)
     # and float64 itself
     return {name: 0.05 + 0.5e-7 * of.slope_clamp_um_per_m + 1e-9 for name, of in limits.items()}
-
-
-def whole_numbers_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
-    """The bound of the fixed-point program, its limits in whole numbers, a dead band passed earlier or later."""
-    limits, _ = decided_limits(model)
-    found = {}
-    for name, bound in fixed_point_bound_um(model).items():
-        of = limits[name]
-        # a slew limit has steps of 1 pm/s; positions and rests are of 1 nm
-        slewed_s = 2.0 * of.clamp_um / of.own_slew_um_per_s
-        found[name] = bound + 4.0 * of.dead_band_um + 0.003 + 0.5e-6 * slewed_s * (2.0 if of.reach_m > 0.0 else 1.0)
-    return found
 
 
 def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:

@@ -11,21 +11,12 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Assign, Language, Program, Variable, plain
+from selector.controllers.program.language import Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
-from selector.controllers.writers.fixed_point import (
-    INT_NAME,
-    MISSING,
-    TOOLS,
-    about_whole_numbers,
-    fixed_point_findings,
-    whole_numbers,
-)
-from selector.controllers.writers.fixed_point_numbers import LARGEST_INT32
+from selector.controllers.writers.exported import Exported, heading, sign_test
 from selector.errors import OptionError
 
-Precision = Literal["double", "float", "whole"]
+Precision = Literal["double", "float"]
 NAME = "thermal_correction"
 SINGLE_NAME = f"{NAME}_f"
 
@@ -51,8 +42,6 @@ class _C(Language):
     def real(self, value: float) -> str:
         if self.precision == "double":
             return repr(float(value))
-        if self.precision == "whole":
-            return str(round(value)) if value != MISSING else f"({MISSING + 1} - 1)"
         with np.errstate(over="ignore"):
             rounded = np.float32(value)
         if not np.isfinite(rounded) or (rounded == 0.0 and value != 0.0):
@@ -68,44 +57,26 @@ class _C(Language):
     def flag(self, value: bool) -> str:
         return "1" if value else "0"
 
-    def assigned(self, one: Assign) -> str:
-        text = super().assigned(one)
-        is_narrower = self.precision == "whole" and one.to.kind == "real" and one.to.place == "output"
-        return f"(int32_t)({text})" if is_narrower and not text.isdecimal() else text
-
-    def code(self, value: int) -> str:
-        return str(value) if abs(value) < LARGEST_INT32 else f"({value}LL)"
-
 
 def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
-    """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*``, and fixed point if it can."""
-    try:
-        fixed = c_files(model, precision="whole", name=INT_NAME, is_sign_verified=is_sign_verified)
-        findings = fixed_point_findings(model)
-    except ExportRefusedError as error:
-        fixed = {}
-        findings = (
-            FINDINGS.finding(
-                "no-fixed-point", f"There is no fixed-point program: {error.found}.", suggestion=error.advice
-            ),
-        )
+    """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*`` if it can."""
     try:
         in_single = c_files(model, precision="float", name=SINGLE_NAME, is_sign_verified=is_sign_verified)
-        findings += single_precision_findings(model, f"{SINGLE_NAME}.c")
+        findings = single_precision_findings(model, f"{SINGLE_NAME}.c")
     except OptionError as error:
         in_single = {}
-        findings += (
+        findings = (
             FINDINGS.finding("no-single-precision", f"No single precision: {error.found}.", suggestion=error.advice),
         )
     return Exported(
-        files={**c_files(model, is_sign_verified=is_sign_verified), **in_single, **fixed},
+        files={**c_files(model, is_sign_verified=is_sign_verified), **in_single},
         findings=findings,
         sign_test=sign_test(
             model,
             "Call the program in its cycle with is_ready = 1 and is_wanted = 0 until correction_1 ... are 0. No sensor "
             "is needed.",
-            lambda k, um: f"m.test_um_{k} = {um!r}; (fixed point: m.test_nm_{k} = {round(1000 * um)};)",
-            lambda k, um: f"m.mode = {Mode.TEST:d}, m.correction_{k} = {um:g} (fixed point: {round(1000 * um)} nm)",
+            lambda k, um: f"m.test_um_{k} = {um!r};",
+            lambda k, um: f"m.mode = {Mode.TEST:d}, m.correction_{k} = {um:g}",
             "Set test_um_1 ... to 0 and, when the indicator is back at zero, is_wanted to 1.",
         ),
         install=(
@@ -128,14 +99,12 @@ def c_files(
     model: ModelFile, *, precision: Precision = "double", name: str = NAME, is_sign_verified: bool = False
 ) -> dict[str, str]:
     """``<name>.h`` and ``<name>.c``: a struct with inputs, outputs and state, ``<name>_init`` and ``<name>_step``."""
-    program = guarded_program(model, whole_numbers(model) if precision == "whole" else None)
-    lines = {"double": (), "float": single_precision_lines(model), "whole": about_whole_numbers(model)}[precision]
-    bound = [plain(line) for line in lines]
+    program = guarded_program(model)
+    bound = [plain(line) for line in single_precision_lines(model)] if precision == "float" else []
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *bound]]
-    compiling = () if precision == "whole" else _COMPILING
     return {
         f"{name}.h": "\n".join(["/*", *head, " */", *_header(program, precision, name)]) + "\n",
-        f"{name}.c": "\n".join(["/*", *head, *compiling, " */", *_source(program, precision, name)]) + "\n",
+        f"{name}.c": "\n".join(["/*", *head, *_COMPILING, " */", *_source(program, precision, name)]) + "\n",
     }
 
 
@@ -165,8 +134,6 @@ def _members(program: Program) -> Sequence[Variable]:
 
 
 def _type(variable: Variable, precision: Precision) -> str:
-    if precision == "whole":
-        return "int64_t" if variable.kind == "real" and variable.place not in ("input", "output") else "int32_t"
     return precision if variable.kind == "real" else "int"
 
 
@@ -180,7 +147,6 @@ def _header(program: Program, precision: Precision, name: str) -> list[str]:
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
-        *(("#include <stdint.h>", "") if precision == "whole" else ()),
         f"typedef struct {name} {{",
         *c_members(program, precision),
         f"}} {name};",
@@ -202,12 +168,9 @@ _COMPILING = (
 
 def _source(program: Program, precision: Precision, name: str) -> list[str]:
     temporaries, initial, body = c_core(program, precision)
-    text = "\n".join(body)
     return [
         f'#include "{name}.h"',
         "",
-        # a static function that nobody calls is a warning
-        *(tool for of, tool in TOOLS.items() if precision == "whole" and f"{of}(" in text),
         f"void {name}_init({name} *m)",
         "{",
         *initial,

@@ -17,7 +17,6 @@ from selector.controllers.replay.compiled import (
     c_answers,
     compiler,
     compiler_version,
-    fixed_point_answers,
     halrun_answers,
     linuxcnc_version,
     python_answers,
@@ -29,14 +28,11 @@ from selector.controllers.replay.parts import (
     Part,
     Rows,
     at_most,
-    in_counts,
     in_single_um,
-    reference_answers,
     straight_line_um,
     tenths_um,
     unguarded_um,
     units_in_single_um,
-    whole_numbers_um,
 )
 from selector.controllers.replay.structured_text_executed import (
     drive_answers,
@@ -53,7 +49,6 @@ from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
 from selector.controllers.writers.fanuc import fanuc_export
-from selector.controllers.writers.fixed_point import INT_NAME as FIXED_POINT_NAME
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
@@ -134,16 +129,9 @@ TARGETS: Mapping[str, Target] = {
                 in_single_um,
                 lacks=_SINGLE,
             ),
-            Part(
-                f"{FIXED_POINT_NAME}.c",
-                _alone(fixed_point_answers),
-                _cc,
-                lambda model, rows, _whole, _main: reference_answers(model, in_counts(model, rows)).correction_um,
-                whole_numbers_um,
-                "its readings are whole counts, and one that changes by less stands still",
-            ),
         ),
-        not_always=(f"{SINGLE_NAME}.[ch]", f"{FIXED_POINT_NAME}.[ch]"),
+        # the last: of version 0.1, never left beside a newer program
+        not_always=(f"{SINGLE_NAME}.[ch]", f"{NAME}_i.[ch]"),
     ),
     "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _alone(_st), parser_name),)),
     "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, (_BLOCK_OF_TWINCAT,)),
