@@ -104,7 +104,7 @@ Y_THREE_SENSORS = PrintedModel(
 )
 
 
-Verdict = Literal["agrees", "contradicts", "cannot be checked"]
+Verdict = Literal["agrees independently", "agrees by construction", "contradicts", "in tension", "cannot be checked"]
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,9 @@ class AuditLine:
     item: str  #: What is checked
     printed: str  #: The printed value, with its printed decimals
     ours: str  #: What we get
-    #: {"agrees", "contradicts", "cannot be checked"}: Whether the printed value stands. "cannot be checked": the patent
-    #: prints nothing that would decide it
+    #: Whether the printed value stands. "agrees by construction": on the reconstruction, which was solved for to have
+    #: it; "in tension": with another printed number, but a reading exists in which both hold; "cannot be checked": the
+    #: patent prints nothing that would decide it
     verdict: Verdict
     why: str  #: How ours was obtained, and what a contradiction means
 
@@ -125,9 +126,18 @@ class AuditLine:
         return dict(vars(self))
 
 
-def judged(section: str, item: str, printed: str, ours: str, holds: bool, why: str) -> AuditLine:
-    """A line whose verdict is yes or no."""
-    return AuditLine(section, item, printed, ours, "agrees" if holds else "contradicts", why)
+def judged(
+    section: str,
+    item: str,
+    printed: str,
+    ours: str,
+    holds: bool,
+    why: str,
+    yes: Verdict = "agrees independently",
+    no: Verdict = "contradicts",
+) -> AuditLine:
+    """A line whose verdict is one of two."""
+    return AuditLine(section, item, printed, ours, yes if holds else no, why)
 
 
 def audit_table_text(lines: Iterable[AuditLine], *, width: int = 118) -> str:
@@ -137,8 +147,8 @@ def audit_table_text(lines: Iterable[AuditLine], *, width: int = 118) -> str:
     for section in dict.fromkeys(line.section for line in lines):
         out += ["", section.upper()]
         for line in (line for line in lines if line.section == section):
-            out.append(f"  {line.verdict:<17}  {line.item}: printed {line.printed}; ours {line.ours}")
-            out += textwrap.wrap(line.why, width, initial_indent=" " * 21, subsequent_indent=" " * 21)
+            out.append(f"  {line.verdict:<22}  {line.item}: printed {line.printed}; ours {line.ours}")
+            out += textwrap.wrap(line.why, width, initial_indent=" " * 26, subsequent_indent=" " * 26)
     counts = {verdict: sum(line.verdict == verdict for line in lines) for verdict in Verdict.__args__}  # type: ignore[attr-defined]
     out += ["", ", ".join(f"{count} {verdict}" for verdict, count in counts.items())]
     return "\n".join(out[1:]) + "\n"

@@ -18,6 +18,7 @@ from selector import __version__
 from selector.cli import (
     adapting,
     applying,
+    ball_bar,
     demo,
     diagnosing,
     effects,
@@ -117,6 +118,7 @@ _command("run", fleets.run, _fleet)
 _command("watch", fleets.watch, _fleet)
 _command("report", fleets.report, _fleet)
 app.add_typer(_fleet, name="fleet")
+_command("ballbar", ball_bar.ballbar)
 _command("report", reporting.report)
 _command("effects", effects.effects)
 _command("prove", proving.prove)

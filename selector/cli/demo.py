@@ -65,8 +65,10 @@ def demo(
 
 
 def audit_patent(as_json: AsJson = False) -> None:
-    """Checks every number that patent CN1868666 prints: printed value, our value, agrees or contradicts, and why.
+    """Checks every number that patent CN1868666 prints: printed value, our value, whether they agree, and why.
 
+    Agreement is independent, or by construction where the shipped recording was solved for to have the number. Numbers
+    that contradict each other are told from those that are only in tension, and from what cannot be checked.
     Contradictions are news about the patent, not about this program: the exit code is 0 all the same.
     """
     from selector.audit import audit_patent as audited
@@ -76,7 +78,7 @@ def audit_patent(as_json: AsJson = False) -> None:
     if as_json:
         verdicts = Counter(line.verdict for line in lines)
         showing.print_json(
-            {"schema": "selector.patent-audit/1", "verdicts": verdicts, "lines": [line.as_dict() for line in lines]}
+            {"schema": "selector.patent-audit/2", "verdicts": verdicts, "lines": [line.as_dict() for line in lines]}
         )
         return
     console = showing.screen()

@@ -62,6 +62,7 @@ class Bench:
         self.material = Material()  #: What was read, and found
         self.live = Live(self.changed)
         self.prediction, self.simulation = commands.Prediction(), commands.Simulation()
+        self.ball_bar = commands.BallBar()  #: What is asked of measured circles
         self.simulated_live: Latest[Account] = Latest(self.changed)  #: Of a simulated machine
         place = folder / CYCLE
         self.cycle = cycle_in(place) if place.is_file() else Cycle()  #: The duty cycle of a prediction
@@ -139,6 +140,11 @@ class Bench:
         """Changes what is asked of a prediction; whether anything is different now."""
         with self._lock:
             return self._taken("prediction", dataclasses.replace(self.prediction, **changes))
+
+    def choose_ball_bar(self, **changes: Any) -> bool:
+        """Changes what is asked of measured circles; whether anything is different now."""
+        with self._lock:
+            return self._taken("ball_bar", dataclasses.replace(self.ball_bar, **changes))
 
     def choose_simulation(self, **changes: Any) -> bool:
         """Changes what is simulated; whether anything is different now. Another machine has other parameters."""

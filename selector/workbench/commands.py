@@ -16,7 +16,7 @@ from selector.selection import Options
 from selector.study import DiagnoseSection
 from selector.workbench.study_folder import CYCLE
 
-SELECTION, DIAGNOSIS, PREDICTION, SIMULATED = "selection", "diagnosis", "prediction", "simulated"
+SELECTION, DIAGNOSIS, PREDICTION, SIMULATED, BALL_BAR = "selection", "diagnosis", "prediction", "simulated", "ballbar"
 """Folders of the answers in the study folder."""
 
 
@@ -29,6 +29,17 @@ class Prediction:
     method: str = "modal"
     operations: str = ""  #: As the options are typed
     tolerance: str = ""
+
+
+@dataclass(frozen=True)
+class BallBar:
+    """What is asked of measured circles."""
+
+    files: tuple[str, ...] = ()  #: Names in the study folder; none: all
+    radius: float | None = None
+    feed: float | None = None
+    axes: str = ""
+    lead: str = ""
 
 
 @dataclass(frozen=True)
@@ -155,6 +166,13 @@ def prediction_command(
         *_changed(asked, Prediction(), ("method", "operations", "tolerance")),
     ]
     return (*words, "--out", PREDICTION)
+
+
+def ball_bar_command(folder: Path, asked: BallBar, files: Sequence[Path]) -> tuple[str, ...]:
+    """`selector ballbar` of these files."""
+    words = ["ballbar", *(told_path(folder, path) for path in files)]
+    words += _changed(asked, BallBar(), ("radius", "feed", "axes")) + _each("--lead", asked.lead.split())
+    return (*words, "--out", BALL_BAR)
 
 
 def command_words(command: Sequence[str]) -> list[str]:

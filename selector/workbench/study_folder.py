@@ -14,8 +14,8 @@ from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
 MACHINE_BEFORE = "machine.before.toml"
-PICTURES, MODELS = "pictures", "models"
-UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS)
+PICTURES, MODELS, CIRCLES = "pictures", "models", "circles"
+UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES)
 CYCLE = "cycle.csv"  #: The duty cycle of a prediction
 MOST_UPLOADED_BYTES = 200_000_000
 

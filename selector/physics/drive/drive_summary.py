@@ -301,8 +301,8 @@ class DriveSummary:
     loops: Mapping[str, LoopSummary]  #: Axis → its loop, for those with a control
     quantities: tuple[CircleQuantities, ...] = ()  #: Of circles, slowest feed first
     causes: CircleCauses | None = None  #: Of circles
-    #: Axis → how much of its lost motion its own friction and springs make, see `wind_up.wind_up_m`
-    wind_up_m: Mapping[str, float] = field(default_factory=dict)
+    #: Axis → how much of its lost motion its own friction and springs make, see `wind_up_m`; None: measured
+    wind_up_m: Mapping[str, float] | None = field(default_factory=dict)
 
 
 def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:

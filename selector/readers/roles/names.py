@@ -29,7 +29,7 @@ _TRAILING = (
         r"мкм|мм|mm|um|rpm|degC|degF|min-1|[Dd]eg ?[CF])$"
     ),
 )
-_SUFFIX = re.compile(r"^(?P<name>.+)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
+_SUFFIX = re.compile(r"^(?P<name>.+?)[_.](?P<unit>[A-Za-zµμ°]+(?:_per_[a-z]+|/[a-z]+)?)$")
 _SUFFIXES = (
     "um µm μm mm nm degc degf rpm celsius kelvin fahrenheit min sec secs seconds minutes hours ms mil thou inch hz kn "
     "micron microns °c °f mm_per_min m_per_s mm_per_s l_per_min mm/min m/min mm/s m/s l/min r/min u/min 1/min"

@@ -1,4 +1,4 @@
-"""What is told of a circular test: how round it is at every feed, and which causes are behind it."""
+"""What is told of a circular test, simulated or measured: how round it is at every feed, which causes are behind it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from selector.findings import Finding
 from selector.number_text import number_text
 from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
-from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness
+from selector.physics.drive.ball_bar.circle import BallBarTrace
+from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness, paired
 from selector.physics.drive.drive_summary import DriveSummary
-from selector.telling.account import Captioned, Table, table
+from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, uncertain_text
 
+POLAR = "Distance of the two balls against the nominal radius, both directions; the rings say how many µm."
 _MICRO = 1e6
 _BACKLASH = "backlash"
 _MEANING = "lost motion at the reversal: backlash, or wind-up by friction"
@@ -95,7 +98,7 @@ def _at(extreme: Extreme) -> str:
     return f"{number_text(extreme.value_um)} ({math.degrees(extreme.angle_rad) % 360:.0f}°)"
 
 
-def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float]) -> Table:
+def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float] | None) -> Table:
     rows = [
         (
             cause_name(cause),
@@ -115,9 +118,9 @@ def _causes_table(feed: FeedCauses, wind_up_m: Mapping[str, float]) -> Table:
     return table(["cause", "size", ">range [µm]", ">share"], rows, note)
 
 
-def _of_it(cause: Cause, wind_up_m: Mapping[str, float]) -> list[str]:
+def _of_it(cause: Cause, wind_up_m: Mapping[str, float] | None) -> list[str]:
     """How much of a lost motion is wind-up, which the model knows and a real test does not."""
-    size = wind_up_m.get(cause.axis or "", 0.0) if cause.kind == "backlash" else 0.0
+    size = (wind_up_m or {}).get(cause.axis or "", 0.0) if cause.kind == "backlash" else 0.0
     return [f"of it wind-up by the model's friction {number_text(1e6 * size)} µm"] if size > 0 else []
 
 
@@ -181,7 +184,7 @@ def _extreme_data(one: Extreme) -> dict[str, float]:
     return {"um": one.value_um, "at_deg": math.degrees(one.angle_rad) % 360.0}
 
 
-def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
+def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float] | None) -> dict[str, Any]:
     return {
         "feeds": [
             {
@@ -209,8 +212,73 @@ def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float]) -> dict[s
     }
 
 
-def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float]) -> dict[str, Any]:
+def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float] | None) -> dict[str, Any]:
     """What a backlash may be as well, and how much of it the model's own friction and springs make."""
     if cause.kind != _BACKLASH:
         return {}
-    return {"meaning": _MEANING, "wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
+    told: dict[str, Any] = {"meaning": _MEANING}
+    return told if wind_up_m is None else told | {"wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
+
+
+def measured_circles_account(
+    summary: DriveSummary,
+    read: Sequence[tuple[BallBarTrace, str, Sequence[str], bool]],
+    findings: Sequence[Finding],
+    *,
+    drawn: bool = False,
+) -> Account:
+    """All that is told of measured circles; `read`: each with its file, its columns, and whether it was turned round.
+
+    The summary of measured circles has neither axes nor loops, and no wind-up. A page is `drawn`.
+    """
+    traces = [trace for trace, *_ in read]
+    radius_mm = 1e3 * traces[0].radius_m
+    rows = [
+        (file, ", ".join(columns), _way(one), _feed(one.feed_mm_per_min), str(len(one.angle_rad)), _turned(is_turned))
+        for one, file, columns, is_turned in read
+    ]
+    quantities, *of_feeds, overall = ball_bar_tables(summary)
+    pictures: list[Drawing] = []
+    if drawn:
+        from selector.figures.simulated.ball_bar import ball_bar_figure
+
+        pictures = [Drawing(ball_bar_figure(pair), POLAR) for pair in reversed(paired(traces))]
+    columns = ["file", "columns", "direction", ">mm/min", ">samples", "order"]
+    return Account(
+        title=f"Ball-bar: {' and '.join(traces[0].axes)}, radius {number_text(radius_mm)} mm",
+        sentences=tuple(ball_bar_sentences(summary)),
+        front=tuple(pictures[:1]),
+        sections=sections(
+            section("round", "How round, and why", quantities, overall, *pictures[1:]),
+            section("causes", "Causes at each feed", *of_feeds),
+            section("findings", "All findings", Remarks(remarks_of(findings))) if findings else None,
+            section("read", "What was read", Captioned("Circles", table(columns, rows), on_screen=False)),
+        ),
+        brief=("round",),
+        data={
+            "schema": "selector.ballbar/1",
+            "radius_mm": radius_mm,
+            "axes": list(traces[0].axes),
+            "circles": [
+                {
+                    "file": file,
+                    "columns": list(columns),
+                    "direction": "ccw" if one.direction > 0 else "cw",
+                    "feed_mm_per_min": one.feed_mm_per_min,
+                    "samples": len(one.angle_rad),
+                    "turned_round": is_turned,
+                }
+                for one, file, columns, is_turned in read
+            ],
+            **(ball_bar_data(summary) or {}),
+            "findings": [one.as_dict() for one in findings],
+        },
+    )
+
+
+def _way(one: BallBarTrace) -> str:
+    return "counter-clockwise" if one.direction > 0 else "clockwise"
+
+
+def _turned(is_turned: bool) -> str:
+    return "turned round: it stood sorted by angle" if is_turned else "as read"

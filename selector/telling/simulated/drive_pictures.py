@@ -27,6 +27,7 @@ from selector.physics.drive.parts.axis import Axis, ThreeMassMechanics
 from selector.physics.drive.simulation import AxisRun, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse
 from selector.telling.account import Block, Drawing
+from selector.telling.simulated.ball_bar import POLAR
 from selector.telling.simulated.drive import MOST_RUNS, AxisInRun, axes_in_runs
 from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
@@ -56,7 +57,7 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
         if one.run == first_run and one.name in summary.loops
     }
     found: dict[str, list[Block]] = {
-        "ball-bar": [Drawing(ball_bar_figure(pair), _POLAR) for pair in reversed(paired(tuple(done.traces.values())))]
+        "ball-bar": [Drawing(ball_bar_figure(pair), POLAR) for pair in reversed(paired(tuple(done.traces.values())))]
         if summary.quantities
         else []
     }
@@ -169,4 +170,3 @@ _FRICTION = (
 _RESPONSE = (
     "From commanded to true position, for small motions without dry friction, backlash and limits. Dotted: −3 dB."
 )
-_POLAR = "Distance of the two balls against the nominal radius, both directions; the rings say how many µm."

@@ -319,14 +319,19 @@ def positions_trace(
     across, along = first - centre_m[0], second - centre_m[1]
     angle = np.unwrap(np.arctan2(along, across))
     direction: Literal[1, -1] = 1 if angle[-1] > angle[0] else -1
-    travelled = np.maximum.accumulate((angle - angle[0]) * direction)
-    begin = max((travelled[-1] - 2.0 * math.pi) / 2.0, 0.0)
-    inside = (travelled >= begin) & (travelled < begin + 2.0 * math.pi)
+    inside = middle_turn(angle, direction)
     spent = time[inside][-1] - time[inside][0]
-    turned = travelled[inside][-1] - travelled[inside][0]
+    turned = abs(angle[inside][-1] - angle[inside][0])
     deviation = (np.hypot(across, along) - radius_m)[inside] * _UM
     feed = turned / spent * radius_m * 60e3
     return BallBarTrace(angle[inside], deviation, direction, float(feed), radius_m, axes)
+
+
+def middle_turn(angle_rad: Vector, direction: Literal[1, -1]) -> NDArray[np.bool_]:
+    """Which samples belong to the middle 360° of an angle that may go further [rad], unwrapped, in order of time."""
+    travelled = np.maximum.accumulate((angle_rad - angle_rad[0]) * direction)
+    begin = max((travelled[-1] - 2.0 * math.pi) / 2.0, 0.0)
+    return np.asarray((travelled >= begin) & (travelled < begin + 2.0 * math.pi), dtype=np.bool_)
 
 
 def _bar(circle: Circle, geometry: PairGeometry, tables_m: Sequence[Vector]) -> tuple[Vector, Vector]:

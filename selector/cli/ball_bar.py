@@ -1,0 +1,105 @@
+"""`ballbar`: measured circles in, how round they are and which causes are behind them out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.cli.shared import showing
+from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.progress import progress_bar
+from selector.cli.shared.showing import AsJson, Everything
+from selector.errors import OptionError
+
+
+def ballbar(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE...", help="Tables with angle and deviation, both directions; or folders of them."),
+    ],
+    radius: Annotated[
+        float | None, typer.Option("--radius", metavar="MM", help="Nominal length of the bar; default: as a file says.")
+    ] = None,
+    feed: Annotated[
+        float | None, typer.Option("--feed", metavar="MM/MIN", help="Feed of all circles; default: as the files say.")
+    ] = None,
+    axes: Annotated[
+        str | None,
+        typer.Option("--axes", metavar="X,Y", help="The axis at 0° and that at 90°; default: as a file says, or X,Y."),
+    ] = None,
+    lead: Annotated[
+        list[str] | None,
+        typer.Option("--lead", metavar="X=10", help="Lead of an axis' screw in mm: wavelength of its pitch error."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", parser=written_folder, help="Write ballbar.json and report.html."),
+    ] = None,
+    everything: Everything = False,
+    as_json: AsJson = False,
+) -> None:
+    """Says of a measured ball-bar test how round the circles are, after ISO 230-4, and which causes are behind it.
+
+    Each circle is run in both directions, at one or better several feeds; the files are tables with the angle of the
+    bar and its deviation, or with two positions over time.
+    """
+    from selector.physics.drive.ball_bar.causes import circle_causes
+    from selector.physics.drive.ball_bar.quantities import circle_quantities
+    from selector.physics.drive.drive_summary import DriveSummary
+    from selector.readers.ball_bar_file import CircleOptions, read_circles
+    from selector.readers.roles.names import printable_name
+    from selector.telling.page import write_account
+    from selector.telling.simulated.ball_bar import measured_circles_account
+
+    names = None if axes is None else tuple(name.strip().upper() for name in axes.split(","))
+    if names is not None and (len(names) != 2 or "" in names or names[0] == names[1]):
+        raise _option(f"--axes {axes}", "two axes that differ", "e.g. --axes X,Y")
+    for option, value in (("--radius", radius), ("--feed", feed)):
+        if value is not None and not 0 < value < 1e6:
+            raise _option(f"{option} {value:g}", "a number above 0", "correct the option")
+    leads = dict(_lead(one) for one in lead or ())
+    if out is not None:
+        require_writable_folder(out, "--out")
+        refuse_folder_of_inputs(out, files)
+    asked = CircleOptions(
+        None if radius is None else radius / 1e3, feed, None if names is None else (names[0], names[1])
+    )
+    read, findings = read_circles(files, asked)
+    traces = [one.trace for one in read]
+    with progress_bar() as progress:
+        progress("causes of the deviation", None)
+        quantities, causes = circle_quantities(traces), circle_causes(traces, lead_m=leads)
+    told = [(one.trace, printable_name(one.file.name), one.columns, one.is_reversed) for one in read]
+    found = (*findings, *causes.findings)
+    account = measured_circles_account(
+        DriveSummary({}, {}, quantities, causes, None), told, found, drawn=out is not None
+    )
+    if out is not None:
+        with folder_written_whole(out) as folder:
+            text = showing.json_text(account.data) + "\n"
+            (folder / "ballbar.json").write_text(text, encoding="utf-8", newline="\n")
+            write_account(account, folder / "report.html")
+    console = showing.screen(as_json)
+    if as_json:
+        showing.print_json(account.data)
+    else:
+        showing.show_answer(console, account, found, everything=everything)
+    if out is not None:
+        showing.show_written(console, out, ["ballbar.json", "report.html"])
+
+
+def _lead(text: str) -> tuple[str, float]:
+    """Axis and lead [m]."""
+    name, _, number = text.partition("=")
+    try:
+        lead_m = float(number) / 1e3
+    except ValueError:
+        raise _option(f"--lead {text}", "an axis and the lead of its screw in mm", "e.g. --lead X=10") from None
+    return name.strip().upper(), lead_m
+
+
+def _option(found: str, expected: str, advice: str) -> OptionError:
+    return OptionError(found, expected=expected, where=found.split(" ")[0], advice=advice)
