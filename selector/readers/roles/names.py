@@ -246,8 +246,8 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
         return _by_unit(named, folded, unit, values)
     if not named:
         if _SPINDLE.fullmatch(folded) and _up_to(values) > HOTTEST:
-            doubt = "the name says where, not what; the numbers look like speeds"
-            return _with_unit("spindle_speed", folded, unit, doubt, ("role",))
+            why = "the name says where, not what; the numbers look like speeds"
+            return _with_unit("spindle_speed", folded, unit, why, ("role",))
         if _PLACES.search(folded) and _like_temperature(values):
             place = "the name says where, not what; the numbers look like temperatures"
             return _with_unit("temperature", folded, unit, place, ("role",))
