@@ -25,9 +25,9 @@ from selector.sensors.similarity import similarity_findings
 PROMISED_FACTOR = 1.5
 """An error that is known better than to this factor is told without a doubt."""
 
-SPREAD_COLD, SPREAD_WARM = 0.45, 1.0
+SPREAD, SPREAD_WITH_MEMORY, SPREAD_WARM = 0.45, 0.8, 1.0
 """Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
-begin cold, and warm from other work (`benchmarks/bench_honesty.py`)."""
+begin cold, the same with memory, and runs that begin warm from other work (`benchmarks/bench_honesty.py`)."""
 
 STARTS_APART, START_NOISE_K = 0.1, 0.15
 """Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise."""
@@ -275,17 +275,21 @@ def _few_runs(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) 
     if proof.left_out == "block":
         return
     starts = np.array([[datum.level(run, name) for name in selection.sensors] for run in surveyed.runs])
-    apart = starts - np.nanmean(starts, axis=1, keepdims=True)
-    apart_k = float(np.sqrt(np.nanmean((apart - np.nanmean(apart, axis=0)) ** 2)))
+    starts = starts[:, np.isfinite(starts).all(axis=0)]
+    apart = starts - starts.mean(axis=1, keepdims=True) if starts.size else np.zeros((1, 1))
+    apart_k = float((apart - apart.mean(axis=0)).std())
     rises_k = float(np.sqrt(rows.variables[:, :n_sensors].var(axis=0).mean()))
     warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
     n = len(next(iter(proof.per_response.values())))
-    factor = float(np.exp(1.96 * (SPREAD_WARM if warm else SPREAD_COLD) / np.sqrt(n)))
+    memory = bool(selection.recipe.design.lags)
+    spread = SPREAD_WARM if warm else SPREAD_WITH_MEMORY if memory else SPREAD
+    factor = float(np.exp(1.96 * spread / np.sqrt(n)))
     if factor <= PROMISED_FACTOR:
         return
     spans = {name: (proof.rmse_um(name) / factor, proof.rmse_um(name) * factor) for name in selection.models}
     said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
     begin = f" that do not begin alike (sensors {apart_k:.2g} K apart from run to run)" if warm else ""
+    begin += ", which is little for memory," if memory else ""
     kind = "conditions" if proof.left_out == "condition" else "runs"
     yield FINDINGS.finding(
         FEW_RUNS,

@@ -358,17 +358,18 @@ def _planned(
     asked_role = overrides.roles.get(name, overrides.roles.get(first.header)) or section.role
     option = overrides.units.get(name, overrides.units.get(first.header))
     asked_unit = option or section.unit
-    in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
+    told = findings if asked_unit is None else []  # of a unit that is said nothing needs to be known from the file
+    in_file = {run: _unit_in_file(column, told, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
     hint = known_unit(asked_unit) or in_file[with_channel[0].name]
     guess = role_guess(name_and_unit(name)[0], hint, sample, asked_role)
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     if guess.doubt is not None:
-        told = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
+        doubt = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
         evidence = {"role": guess.role, "unit": guess.unit}
         advice = "say what it is in a machine file: role and unit of this channel"
-        findings.append(FINDINGS.finding("ambiguous-role", told, Where(channel=name), evidence, advice))
+        findings.append(FINDINGS.finding("ambiguous-role", doubt, Where(channel=name), evidence, advice))
     units: dict[str, str] = {}
     dispute = None
     unit_guessed = False
@@ -400,8 +401,8 @@ def _planned(
     if section.place is None and first.description is not None:
         guessed.append("place")
     if unit_guessed and strict and asked_role is not None:
-        told = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
-        findings.append(FINDINGS.finding("unit-guessed", told, Where(channel=name), {"unit": guess.unit}))
+        assumed = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
+        findings.append(FINDINGS.finding("unit-guessed", assumed, Where(channel=name), {"unit": guess.unit}))
     place = section.place or first.description
     return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
 
