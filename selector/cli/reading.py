@@ -39,7 +39,7 @@ def describe(
     clock that was guessed stands in it as a comment only, so that every command says so until you do. Cables that
     changed places and units of single runs that the findings prove stand in it as repairs of these runs.
     """
-    from selector.quality import inspect, without_faults
+    from selector.quality import file_copies, inspect, without_faults
     from selector.readers import guessed_clock, machine_of, write_machine_file
     from selector.readers.roles.repairs import proposed
     from selector.study.material import drift_of
@@ -51,7 +51,8 @@ def describe(
         progress("reading", None)
         reading = source.reading()
         progress("looking for faults", None)
-        faults = inspect(reading.recording)
+        copies = file_copies({run.name: run.sha256 for run in reading.runs})
+        faults = (*inspect(reading.recording), *copies)
     findings = (*reading.findings, *faults)
     drift = drift_of(without_faults(reading.recording, faults))
     description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}

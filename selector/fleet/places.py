@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from selector.errors import OptionError, ReadError
-from selector.readers.files import MACHINE_FILE, has_known_ending, natural_key
+from selector.readers.files import MACHINE_FILE, has_name_of_recording, natural_key
 
 
 def is_url(reference: str) -> bool:
@@ -25,13 +25,13 @@ def is_pattern(reference: str) -> bool:
 def last_part(reference: str) -> str:
     """Name of a folder or file, as a machine is called by it: without the ending of a recording."""
     path = Path(reference.rstrip("/").rpartition("://")[2])
-    return path.stem if has_known_ending(path) else path.name
+    return path.stem if has_name_of_recording(path) else path.name
 
 
 def may_hold_recordings(reference: str) -> bool:
     """Whether it is a folder, or a recording by its ending; of a URL, by its name alone."""
     path = Path(reference)
-    return has_known_ending(path) or (not path.suffix if is_url(reference) else path.is_dir())
+    return has_name_of_recording(path) or (not path.suffix if is_url(reference) else path.is_dir())
 
 
 def found_by(pattern: str) -> list[str]:
@@ -74,7 +74,7 @@ def _brought(url: str, folder: Path) -> Path:
         target.mkdir(parents=True)
         for one in system.ls(path, detail=False):
             name = Path(one).name
-            if (name == MACHINE_FILE or has_known_ending(Path(name))) and not system.isdir(one):
+            if (name == MACHINE_FILE or has_name_of_recording(Path(name))) and not system.isdir(one):
                 system.get_file(one, str(target / name))
         return target
     except (OSError, ValueError) as error:

@@ -40,18 +40,11 @@ def short_runs(survey: Survey) -> Iterator[Finding]:
 
 
 def empty_channels(survey: Survey) -> Iterator[Finding]:
-    """Findings ``empty-channel``: no value in any run, or none in one run."""
+    """Findings ``empty-channel``: no value in any run. Of single runs whoever reads them tells, and why."""
     for column, channel in enumerate(survey.channels):
-        empty = [run for run in survey.runs if not np.isfinite(survey.values[run][column]).any()]
-        everywhere = len(empty) == len(survey.runs)
-        for run in empty[:1] if everywhere else empty:
-            yield FINDINGS.finding(
-                "empty-channel",
-                f"{channel.name} has no value in {'any run' if everywhere else 'run ' + run}.",
-                Where(channel.name, None if everywhere else run),
-                {"runs": len(empty)},
-                level="warning" if everywhere else "info",
-            )
+        if not any(np.isfinite(survey.values[run][column]).any() for run in survey.runs):
+            told = f"{channel.name} has no value in any run."
+            yield FINDINGS.finding("empty-channel", told, Where(channel.name), {"runs": len(survey.runs)})
 
 
 def few_values(survey: Survey) -> Iterator[Finding]:

@@ -24,7 +24,7 @@ sensor-break [warning, error] a channel holds the code that an input writes for 
     → Check the sensor, its plug and its input.
 short-run [info, warning] a run has too few samples to say much about a thermal process
     → Leave this run away, or check that the file is complete. Nothing is left out.
-empty-channel [info, warning] a channel has no value in a run, or in any
+empty-channel [warning] a channel has no value in a run, or in any
     → Check the column's name in the machine file, or remove the channel from it.
 constant-channel [info] a channel has the same value in every sample of every run
     → Check the sensor and its wiring. A constant is not used.

@@ -35,6 +35,12 @@ _ENDINGS = (
     ".h5 .hdf5 .hdf .tdms .mdf .mf4 .mf3"
 )
 _EXTENSIONS = frozenset(_ENDINGS.split())
+_DOCUMENT = re.compile(
+    r"((read[ _-]?me|licen[cs]e|lies[ _-]?mich)([ _.-].*)?|"
+    r"copying|notice|source|origin|citation|authors|changelog|notes)\.(txt|dat|asc)",
+    re.IGNORECASE,
+)
+"""Names of text that lies beside recordings and is none."""
 _FOREIGN = (
     (b"\x1f\x8b", "a gzip archive", "unpack it first"),
     (b"BZh", "a bzip2 archive", "unpack it first"),
@@ -123,7 +129,7 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)):
         if path.name.startswith((".", "~$")) or path.name == MACHINE_FILE or path.is_dir():
             continue
-        if has_known_ending(path) and path.is_file():
+        if has_name_of_recording(path) and path.is_file():
             files.append(path)
         else:
             skipped.append(path.name)
@@ -139,14 +145,14 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
         )
     if not skipped:
         return files, []
-    told = f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their ending and were skipped: "
+    told = f"In {folder.name}/ {len(skipped)} file(s) are no recordings by their names and were skipped: "
     told += f"{listed(skipped, 6)}."
     return files, [FINDINGS.finding("files-skipped", told, Where(file=str(folder)), {"files": skipped[:50]})]
 
 
-def has_known_ending(path: Path) -> bool:
-    """Whether a file in a folder is a recording by its ending."""
-    return path.suffix.lower() in _EXTENSIONS
+def has_name_of_recording(path: Path) -> bool:
+    """Whether a file in a folder is a recording by its name: an ending of recordings, and no README."""
+    return path.suffix.lower() in _EXTENSIONS and not _DOCUMENT.fullmatch(path.name)
 
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:

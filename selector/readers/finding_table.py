@@ -76,8 +76,8 @@ coarse-stamps [warning] the time stamps are coarser than the sampling; the rows 
 repeated-rows [info] rows stand in the file more than once; each is taken once
 repeated-stamps [warning] rows have the stamp of another row but other values
     → let the logger write finer stamps, or remove the wrong rows
-files-skipped [info] files of a folder are no recordings by their ending
-    → name a file itself to read it whatever its ending
+files-skipped [info] files of a folder are no recordings by their names
+    → name a file itself to read it whatever its name
 units-differ [info, warning] the runs have different units for a channel; each is read in its own
     → Nothing to do if the headers are right; else correct them in the files, or name the unit with --unit.
 unit-conflict [warning] the machine file or an option says another unit of a channel than the headers

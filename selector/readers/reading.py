@@ -54,9 +54,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
             if nothing and run.name in channel.headers and run.name not in channel.left_out:
                 told = f"Channel {name!r} has no value in run {run.name!r}."
                 place, advice = Where(channel=name, run=run.name), "leave the channel or the run out"
-                findings.append(
-                    FINDINGS.finding("empty-channel", told, place, {}, advice, "leave-out-stretch", level="warning")
-                )
+                findings.append(FINDINGS.finding("empty-channel", told, place, {}, advice, "leave-out-stretch"))
         parts.append(values)
         provenance[run.name] = provenance_of(run)
     run_of_row = np.repeat(np.array([run.name for run in runs], dtype=object), [len(p) for p in parts])

@@ -193,13 +193,15 @@ class _Ticker:
         return seconds[keep], keep
 
 
-def stream_parquet(paths: Sequence[Path], machine: Path | Machine | None = None) -> ParquetSource:
+def stream_parquet(
+    paths: Sequence[Path], machine: Path | Machine | None = None, overrides: Overrides | None = None
+) -> ParquetSource:
     """A source over Parquet files, one per run; roles and units are settled on the first rows of each.
 
     Raises ReadError, RecordingError, UnitError, OptionError: As `selector.readers.read`; also if a file is not Parquet
     or its time is text.
     """
-    found, overrides = recording_files([Path(path) for path in paths]), Overrides()
+    found, overrides = recording_files([Path(path) for path in paths]), overrides or Overrides()
     declared = machine_at(machine) if isinstance(machine, Path | str) else machine
     if declared is None and found.machine is not None:
         declared = machine_at(found.machine)

@@ -24,7 +24,10 @@ PROMISING = 40
 """Sets on which a second time constant is tried."""
 
 SAFER = 2.0
-"""How many times smaller the worst fault of a set must be to be taken before an equal one with a smaller error."""
+"""How many times the least risk among equal sets one may have and be taken for its smaller error."""
+
+ALIKE = 0.9
+"""Correlation from which two sensors with coefficients of opposite signs work against each other."""
 
 WORTH_SOME_TERMS = 10
 """Sets of which products and powers are chosen one by one."""
@@ -233,16 +236,29 @@ def _best(question: Question, trials: Sequence[Trial], bench: Bench) -> Trial:
     if options.tolerance is not None:
         # the patent ranks sensors, then fit; the shape is the richest on offer that the tolerance asks for
         return min(good, key=lambda t: (options.total_cost(t.set.sensors), t.n_terms, -t.adjusted_r2))
-    # among sets of the same cost and size one whose worst fault is half of another's, then the better predictor
     cheapest = min(rank(trial)[:2] for trial in good)
     alike = [trial for trial in good if rank(trial)[:2] == cheapest]
     best = min(alike, key=lambda t: (t.error, rank(t)))
-    equal = [trial for trial in alike if trial.error <= best.error * (1.0 + WORTH_OF_A_SENSOR)]
+    equal = [trial for trial in alike if _is_equal(question, trial, best)]
+    return min(_safest(equal, bench), key=lambda t: (t.error, rank(t)))
+
+
+def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
+    """Of equal sets those in which no two alike sensors work against each other, if there are any, with little risk.
+
+    The risk is what the worst fault of a sensor moves, times the root of the largest VIF: what collinearity makes of
+    the standard error of a coefficient.
+    """
     if len(equal) == 1:
-        return best
-    most = bench.worst_fault(best.set.sensors, best.shape) / SAFER
-    safer = [trial for trial in equal if bench.worst_fault(trial.set.sensors, trial.shape) <= most]
-    return min(safer or [best], key=lambda t: (t.error, rank(t)))
+        return list(equal)
+    risks = []
+    for trial in equal:
+        sensors, shape = trial.set.sensors, trial.shape
+        fault, opposed = bench.faults(sensors, shape, ALIKE)
+        risks.append((opposed, fault * np.sqrt(bench.largest_vif(sensors, shape))))
+    least = min(risks)
+    most = (least[0], SAFER * least[1])
+    return [trial for trial, risk in zip(equal, risks, strict=True) if risk <= most]
 
 
 def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> list[Trial]:
@@ -252,19 +268,33 @@ def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.fl
     if options.target is not None:
         return [trial for trial in trials if (trial.rmse_um <= options.target).all()] or [best]
     if options.within is not None:
-        return [trial for trial in trials if (trial.rmse_um - best.rmse_um <= options.within).all()]
+        return [trial for trial in trials if is_within_noise(question, trial, best)]
     as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
-    most = best.error * (1.0 + MOST_ABOVE_BEST)
     return [
         trial
         for trial, is_good in zip(trials, as_good, strict=True)
-        if is_good or (trial.error <= most and is_within_noise(question, trial, best))
+        if is_good or is_within_noise(question, trial, best)
     ]
 
 
+def _margin_um(question: Question, best_um: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How much more than the best a set may err and count as equal [µm], one per response.
+
+    What was asked for, or the measured noise of the gauge, but never more than `MOST_ABOVE_BEST` of the error.
+    """
+    within = question.options.within
+    return np.minimum(question.noise_um, MOST_ABOVE_BEST * best_um) if within is None else np.full_like(best_um, within)
+
+
 def is_within_noise(question: Question, trial: Trial, best: Trial) -> bool:
-    """Whether a set errs more than the best by less than the noise of the gauge adds, for every response."""
-    return bool((trial.rmse_um**2 - best.rmse_um**2 <= np.square(question.noise_um)).all())
+    """Whether a set errs more than the best by no more than the margin, for every response."""
+    return bool((trial.rmse_um - best.rmse_um <= _margin_um(question, best.rmse_um)).all())
+
+
+def _is_equal(question: Question, trial: Trial, best: Trial) -> bool:
+    """Whether a set is within the margin of the best, or, unless one was asked for, within `WORTH_OF_A_SENSOR`."""
+    near = question.options.within is None and trial.error <= best.error * (1.0 + WORTH_OF_A_SENSOR)
+    return near or is_within_noise(question, trial, best)
 
 
 def _trials(

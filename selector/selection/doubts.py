@@ -14,13 +14,23 @@ from selector.models.design import Datum, Rows
 from selector.models.least_squares import outermost_samples, validity_hull
 from selector.models.run_before import chain_before
 from selector.selection.choice import Offer
-from selector.selection.finding_table import FINDINGS
+from selector.selection.finding_table import FEW_RUNS, FINDINGS
 from selector.selection.fitting import evenly
 from selector.selection.proving import MOST_FOLDS, fold_of_run
 from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Selection
 from selector.selection.survey import Survey
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
+
+PROMISED_FACTOR = 1.5
+"""An error that is known better than to this factor is told without a doubt."""
+
+SPREAD, SPREAD_WITH_MEMORY, SPREAD_WARM = 0.45, 0.8, 1.0
+"""Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
+begin cold, the same with memory, and runs that begin warm from other work (`benchmarks/bench_honesty.py`)."""
+
+STARTS_APART, START_NOISE_K = 0.1, 0.15
+"""Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise."""
 
 MIN_RUNS = 6
 MIN_LENGTH = 2
@@ -145,7 +155,7 @@ def doubts(
         *_chaining(selection),
         *(finding for one in screening.rounds for finding in one.findings),
         *_memory_findings(selection, datum),
-        *_proof_findings(selection, surveyed, stride),
+        *_proof_findings(selection, surveyed, stride, datum, rows),
         *_limit_findings(selection, surveyed.question.noise_um),
         *_target_findings(selection),
         *regime_findings(selection),
@@ -198,7 +208,7 @@ def _memory_findings(selection: Selection, datum: Datum) -> Iterator[Finding]:
         )
 
 
-def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iterator[Finding]:
+def _proof_findings(selection: Selection, surveyed: Survey, stride: int, datum: Datum, rows: Rows) -> Iterator[Finding]:
     proof = selection.proof
     if proof.not_covered:
         yield FINDINGS.finding(
@@ -216,12 +226,7 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
             Where(run=surveyed.runs[0]),
             {"runs": 1, "parts": len(next(iter(proof.per_response.values())))},
         )
-    elif len(surveyed.runs) < 4:
-        yield FINDINGS.finding(
-            "few-runs",
-            f"There are {len(surveyed.runs)} runs; an error over so few runs is itself uncertain.",
-            evidence={"runs": len(surveyed.runs)},
-        )
+    yield from _few_runs(selection, surveyed, datum, rows)
     n_folds = len(set((fold_of_run(surveyed.runs, selection.options.conditions) or {}).values()))
     if n_folds:
         yield FINDINGS.finding(
@@ -262,6 +267,38 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int) -> Iter
             f"every {stride}th sample.",
             evidence={"samples": surveyed.n_samples, "stride": stride},
         )
+
+
+def _few_runs(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> Iterator[Finding]:
+    """Within what factor the error on unseen runs is known, where that is more than `PROMISED_FACTOR`."""
+    proof, n_sensors = selection.proof, len(selection.chosen)
+    if proof.left_out == "block":
+        return
+    starts = np.array([[datum.level(run, name) for name in selection.sensors] for run in surveyed.runs])
+    starts = starts[:, np.isfinite(starts).all(axis=0)]
+    apart = starts - starts.mean(axis=1, keepdims=True) if starts.size else np.zeros((1, 1))
+    apart_k = float((apart - apart.mean(axis=0)).std())
+    rises_k = float(np.sqrt(rows.variables[:, :n_sensors].var(axis=0).mean()))
+    warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
+    n = len(next(iter(proof.per_response.values())))
+    memory = bool(selection.recipe.design.lags)
+    spread = SPREAD_WARM if warm else SPREAD_WITH_MEMORY if memory else SPREAD
+    factor = float(np.exp(1.96 * spread / np.sqrt(n)))
+    if factor <= PROMISED_FACTOR:
+        return
+    spans = {name: (proof.rmse_um(name) / factor, proof.rmse_um(name) * factor) for name in selection.models}
+    said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
+    begin = f" that do not begin alike (sensors {apart_k:.2g} K apart from run to run)" if warm else ""
+    begin += ", which is little for memory," if memory else ""
+    kind = "conditions" if proof.left_out == "condition" else "runs"
+    yield FINDINGS.finding(
+        FEW_RUNS,
+        f"The error on unseen runs rests on {n} {kind}{begin} and is known to a factor of {factor:.2g}: on further "
+        f"runs the model may err {said}.",
+        evidence={"runs": n, "factor": factor, "starts_apart_k": apart_k, "between_um": spans},
+        suggestion="record more runs"
+        + (", and let the machine cool down before each, or begin each where the last one ended" if warm else ""),
+    )
 
 
 def _target_findings(selection: Selection) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from selector.quality.finding_table import FINDINGS as QUALITY
 from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.sensors.finding_table import FINDINGS as SENSORS
 
+FEW_RUNS = "few-runs"
 NO_BETTER_THAN_NOTHING = "no-better-than-nothing"
 SENSOR_MISSING = "sensor-missing"
 
@@ -17,7 +18,7 @@ regimes [warning] the unseen error falls into regimes of consecutive runs: somet
       model per regime
 one-run-only [warning] there is one run: the error is that of stretches of it left out in turn
     → record at least three runs on different days and duty cycles
-few-runs [warning] there are few runs; an error over so few is itself uncertain
+few-runs [warning] the error on unseen runs rests on few runs, or on some that begin warm: it is known to a factor only
     → record more runs, with other speeds and another season
 runs-left-out-in-groups [info] there are many runs: they are left out in groups of whole runs, not one by one; the error
     of each run is that of a model without its group

@@ -144,19 +144,29 @@ class Bench:
 
     def worst_fault(self, sensors: Sequence[str], shape: Shape) -> float:
         """Largest share of a displacement's spread that one sensor moves when it is wrong by its own spread."""
+        return self.faults(sensors, shape)[0]
+
+    def faults(self, sensors: Sequence[str], shape: Shape, alike: float = 1.0) -> tuple[float, bool]:
+        """The worst fault, and whether sensors that correlate by more than `alike` have coefficients of opposite signs.
+
+        With lags and powers the sign of a sensor is that of all its terms together, each times its spread.
+        """
         terms, at = shape.terms(sensors, self.library.speeds), self.library.columns(sensors, shape)
         responses = range(1 + self.library.moments.n_columns, len(self.total))
         beta = coefficients(self.total, [1 + column for column in at], responses)[1:]
         spread = np.sqrt(np.maximum(np.diag(self._centred)[at] / self.n_samples, 0.0))
-        moved = np.abs(beta) * spread[:, None] / np.sqrt(self.power)
+        moved = beta * spread[:, None] / np.sqrt(self.power)
         owners = self.library.owners(sensors, shape)
-        return max(
-            (
-                float(moved[[i for i in range(len(terms)) if s in owners[i]]].sum(axis=0).max())
-                for s in range(len(sensors))
-            ),
-            default=0.0,
-        )
+        of = np.array([[s in owners[i] for i in range(len(terms))] for s in range(len(sensors))], dtype=np.float64)
+        worst = float((of @ np.abs(moved)).max(initial=0.0))
+        plain = [self.library.position[((name, 1),)] for name in sensors if ((name, 1),) in self.library.position]
+        if alike >= 1.0 or len(plain) < len(sensors):
+            return worst, False
+        cross = self._centred[np.ix_(plain, plain)]
+        size = np.sqrt(np.maximum(np.diag(cross), 1e-300))
+        r, together = cross / size[:, None] / size, of @ moved
+        opposed = together[:, None, :] * together[None, :, :] < 0.0
+        return worst, bool((opposed & (r > alike)[:, :, None]).any())
 
     def largest_vif(self, sensors: Sequence[str], shape: Shape) -> float:
         """Variance inflation of the most redundant term; infinite for a term that the others make up."""

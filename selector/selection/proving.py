@@ -160,10 +160,9 @@ def baselines(
     return {name: {way: float(rmse[j]) for way, rmse in ways.items()} for j, name in enumerate(linear.responses)}
 
 
-def procedure_rmse_um(library: Library, outer: Grouping, choices: Sequence[Choice]) -> NDArray[np.float64]:
-    """Held-out root mean square error of the whole procedure, shape (n_responses,)."""
-    loo = LeaveOneOut.of(library.moments, outer)
-    return np.asarray(_held_out(library, loo, [choice.trial for choice in choices]).rmse_um)
+def held_out(library: Library, outer: Grouping, choices: Sequence[Choice]) -> HeldOut:
+    """Errors when each group is predicted by what was chosen without it."""
+    return _held_out(library, LeaveOneOut.of(library.moments, outer), [choice.trial for choice in choices])
 
 
 def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> HeldOut:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
-from selector.models.moments import response_power
+from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
 from selector.models.run_before import runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL
 from selector.recording import RunSource, thinned
@@ -29,8 +29,8 @@ from selector.selection.proving import (
     beside_the_comparison,
     blocks_per_run,
     error_curve,
+    held_out,
     left_out_errors,
-    procedure_rmse_um,
     with_own_baseline,
 )
 from selector.selection.reasons import because_of, combinations_of, reasons_of, stability_of
@@ -89,12 +89,11 @@ def select(
         say("choosing sensors without each run", 0.4 + 0.3 * (i + 1) / len(found))
     possible = [plan for plan in plans(question) if all(one.has(plan) for one in (all_trials, *fold_trials))]
     spread = np.sqrt(response_power(library.moments))
-    plan_errors = {
-        plan: procedure_rmse_um(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) / spread
-        for plan in possible
+    unseen = {
+        plan: held_out(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) for plan in possible
     }
-    best_of_offer = {offer: _poorest_of(plan_errors, offer) for offer in dict.fromkeys(offer for offer, _ in possible)}
-    plan = _best_plan(question, plan_errors, tuple(best_of_offer.values()))
+    best_of_offer, plan = _best_plan(question, unseen, spread)
+    plan_errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
     aimed = _aimed(question, library, folds, fold_trials, plan)
     choice, choices = (
         all_trials.aimed_at(aimed).choice(plan),
@@ -190,26 +189,50 @@ Errors = Mapping[Plan, NDArray[np.float64]]
 """Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,)."""
 
 
-def _best_plan(question: Question, errors: Errors, best_of_offer: Sequence[Plan]) -> Plan:
-    """The poorest plan whose whole procedure predicts unseen parts about as well as the best one does.
+def _best_plan(
+    question: Question, unseen: Mapping[Plan, HeldOut], spread: NDArray[np.float64]
+) -> tuple[dict[Offer, Plan], Plan]:
+    """The best plan of each offer, and of these the poorest that predicts unseen parts about as well as the best does.
 
-    A richer offer has to be as good as the best poorer one for every response. With the patent's rule the richest offer
-    stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is wanted.
+    A richer offer has to be as good as the best poorer one for every response, and better over all by more than one
+    standard error of the differences part by part. With the patent's rule the richest offer stands, as its rule knows
+    no unseen data; so it does with a target, as the cheapest of all sets is wanted.
     """
+    errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
+    offers = dict.fromkeys(offer for offer, _ in errors)
+    best_of_offer = {offer: _poorest_of(errors, offer, question.noise_um / spread) for offer in offers}
     if question.options.tolerance is not None or question.options.target is not None:
-        return list(errors)[-1]
-    taken, *richer = best_of_offer
+        return best_of_offer, list(errors)[-1]
+    taken, *richer = best_of_offer.values()
     for plan in richer:
         no_worse = (errors[plan] <= WORTH_A_RICHER_MODEL * errors[taken]).all()
-        if no_worse and WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken]):
+        better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
+        if no_worse and better and _is_clear(unseen[taken], unseen[plan], spread):
             taken = plan
-    return taken
+    return best_of_offer, taken
 
 
-def _poorest_of(errors: Errors, offer: Offer) -> Plan:
-    """The plan of an offer with the fewest sensors that is about as good as the best of them."""
-    of_offer = {plan: _rms(error) for plan, error in errors.items() if plan[0] == offer}
-    return next(plan for plan, error in of_offer.items() if error <= WORTH_A_RICHER_MODEL * min(of_offer.values()))
+def _is_clear(poorer: HeldOut, richer: HeldOut, spread: NDArray[np.float64]) -> bool:
+    """Whether the gain in squared error, part by part, is more than one standard error from zero."""
+    gain = ((poorer.mse - richer.mse) / spread**2).mean(axis=1)
+    share, n = poorer.n_samples / poorer.n_samples.sum(), len(gain)
+    mean = float(gain @ share)
+    return n < 2 or mean > np.sqrt((gain - mean) ** 2 @ share / (n - 1))
+
+
+def _poorest_of(errors: Errors, offer: Offer, noise: NDArray[np.float64]) -> Plan:
+    """The plan of an offer with the fewest sensors that is about as good as the best of them.
+
+    A sensor that gains less than the noise of the gauge, and less than `WORTH_OF_A_SENSOR`, is not worth having.
+    """
+    of_offer = {plan: error for plan, error in errors.items() if plan[0] == offer}
+    best = min(of_offer.values(), key=_rms)
+    near = np.minimum(noise, WORTH_OF_A_SENSOR * best)
+    return next(
+        plan
+        for plan, error in of_offer.items()
+        if _rms(error) <= WORTH_A_RICHER_MODEL * _rms(best) or (error - best <= near).all()
+    )
 
 
 def _of_larger_sets(plan: Plan, errors: Errors) -> dict[int, float]:
@@ -232,7 +255,7 @@ def _aimed(
         return None
     for share in AIMS:
         choices = [trials.aimed_at(share * target).choice(plan) for trials in fold_trials]
-        if (procedure_rmse_um(library, folds.outer, choices) <= target).all():
+        if (held_out(library, folds.outer, choices).rmse_um <= target).all():
             return share * target
     return AIMS[-1] * target
 

@@ -42,7 +42,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
     Raises InputError: a file cannot be read, or the machine file does not fit.
     """
     if is_large(runs):
-        return _streamed(runs, machine_file)
+        return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)
     copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
@@ -93,10 +93,10 @@ def provenance_of(reading: Reading) -> dict[str, Any]:
     }
 
 
-def _streamed(runs: Sequence[Path], machine_file: Path | None) -> Material:
+def _streamed(runs: Sequence[Path], machine_file: Path | None, overrides: Overrides) -> Material:
     used = machine_file or recording_files(runs).machine
     named = None if machine_file is None else machine(machine_file)
-    stream = stream_parquet(runs, named)
+    stream = stream_parquet(runs, named, overrides)
     rows = sum(stream.rows(run) for run in stream.runs)
     stride = max(1, -(-rows // INSPECTED_ROWS))
     faults = inspect(thinned(stream, stride))

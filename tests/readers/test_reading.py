@@ -42,6 +42,30 @@ def test_a_folder_is_its_recordings_in_natural_order_with_its_machine_file(folde
     assert read([folder], folder / "machine.toml").recording.runs == ("r1", "r2", "r10")
 
 
+@pytest.mark.parametrize("name", ["SOURCE.txt", "README.txt", "readme_first.txt", "LICENSE.txt", "Notes.txt"])
+def test_text_beside_recordings_is_told_and_not_read(folder, name):
+    (folder / name).write_text("MIT, from example.org\n1 2 3\n", encoding="utf-8")
+    reading = read([folder])
+    assert reading.recording.runs == ("r1", "r2", "r10")
+    (told,) = [f for f in reading.findings if f.id == "files-skipped"]
+    assert name in told.evidence["files"]
+
+
+def test_a_recording_may_have_a_word_in_its_name(folder):
+    (folder / "r1.csv").rename(folder / "source_1.csv")
+    assert "source_1" in read([folder]).recording.runs
+
+
+def test_channels_that_the_same_runs_lack_are_told_once(folder):
+    (folder / "r3.txt").write_text("t [s],other [degC]\n0,20\n1,21\n", encoding="utf-8")
+    (folder / "machine.toml").unlink()
+    found = [f for f in read([folder / "r1.csv", folder / "r3.txt"]).findings if f.id == "channel-missing-in-run"]
+    assert {tuple(f.evidence["runs"]): sorted(f.evidence["columns"]) for f in found} == {
+        ("r3",): ["PT01", "Z"],
+        ("r1",): ["other"],
+    }
+
+
 def test_files_of_one_name_in_two_folders_keep_apart(folder):
     reading = read([folder / "r1.csv", folder / "sim" / "r1.csv"])
     assert reading.recording.runs == (f"{folder.name}_r1", "sim_r1")

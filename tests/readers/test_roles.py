@@ -56,6 +56,14 @@ def test_what_headers_of_shop_floors_mean(header, role, unit, axis):
     assert ("unit" in guess.guessed) == (written is None and role != "state")
 
 
+@pytest.mark.parametrize("name", ["spindle", "Spindel", "主轴"])
+def test_a_spindle_that_mostly_stands_is_no_thermometer(name):
+    speeds = np.repeat([0.0, 4000.0, 0.0, 1000.0], [300, 20, 100, 80])
+    assert role_guess(name, None, speeds).role == "spindle_speed"
+    warm = np.append(WARM, 850.0)  # a break code among them
+    assert role_guess(name, None, warm).role == "temperature"
+
+
 @pytest.mark.parametrize("name", ["qg", "uEst", "Channel 1", "foo"])
 def test_what_nobody_can_know_is_not_guessed(name):
     assert role_guess(name, None, WARM).role is None

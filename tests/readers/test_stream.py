@@ -14,6 +14,8 @@ from selector.errors import ReadError, RecordingError
 from selector.readers import is_large, read, stream_parquet
 from selector.readers import stream as streaming
 from selector.readers.machine_file import machine_from_text
+from selector.readers.tables import Overrides
+from selector.study.material import material_of
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINE = machine_from_text(
@@ -134,3 +136,17 @@ def test_memory_is_bounded(tmp_path):
     assert (n_rows, n_names) == (rows, sensors)
     # 450 MB measured with imports, with 10 million rows as well; table and imports together would be 850 MB
     assert peak_kb < 620_000
+
+
+def test_what_the_user_says_holds_for_pieces_too(files, monkeypatch):
+    said = Overrides(units={"T1": "degC"}, roles={"Z": "position"}, time_unit="s")
+    whole = material_of(files, None, said)
+    monkeypatch.setattr(streaming, "LARGE_BYTES", 1000)
+    pieces = material_of(files, None, said)
+    assert [f.id for f in pieces.findings if f.id == "read-in-pieces"] == ["read-in-pieces"]
+    assert pieces.source.channels == whole.source.channels
+    assert {c.name: c.role for c in pieces.source.channels}["Z"] == "position"
+    time_s, values = (np.concatenate(part) for part in zip(*pieces.source.chunks("r1", ["T1"]), strict=True))
+    expected = np.concatenate([part for _, part in whole.source.chunks("r1", ["T1"])])
+    assert np.array_equal(values, expected, equal_nan=True)
+    assert time_s[1] == pytest.approx(0.1)  # seconds, as was said, not minutes

@@ -108,7 +108,7 @@ def test_every_unseen_error_says_which_one_it_is():
     page = html.unescape(selection_html(studies.small()))
     assert "unseen, whole procedure [µm]" in page
     assert "unseen, fixed set: rms [µm]" in page
-    assert "(rms, whole procedure)" in advice(studies.small())[1][0]
+    assert "(rms, whole procedure" in advice(studies.small())[1][0]
     for words in ("Whole procedure: ", "Best of each size: ", "Fixed set: "):
         assert words in page
 

@@ -204,6 +204,11 @@ _PLACES = re.compile(
     r"стойк|двигат|масл|vřeten|ložis|wrzec|łożys|palier|broche|b[âa]ti|arri[èe]re|avant|moteur|huile|cojinete|husillo|mandrino|cuscinetto",
     re.IGNORECASE,
 )
+_SPINDLE = re.compile(
+    r"(main[ _-]?)?(spindle|spindel)[ _-]?1?|主轴|主軸|шпиндель|vřeteno|wrzeciono|broche|husillo|mandrino",
+    re.IGNORECASE,
+)
+HOTTEST = 250.0  #: Beyond this [°C] nothing on a machine tool is a temperature
 _UNIT_ROLES: tuple[tuple[str, str], ...] = (
     ("degC", "temperature"), ("rpm", "spindle_speed"), ("mm/min", "feed_rate"), ("N", "force"), ("A", "current"),
     ("V", "voltage"), ("m/s^2", "acceleration"), ("liter/min", "flow"), ("Hz", "frequency"),
@@ -240,6 +245,9 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     if unit is not None and unit != "1":
         return _by_unit(named, folded, unit, values)
     if not named:
+        if _SPINDLE.fullmatch(folded) and _up_to(values) > HOTTEST:
+            why = "the name says where, not what; the numbers look like speeds"
+            return _with_unit("spindle_speed", folded, unit, why, ("role",))
         if _PLACES.search(folded) and _like_temperature(values):
             place = "the name says where, not what; the numbers look like temperatures"
             return _with_unit("temperature", folded, unit, place, ("role",))
@@ -315,9 +323,15 @@ def _with_unit(role: str, name: str, unit: str | None, doubt: str | None, guesse
     return RoleGuess(role, unit, axis, (*guessed, *(("axis",) if axis else ())), doubt)
 
 
+def _up_to(values: NDArray[np.float64]) -> float:
+    """What one reading in twenty is beyond: a spike or a break code is no range."""
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, 0.95)) if len(known) else 0.0
+
+
 def _like_temperature(values: NDArray[np.float64]) -> bool:
     known = values[np.isfinite(values) & (np.abs(values) < 800)]
-    return len(known) == 0 or (-40 <= float(np.median(known)) <= 250)
+    return len(known) == 0 or (-40 <= float(np.median(known)) <= HOTTEST)
 
 
 def _two_valued(values: NDArray[np.float64]) -> bool:

@@ -202,7 +202,8 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
     alike: dict[tuple[object, ...], list[Dispute]] = {}
     for one in (channel.dispute for channel in result.channels if channel.dispute is not None):
         alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
-    return replace(result, findings=(*result.findings, *map(_unit_finding, alike.values())))
+    missing = _missing_in_runs(result.channels, runs)
+    return replace(result, findings=(*result.findings, *missing, *map(_unit_finding, alike.values())))
 
 
 def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
@@ -224,7 +225,6 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
             continue
         if not headers:
             raise missing_everywhere(runs, name, wanted)
-        findings += _missing_in_runs(name, headers, runs, column=wanted)
         channels.append(_planned(name, section, headers, runs, overrides, findings, strict=True))
     if lacking:
         told = f"Of the channels of the machine file, {', '.join(lacking[:10])} are in none of the files."
@@ -241,18 +241,22 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
     return Plan(tuple(channels), ignored, tuple(findings))
 
 
-def _missing_in_runs(
-    name: str, headers: Mapping[str, str], runs: Sequence[TimedRun], column: str | None = None
-) -> Iterator[Finding]:
-    absent = [run.name for run in runs if run.name not in headers]
-    if absent:
+def _missing_in_runs(channels: Sequence[Planned], runs: Sequence[TimedRun]) -> Iterator[Finding]:
+    """One finding for all channels that the same runs lack."""
+    lacked: dict[tuple[str, ...], list[Planned]] = {}
+    for one in channels:
+        lacked.setdefault(tuple(run.name for run in runs if run.name not in one.headers), []).append(one)
+    for absent, of in lacked.items():
+        if not absent:
+            continue
+        columns = {one.name: next(iter(one.headers.values())) for one in of}
+        shown = listed((f"{n!r}" if n == c else f"{n!r} (column {c!r})" for n, c in columns.items()), 8)
+        what = f"Channel {shown} is" if len(of) == 1 else f"{len(of)} channels ({shown}) are"
         yield FINDINGS.finding(
             "channel-missing-in-run",
-            f"Channel {name!r}{'' if column is None else f' (column {column!r})'} is missing in run(s) "
-            f"{', '.join(absent[:8])}; its samples there are missing values.",
-            Where(channel=name),
-            {"runs": absent} | ({} if column is None else {"column": column}),
-            action="leave-out-stretch",
+            f"{what} missing in run(s) {', '.join(absent[:8])}; samples there are missing values.",
+            Where(channel=of[0].name if len(of) == 1 else None),
+            {"runs": list(absent), "columns": columns},
         )
 
 
@@ -278,7 +282,6 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             undeclared[name] = "its role could not be inferred"
             continue
         channels.append(planned)
-        findings += _missing_in_runs(name, headers, runs)
     if not channels:
         for name, headers in names.items():
             findings += _by_numbers(name, headers, runs, overrides, channels)
@@ -355,17 +358,18 @@ def _planned(
     asked_role = overrides.roles.get(name, overrides.roles.get(first.header)) or section.role
     option = overrides.units.get(name, overrides.units.get(first.header))
     asked_unit = option or section.unit
-    in_file = {run: _unit_in_file(column, findings, run) for run, column in columns.items()}
+    told = findings if asked_unit is None else []  # of a unit that is said nothing needs to be known from the file
+    in_file = {run: _unit_in_file(column, told, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
     hint = known_unit(asked_unit) or in_file[with_channel[0].name]
     guess = role_guess(name_and_unit(name)[0], hint, sample, asked_role)
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     if guess.doubt is not None:
-        told = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
+        doubt = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
         evidence = {"role": guess.role, "unit": guess.unit}
         advice = "say what it is in a machine file: role and unit of this channel"
-        findings.append(FINDINGS.finding("ambiguous-role", told, Where(channel=name), evidence, advice))
+        findings.append(FINDINGS.finding("ambiguous-role", doubt, Where(channel=name), evidence, advice))
     units: dict[str, str] = {}
     dispute = None
     unit_guessed = False
@@ -397,8 +401,8 @@ def _planned(
     if section.place is None and first.description is not None:
         guessed.append("place")
     if unit_guessed and strict and asked_role is not None:
-        told = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
-        findings.append(FINDINGS.finding("unit-guessed", told, Where(channel=name), {"unit": guess.unit}))
+        assumed = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
+        findings.append(FINDINGS.finding("unit-guessed", assumed, Where(channel=name), {"unit": guess.unit}))
     place = section.place or first.description
     return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
 

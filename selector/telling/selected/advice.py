@@ -10,6 +10,7 @@ import numpy as np
 from selector.models.least_squares import FaultGain
 from selector.number_text import number_text
 from selector.selection import Selection
+from selector.selection.finding_table import FEW_RUNS
 from selector.selection.result import PROCEDURE, RunProof
 from selector.telling.account import Verdict
 from selector.telling.numbers import listed, rounded_text
@@ -91,22 +92,26 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
         where = (
             f"On {covered} of {covered + len(proof.not_covered)} runs, unseen by the model (the others lack a sensor),"
         )
+    doubt = next(
+        (one.evidence["factor"] for one in selection.findings if one.id == FEW_RUNS and "factor" in one.evidence), 0
+    )
+    how = f"rms, {PROCEDURE}" + (f", known to a factor of {number_text(doubt, 2)}" if doubt else "")
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
         before, after = falls[names[0]]
         error = rmse_error_um(proof.per_response[names[0]])
         return (
             f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm "
-            f"(rms, {PROCEDURE})"
+            f"({how})"
         )
     if len(names) <= MOST_SAID:
         said = (
             f"{name} from {number_text(before, 2)} to {rounded_text(after, rmse_error_um(proof.per_response[name]))} µm"
             for name, (before, after) in falls.items()
         )
-        return f"{where} the errors fall: {', '.join(said)} (rms, {PROCEDURE})"
+        return f"{where} the errors fall: {', '.join(said)} ({how})"
     spans = (f"{number_text(min(ends), 2)}–{number_text(max(ends), 2)}" for ends in zip(*falls.values(), strict=True))
-    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm (rms, {PROCEDURE})"
+    return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm ({how})"
 
 
 def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:

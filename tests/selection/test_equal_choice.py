@@ -1,0 +1,103 @@
+"""What decides among sets that are about as good, and how far the error of few runs is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.models.moments import HeldOut
+from selector.recording import Recording
+from selector.selection import Options, select
+from selector.selection.candidates import SensorSet
+from selector.selection.choice import Trial, _is_equal, _margin_um, _safest
+from selector.selection.finding_table import FEW_RUNS
+from selector.selection.library import Shape
+from selector.selection.options import Question
+from selector.selection.workflow import _best_plan, _poorest_of
+from selector.telling.selected.advice import advice
+from tests.selection.machines import machine
+
+QUESTION = Question(Options(), ("T1", "T2"), ("Z",), (), (0.4,))
+
+
+def trial(sensors: str, rmse_um: float) -> Trial:
+    error = np.array([rmse_um])
+    return Trial(SensorSet(tuple(sensors), "all sensors"), Shape(), len(sensors), error**2, rmse_um, error, np.nan)
+
+
+KNOWN = {"ab": (3.0, 400.0, True), "cd": (2.0, 90.0, False), "ef": (1.5, 4.0, False), "gh": (1.2, 5.0, False)}
+"""Worst fault and VIF of sets, and whether alike sensors work against each other."""
+
+
+class Bench:
+    def faults(self, sensors, shape, alike):
+        fault, _, opposed = KNOWN["".join(sensors)]
+        return fault, opposed
+
+    def largest_vif(self, sensors, shape):
+        return KNOWN["".join(sensors)][1]
+
+
+def test_fault_vif_and_sign_decide_among_equals_and_then_the_error():
+    sets = [trial("ab", 1.00), trial("cd", 1.01), trial("ef", 1.02), trial("gh", 1.03)]
+    assert ["".join(one.set.sensors) for one in _safest(sets, Bench())] == ["ef", "gh"]
+    assert _safest(sets[:1], Bench()) == sets[:1]
+    # without another way the pair of opposite signs stands
+    assert _safest([sets[0], sets[0]], Bench()) == [sets[0], sets[0]]
+
+
+def test_the_margin_is_the_noise_of_the_gauge_or_what_was_asked_for():
+    assert _margin_um(QUESTION, np.array([10.0])) == pytest.approx([0.4])
+    assert _margin_um(QUESTION, np.array([1.0])) == pytest.approx([0.1])  # never more than a tenth of the error
+    asked = replace(QUESTION, options=Options(within=0.03))
+    best = trial("ab", 1.0)
+    assert _is_equal(QUESTION, trial("cd", 1.09), best)
+    assert not _is_equal(QUESTION, trial("cd", 1.11), best)
+    assert not _is_equal(asked, trial("cd", 1.04), best)
+    assert _is_equal(asked, trial("cd", 1.029), best)
+
+
+def test_a_sensor_that_gains_less_than_the_noise_is_not_taken():
+    """Five sensors for 0.04 µm under a noise of 0.4 µm."""
+    errors = {("linear", 4): np.array([1.04]), ("linear", 5): np.array([1.00])}
+    assert _poorest_of(errors, "linear", np.array([0.4])) == ("linear", 4)
+    assert _poorest_of(errors, "linear", np.array([0.01])) == ("linear", 5)
+    errors["linear", 4] = np.array([1.2])
+    assert _poorest_of(errors, "linear", np.array([0.4])) == ("linear", 5)
+
+
+@pytest.mark.parametrize(("memory", "taken"), [((0.5, 0.6, 0.4), "memory"), ((0.01, 1.3, 1.2), "linear")])
+def test_memory_has_to_gain_on_the_runs_and_not_on_one_of_them(memory, taken):
+    n = np.array([100.0, 100.0, 100.0])
+    unseen = {
+        ("linear", 1): HeldOut(100.0 * np.array([[1.0], [1.1], [0.9]]), n),
+        ("memory", 1): HeldOut(100.0 * np.array(memory)[:, None], n),
+    }
+    assert _best_plan(QUESTION, unseen, np.array([5.0]))[1] == (taken, 1)
+
+
+def warm(source: Recording) -> Recording:
+    """The same from another state in every run: a sensor is off at the start by what it rises by."""
+    runs = {}
+    for k, run in enumerate(source.runs):
+        frame = source.frame.loc[run].copy()
+        frame["T1"] += 5.0 * (k % 2)
+        runs[run] = frame
+    return Recording.from_runs(runs, source.channels)
+
+
+def test_how_far_the_error_of_few_runs_is_known_is_told_with_it():
+    six, three = machine(n_runs=6), machine(n_runs=3)
+    options = Options(responses=("Z",), max_sensors=2)
+    assert FEW_RUNS not in {one.id for one in select(six, options).findings}
+    for source, factor, begin in ((three, 1.66, False), (warm(six), 2.23, True)):
+        found = select(source, options)
+        (told,) = [one for one in found.findings if one.id == FEW_RUNS]
+        assert told.evidence["factor"] == pytest.approx(factor, abs=0.01)
+        low, high = told.evidence["between_um"]["Z"]
+        assert low * factor == pytest.approx(found.proof.rmse_um("Z"), rel=0.01)
+        assert high == pytest.approx(found.proof.rmse_um("Z") * factor, rel=0.01)
+        assert ("do not begin alike" in told.statement) == begin
+        assert f"known to a factor of {factor:.1f}" in advice(found)[1][0]
