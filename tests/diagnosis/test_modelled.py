@@ -80,10 +80,6 @@ def test_a_wrong_mass_is_a_wrong_mass_and_nothing_else(axis):
     assert [finding.evidence["parameter"] for finding in pulled] == ["axes.X.mechanics.mass_kg"]
 
 
-@pytest.mark.xfail(
-    reason="a source at the column that never stops is taken for one at the headstock and a drift (docs: blind proof)",
-    strict=True,
-)
 def test_a_deleted_source_of_heat_is_named_with_its_place_and_power():
     recording = heat_recording()
     found = diagnosis_of_model(heat_model(heat_without("pump"), recording), recording)
