@@ -50,6 +50,18 @@ def test_deleted_friction_is_named_and_its_size_is_found(without_coulomb):
     assert all(fit.gap_closed is not None and fit.gap_closed.value > 0.9 for fit in answer.fit.values())
 
 
+def test_viscous_friction_by_direction_is_named_and_put_into_the_model():
+    whole = copy.deepcopy(AXIS)
+    whole["axes"]["X"]["friction"]["viscous_negative_ns_per_m"] = 100.0
+    recording = axis_recording(whole)
+    found = diagnosis_of_model(axis_model(AXIS, recording), recording)
+    assert [effect.id for effect in found.answer.effects] == ["drive.asymmetric_friction"]
+    # N·s/m; the noise of 0.02 V leaves less than a hundredth of it
+    assert found.answer.effects[0].parameters["viscous_negative_ns_per_m"].value == pytest.approx(100.0, abs=3.0)
+    assert found.refit.values["axes.X.friction.offset_n"] < -5.0, "a constant force stood in for it"
+    assert found.improved.refit.values["axes.X.friction.offset_n"] == pytest.approx(-3.0, abs=0.5)
+
+
 def test_the_improved_file_keeps_the_errors_that_the_answer_says(without_coulomb, axis):
     improved = without_coulomb.improved
     assert isinstance(improved, Improved)

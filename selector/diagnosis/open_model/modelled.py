@@ -97,6 +97,8 @@ _MOST_SURE = 0.85
 """Of 25 names that the blind proof had put into models, or beside them, 22 were right."""
 _MOST_SURE_BESIDE = 0.5
 """Of physics that the model file cannot take in: what rubs or gives way otherwise than in the model looks like it."""
+_MANY = 3
+"""Names of physics beside the model from which on any smooth misfit may have been put together from them."""
 _SUSPECTED = 0.5
 """What is left of the confidence in a name that unseen rows could not bear out."""
 _SHRINKS = 0.5
@@ -317,6 +319,8 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         is_sure = is_data(one.id) or carries_beside >= _BESIDE
         is_sure &= any(_is_borne_out(tried, name, floor[name]) for name in one.channels)
         (beside if is_sure else also).append(one)
+    if len(physics := [one for one in beside if not is_data(one.id)]) >= _MANY:
+        beside, also = [one for one in beside if is_data(one.id)], [*also, *physics]
     if answer.verdict == "unexplained" and put and _carried(first.comparison, last.comparison, floor) < _CARRIES:
         put, also = [], [*also, *put]
     effects = tuple(sorted([*put, *beside], key=lambda effect: -effect.share))
