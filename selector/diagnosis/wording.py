@@ -92,9 +92,9 @@ def _wandering(found: Diagnosis) -> list[str]:
 
 
 def _turned(found: Diagnosis) -> list[str]:
-    """Responses that were simulated with the other sign."""
+    """Responses that were simulated with the other sign; beside parameters of a model a gain says nothing of that."""
     said = []
-    for response in found.comparison.responses:
+    for response in () if "model" in found.recalibration else found.comparison.responses:
         gain = recalibration_of(found.recalibration.get(response, {})).get("gain")
         if gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
             said.append(f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}.")

@@ -50,6 +50,18 @@ def test_deleted_friction_is_named_and_its_size_is_found(without_coulomb):
     assert all(fit.gap_closed is not None and fit.gap_closed.value > 0.9 for fit in answer.fit.values())
 
 
+def test_viscous_friction_by_direction_is_named_and_put_into_the_model():
+    whole = copy.deepcopy(AXIS)
+    whole["axes"]["X"]["friction"]["viscous_negative_ns_per_m"] = 100.0
+    recording = axis_recording(whole)
+    found = diagnosis_of_model(axis_model(AXIS, recording), recording)
+    assert [effect.id for effect in found.answer.effects] == ["drive.asymmetric_friction"]
+    # N·s/m; the noise of 0.02 V leaves less than a hundredth of it
+    assert found.answer.effects[0].parameters["viscous_negative_ns_per_m"].value == pytest.approx(100.0, abs=3.0)
+    assert found.refit.values["axes.X.friction.offset_n"] < -5.0, "a constant force stood in for it"
+    assert found.improved.refit.values["axes.X.friction.offset_n"] == pytest.approx(-3.0, abs=0.5)
+
+
 def test_the_improved_file_keeps_the_errors_that_the_answer_says(without_coulomb, axis):
     improved = without_coulomb.improved
     assert isinstance(improved, Improved)
@@ -80,10 +92,6 @@ def test_a_wrong_mass_is_a_wrong_mass_and_nothing_else(axis):
     assert [finding.evidence["parameter"] for finding in pulled] == ["axes.X.mechanics.mass_kg"]
 
 
-@pytest.mark.xfail(
-    reason="a source at the column that never stops is taken for one at the headstock and a drift (docs: blind proof)",
-    strict=True,
-)
 def test_a_deleted_source_of_heat_is_named_with_its_place_and_power():
     recording = heat_recording()
     found = diagnosis_of_model(heat_model(heat_without("pump"), recording), recording)

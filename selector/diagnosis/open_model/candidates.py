@@ -70,16 +70,19 @@ def candidates(fitted: Refitted, through: ThroughModel, of_first: Mapping[str, f
     return sorted(refined, key=lambda one: -one.gain)
 
 
-def chosen(found: Sequence[Candidate], false_alarm: float, without: Collection[str]) -> list[tuple[Candidate, ...]]:
+def chosen(
+    found: Sequence[Candidate], false_alarm: float, without: Collection[tuple[str, ...]]
+) -> list[tuple[Candidate, ...]]:
     """Effects that are large and sure enough to be put in, the best first, each with the rivals that do as well.
 
     Of those that fit nearly as well the one with the fewest amounts comes first, then that which unseen rows like best.
+    Ways with the parameters of one `without` are not asked for.
     """
     ways: dict[str, Candidate] = {}
     for one in found:
-        if one.p_value <= false_alarm and one.share >= LEAST:
+        if one.p_value <= false_alarm and one.share >= LEAST and one.switch.parameters not in without:
             ways.setdefault(one.switch.id, one)
-    left, ranked = [one for id_, one in ways.items() if id_ not in without], list[tuple[Candidate, ...]]()
+    left, ranked = list(ways.values()), list[tuple[Candidate, ...]]()
     least = _FAR_BEHIND * max((one.gain for one in left), default=0.0)
     while left and left[0].gain >= least:
         near = [one for one in left if one.gain >= min(_NEARLY * left[0].gain, left[0].gain - _CLEAR)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -96,8 +97,12 @@ _MOST_SURE = 0.85
 """Of 25 names that the blind proof had put into models, or beside them, 22 were right."""
 _MOST_SURE_BESIDE = 0.5
 """Of physics that the model file cannot take in: what rubs or gives way otherwise than in the model looks like it."""
+_MANY = 3
+"""Names of physics beside the model from which on any smooth misfit may have been put together from them."""
 _SUSPECTED = 0.5
 """What is left of the confidence in a name that unseen rows could not bear out."""
+_SHRINKS = 0.5
+"""Part of its size that an effect keeps beside the next one, if it does not only stand in for it."""
 _SIZES = (1.0, 2.0, 4.0, 8.0)
 """Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
@@ -123,14 +128,23 @@ class Modelled:
 
 @dataclass(frozen=True, eq=False)
 class _Put:
-    """An effect that was put into the model: what was found, beside which rivals, and model and fit with it."""
+    """An effect that was put into the model: what was found, and model and fit with it."""
 
-    best: Candidate
-    rivals: tuple[str, ...]
+    alike: tuple[Candidate, ...]  #: The effect, and the rivals that do as well
     is_borne_out: bool  #: Whether unseen rows gain by it
     model: OwnModel
     refit: Refitted
     start: Mapping[str, float]  #: Its parameters as they were put in
+
+    @property
+    def best(self) -> Candidate:
+        """What was put in."""
+        return self.alike[0]
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """Effects that do as well."""
+        return tuple(one.switch.id for one in self.alike[1:])
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,26 +196,25 @@ def diagnosis_of_model(
     model = with_longest_steps(runnable, recording, responses=responses, holdout=holdout)
     part = _part(say, 0.0, 0.4)
     first = refitted(model, recording, responses=responses, holdout=holdout, progress=part(0.0, 1.0))
-    through, put, stood, refused = None, list[_Put](), list[Candidate](), set[str]()
+    through, put, stood, refused = None, list[_Put](), list[Candidate](), set[tuple[str, ...]]()
     while isinstance(model, OwnModel) and len(put) < _MOST:
+        with_one = partial(_with, model, first, recording, responses, holdout)
         part = _part(say, 0.4 + 0.15 * len(put), 0.55 + 0.15 * len(put))
         now = put[-1].refit if put else first
-        shown = through_model(model, now, progress=part(0.0, 0.5))
+        shown = through_model(put[-1].model if put else model, now, progress=part(0.0, 0.5))
         left, mismatch = _squares(now.comparison), _squares(first.comparison)
         found = candidates(now, shown, {name: left[name] / max(mismatch[name], 1e-300) for name in left})
         through, stood = (shown, found) if through is None else (through, stood)
-        there = {one.best.switch.id for one in put}
         step = None
+        there = {one.best.switch.parameters for one in put}
         for alike in chosen(found, false_alarm, there | refused)[:_TRIED]:
-            earlier = {} if not put else put[-1].start
-            step = _with(alike, model, now, recording, responses, holdout, earlier, part(0.5, 1.0))
+            step = with_one(part(0.5, 1.0), put, alike)
             if step is not None:
                 break
-            refused.add(alike[0].switch.id)
+            refused.add(alike[0].switch.parameters)
         if step is None:
             break
-        put.append(step)
-        model = step.model
+        put = _settled([*put, step], partial(with_one, part(0.5, 1.0)))
     last = put[-1].refit if put else first
     answer = diagnosis(
         last.comparison,
@@ -213,11 +226,36 @@ def diagnosis_of_model(
     return _answer(runnable, _Tried(first, through, tuple(put), tuple(stood), answer), seed)
 
 
+def _settled(put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[Candidate, ...]], _Put | None]) -> list[_Put]:
+    """Without what only stood in for the last effect: what shrinks beside it, and without which all errors stay."""
+    *earlier, last = put
+    names = [one.best.switch.parameters[0] for one in earlier]
+    kept = [
+        one for one, name in zip(earlier, names, strict=True)
+        if abs(last.refit.values[name]) > _SHRINKS * abs(one.refit.values[name])
+    ]  # fmt: skip
+    again: list[_Put] = []
+    for alike in (*(one.alike for one in kept), last.alike):
+        if len(kept) == len(earlier) or (step := with_one(again, alike)) is None:
+            return put
+        again.append(step)
+    floor = {name: quick_noise(last.refit.comparison, name) for name in last.refit.comparison.responses}
+    for squares in (_squares, lambda comparison: unseen_squares(comparison, floor)):
+        was, now = squares(last.refit.comparison), squares(again[-1].refit.comparison)
+        if any(now[name] > _RUIN * max(was[name], 1e-300) for name in was):
+            return put
+    return again
+
+
 def _with(
-    alike: Sequence[Candidate], model: OwnModel, now: Refitted, recording: Recording,
-    responses: Sequence[str] | None, holdout: str, earlier: Collection[str], progress: Say,
+    given: OwnModel, first: Refitted, recording: Recording, responses: Sequence[str] | None, holdout: str,
+    progress: Say, put: Sequence[_Put], alike: tuple[Candidate, ...],
 ) -> _Put | None:  # fmt: skip
-    """The model with an effect, everything fitted again; None where unseen rows do not gain by it after all."""
+    """The model with an effect beside what was `put` into it, everything fitted again.
+
+    None where unseen rows do not gain by it after all.
+    """
+    model, now, earlier = (put[-1].model, put[-1].refit, put[-1].start) if put else (given, first, {})
     best, switch = alike[0], alike[0].switch
     amounts = np.maximum(best.amounts, 1e-3 * np.array(switch.sizes)) if switch.is_amount else np.array(best.amounts)
     made: list[OwnModel] = []
@@ -246,8 +284,7 @@ def _with(
     # nor does what is near the noise with one effect lack another one
     if not is_borne_out and (earlier or (off and not best.is_idle)):
         return None
-    rivals = tuple(one.switch.id for one in alike[1:])
-    return _Put(best, rivals, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
+    return _Put(alike, is_borne_out, made[0], again, {**dict.fromkeys(kept, 0.0), **starts[0]})
 
 
 def _part(say: Say, start: float, end: float) -> Callable[[float, float], Say]:
@@ -269,17 +306,21 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
     corrected = replace(last.comparison, simulated={name: answer.fit[name].after for name in answer.fit})
     carries_beside = _carried(last.comparison, corrected, floor)
     asked = None if tried.through is None else {one.id for one in tried.through.effects(catalogue())}
+    off = {name for name, squares in unseen_squares(last.comparison, floor).items() if squares > _NEAR**2}
     for effect in answer.effects:
         one = replace(
             effect, share=effect.share * min(1.0, left[effect.channel] / max(mismatch[effect.channel], 1e-300))
         )
         if one.id in {e.id for e in put} or one.share < _FLOOR or not (asked is None or one.id in asked):
             continue
-        if asked is not None and not is_data(one.id):
+        # nor is a recording at fault beyond doubt where the model is still wrong elsewhere
+        if off - set(one.channels) if is_data(one.id) else asked is not None:
             one = replace(one, confidence=min(one.confidence, _MOST_SURE_BESIDE))
         is_sure = is_data(one.id) or carries_beside >= _BESIDE
         is_sure &= any(_is_borne_out(tried, name, floor[name]) for name in one.channels)
         (beside if is_sure else also).append(one)
+    if len(physics := [one for one in beside if not is_data(one.id)]) >= _MANY:
+        beside, also = [one for one in beside if is_data(one.id)], [*also, *physics]
     if answer.verdict == "unexplained" and put and _carried(first.comparison, last.comparison, floor) < _CARRIES:
         put, also = [], [*also, *put]
     effects = tuple(sorted([*put, *beside], key=lambda effect: -effect.share))

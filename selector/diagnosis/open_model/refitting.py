@@ -146,6 +146,8 @@ _Start = tuple[Vector, "_Slopes"]
 
 NAMEPLATE = 0.2
 """Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
+_OF_RANGE = 0.005
+"""The least of it where a parameter may have either sign, as a share of its range: it may be near 0 by chance."""
 _UNDETERMINED = 0.8
 """A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
@@ -277,7 +279,7 @@ def _spread(one: Parameter, name: str, runnable: Runnable, extra: Mapping[str, f
         return max(abs(extra[name]), 0.1 * (one.high - one.low))
     if name in runnable.bounded:
         return (one.high - one.low) / np.sqrt(12.0)
-    return NAMEPLATE * abs(one.value)
+    return max(NAMEPLATE * abs(one.value), _OF_RANGE * (one.high - one.low) if one.low < 0.0 < one.high else 0.0)
 
 
 @dataclass(frozen=True, eq=False)

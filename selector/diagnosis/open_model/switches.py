@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -129,6 +129,10 @@ def _of_friction(model: OwnModel, axis: str, known: Mapping[str, Any]) -> Iterat
             _at(path, lambda a: {"coulomb_negative_n": coulomb + a[0]}),
             (f"{start}coulomb_negative_n",), guide, is_amount=False, is_part=True,
         )  # fmt: skip
+    viscous = known.get("mechanics.guide_damping_ns_per_m")
+    if viscous is not None and viscous.value > 0.0 and known["friction.viscous_negative_ns_per_m"].value == 0.0:
+        key, size = "friction.viscous_negative_ns_per_m", 0.05 * viscous.value
+        yield replace(_number(axis, key, "drive.asymmetric_friction", size, "N·s/m", False, guide), is_part=True)
     if coulomb > 0.0 and "static_n" not in said:
         for speed in _STRIBECK_M_PER_S:
             yield _stribeck(path, start, guide, coulomb, said.get("coulomb_negative_n", coulomb), speed)

@@ -153,6 +153,7 @@ def output_without_acceleration(run: AxisRun) -> NDArray[np.float64]:
     damping: float | NDArray[np.float64] = mechanics.guide_damping_ns_per_m
     if run.course is not None and run.course.guide_damping_ns_per_m is not None:
         damping = run.course.guide_damping_ns_per_m
+    damping = damping + np.where(speed < 0.0, friction.viscous_negative_ns_per_m, 0.0)
     force = damping * speed + friction.offset_n
     for way, (sliding, static) in zip((1.0, -1.0), friction.directions, strict=True):
         faded = np.exp(-((np.abs(speed) / friction.stribeck_speed_m_per_s) ** friction.stribeck_exponent))

@@ -99,6 +99,8 @@ class AxisSystem:
         damping = mechanics.guide_damping_ns_per_m
         if self.course is not None and self.course.guide_damping_ns_per_m is not None:
             damping = self._between(t_s, self.course.guide_damping_ns_per_m)
+        if speed < 0.0:
+            damping += self.axis.friction.viscous_negative_ns_per_m
         friction = self._friction(speed, state, rate)
         force = push + u[0] + self._force(t_s) - self.axis.friction.offset_n - damping * speed - friction
         rate[table] = speed

@@ -43,6 +43,11 @@ CASES = {
         STRIBECK,
     ),
     "asymmetry": (DRY, replace(COULOMB, coulomb_negative_n=300.0), replace(COULOMB, coulomb_negative_n=301.0)),
+    "viscous by direction": (
+        DRY,
+        replace(COULOMB, viscous_negative_ns_per_m=0.0),
+        replace(COULOMB, viscous_negative_ns_per_m=100.0),
+    ),
     "asymmetric breakaway": (
         Axis(THREE, CONTINUOUS, STRIBECK),
         replace(STRIBECK, coulomb_negative_n=300.0, static_negative_n=450.0),

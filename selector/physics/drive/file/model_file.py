@@ -403,7 +403,7 @@ def _bounds(one: Number, made: FileAxis) -> tuple[float, float]:
     """Those of the field; of forces and damping, which may be 0 or have either sign, by the mass of the axis."""
     limit = _limit_from_mass(one.path, made)
     if limit is not None:
-        signed = one.path[-1] in ("offset_n", "cogging")
+        signed = one.path[-1] in ("offset_n", "cogging", "viscous_negative_ns_per_m")
         return (Fit(either_sign=limit) if signed else Fit(up_to=limit)).bounds(one.value)
     return (one.low, one.high) if one.high > one.low else (0.0, 1.0)
 
@@ -437,7 +437,7 @@ def _limit_from_mass(path: Key, made: FileAxis) -> float | None:
         return _FRICTION_M_PER_S2 * mass
     if key == "cogging":
         return _FRICTION_M_PER_S2 * mass * radius
-    if key in ("guide_damping_ns_per_m", "viscous_ns_per_m"):
+    if key in ("guide_damping_ns_per_m", "viscous_ns_per_m", "viscous_negative_ns_per_m"):
         return _DAMPING_PER_S * mass
     if path[-2:] == ("lugre", "damping_ns_per_m") and lugre is not None:
         return 2.0 * math.sqrt(lugre.stiffness_n_per_m * mass)

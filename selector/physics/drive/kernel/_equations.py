@@ -216,6 +216,8 @@ def derivative(w, row, out, s, i, u, p, o, ref):
     guide_damping = p[GUIDE_DAMPING]
     if o[VARYING_GUIDE]:
         guide_damping = ref[i, COURSE_GUIDE] + s * (ref[i + 1, COURSE_GUIDE] - ref[i, COURSE_GUIDE])
+    if v < 0.0:
+        guide_damping += p[MORE_DAMPING_DOWN]
     drive = actuator_force(u, motor, p, o)
     push = force = drive
     if not rigid:

@@ -26,7 +26,7 @@ STRIBECK_EXPONENT, OFFSET, SCREW_COULOMB, BRISTLE, BRISTLE_DAMPING, FADING, HALF
 PITCH_AMPLITUDE, PITCH_RATE, PITCH_PHASE, PITCH_SLOPE, SHAFT, LENGTH, ORIGIN, RIPPLE_RATE = range(22, 30)
 POSITION_GAIN, VELOCITY_GAIN, INTEGRAL_GAIN, ACTUATOR_GAIN, COMMAND_LIMIT, SPEED_LIMIT = range(30, 36)
 SPEED_AHEAD, ACCELERATION_AHEAD, SAMPLE, MOTOR_RESOLUTION, SCALE_RESOLUTION = range(36, 41)
-PERIOD, STEP, DELAY_PART, NUMBERS = range(41, 45)
+PERIOD, STEP, DELAY_PART, MORE_DAMPING_DOWN, NUMBERS = range(41, 46)
 
 # switches: what there is, how many, and where its table begins
 RIGID, CONTROL, DRY, SCREW_DRY, LUGRE, BACKLASH, VARYING_AXIAL, VARYING_GUIDE, PITCH, PITCH_POINTS = range(10)
@@ -84,6 +84,7 @@ def _pack_friction(axis: Axis, p: Vector, o: Switches) -> None:
     p[COULOMB_DOWN], p[EXCESS_DOWN] = down, hold_down - down
     p[STRIBECK_SPEED], p[STRIBECK_EXPONENT] = friction.stribeck_speed_m_per_s, friction.stribeck_exponent
     p[OFFSET] = friction.offset_n
+    p[MORE_DAMPING_DOWN] = friction.viscous_negative_ns_per_m
     p[SCREW_COULOMB] = friction.screw_coulomb_nm
     resists = max(up, down, hold_up, hold_down) > 0
     o[DRY] = resists and friction.lugre is None

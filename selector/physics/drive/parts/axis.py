@@ -114,6 +114,8 @@ class Friction(Checked):
     stribeck_speed_m_per_s: Annotated[float, ABOVE_0, Unit("m/s"), Limits(1e-9, 1e3), Fit(1e-4, 0.5)] = 0.01
     stribeck_exponent: Annotated[float, ABOVE_0, Limits(1e-3, 100.0), Fit(0.5, 4.0)] = 2.0
     offset_n: Annotated[Force, FINITE] = 0.0  #: Constant force against the positive direction: weight, cable [N]
+    #: What v < 0 has of viscous friction beyond that of the mechanics [N·s/m]; linearised loops do without it
+    viscous_negative_ns_per_m: Annotated[Damping, FINITE] = 0.0
     #: Dry friction of screw and bearings on the screw's speed [N·m]; three-mass axis only
     screw_coulomb_nm: Torque = 0.0
     lugre: LuGre | None = None  #: Friction with memory instead of the jump at v = 0
@@ -314,6 +316,12 @@ class Axis(Checked):
                     yield f"{there:g} in an axis of one mass", "0, or an axis of three masses", where, advice
             if self.compliance is not None:
                 yield "an axial compliance in an axis of one mass", "an axis of three masses", "compliance", advice
+        if (down := self.mechanics.guide_damping_ns_per_m + self.friction.viscous_negative_ns_per_m) < 0.0:
+            found, advice = (
+                f"viscous friction of {down:g} N·s/m for v < 0",
+                "it is what v < 0 has more: of less, say less",
+            )
+            yield found, "0 or more together with that of the guide", "friction.viscous_negative_ns_per_m", advice
         if self._least_travel <= 0.0:
             found = f"a pitch error that turns the travel back (least slope {self._least_travel:.3g})"
             advice = "give pitch errors in metres: 5 µm are 5e-6"
