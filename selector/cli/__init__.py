@@ -23,6 +23,7 @@ from selector.cli import (
     effects,
     exporting,
     fleets,
+    live,
     models,
     predicting,
     proving,
@@ -82,6 +83,7 @@ _command("demo", demo.demo)
 _command("apply", applying.apply)
 _command("adapt", adapting.adapt)
 _command("export", exporting.export)
+_command("compensate", live.compensate)
 _command("predict", predicting.predict)
 
 
