@@ -56,7 +56,7 @@ class Readings:
                 continue
             sample = answer.get(channel.address, Sample(math.nan, "missing"))
             factor, zero = self._scales[name]
-            is_good = sample.quality == "good" and (sample.age_s or 0.0) <= (channel.oldest_s or math.inf)
+            is_good = sample.quality == "good" and (sample.age_s or 0.0) <= self._io.oldest_s(channel)
             value = factor * sample.value + zero if is_good else math.nan
             self._kept[name] = value, now_s
             found[name] = value, sample.source_s
@@ -143,6 +143,10 @@ class Compensation:
         self.journal.tell("started", machine=self._io.machine, period_s=self._io.period_s)
         next_s = status_s = self._clock.monotonic()
         end = cycles or math.inf
+        # what libraries say in the background belongs into the journal, not on the screen
+        asyncio.get_running_loop().set_exception_handler(
+            lambda _, told: self.journal.tell("background", error=str(told.get("exception") or told["message"])[:300])
+        )
         try:
             while not (self.is_stopping or self._counts["cycles"] >= end or self._is_over()):
                 next_s = await self._period(next_s)
@@ -266,8 +270,9 @@ class Compensation:
                 return
             now_s = self._clock.monotonic()
             for name, of in self._written.items():
-                value = answer.get(of.back, Sample(math.nan)).value if of.at == connection else math.nan
-                if math.isnan(value):
+                sample = answer.get(of.back) if of.at == connection else None
+                is_old = sample is None or (sample.age_s or 0.0) > self._io.oldest_s(self._io.outputs[name])
+                if sample is None or is_old or sample.quality != "good" or math.isnan(value := sample.value):
                     continue
                 if of.arrived(value, now_s):
                     self._counts["rows_confirmed"] += 1

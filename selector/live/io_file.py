@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 from collections.abc import Iterator, Mapping
@@ -34,7 +35,7 @@ def _known_role(role: str) -> str:
 class Connection(Table):
     """``[connections.NAME]``: a server, or a file; where a password is needed, its place and never itself."""
 
-    kind: Literal["file", "mtconnect"]
+    kind: Literal["file", "opcua", "mqtt", "mtconnect", "hal"]
     url: Name
     timeout_s: Seconds = 0.4
     user: Name | None = None
@@ -113,6 +114,11 @@ class IoFile(Table):
         """Addresses that are written there: outputs and the heartbeat."""
         return tuple(place.address for place in self._written() if place.at == connection)
 
+    def oldest_s(self, place: Place) -> float:
+        """A value older than that is none [s]. A broker hands on what is said, and nothing when nobody says it."""
+        said = place.oldest_s if isinstance(place, LiveChannel) else None
+        return said or (self.stale_after_s if self.connections[place.at].kind == "mqtt" else math.inf)
+
     def _written(self) -> Iterator[Place]:
         yield from self.outputs.values()
         if self.control.heartbeat is not None:
@@ -149,9 +155,8 @@ def _fits_itself(said: IoFile, where: str) -> None:
         if "@" in connection.url.partition("://")[2].partition("/")[0]:
             advice = "say user, and password_env or password_file; take the password out of this file"
             raise _unusable("an address with credentials", f"{where}, key connections.{name}.url", advice)
-    for key, place in ((f"channels.{name}", one) for name, one in said.channels.items()):
-        _known(place.at, said.connections, f"{where}, key {key}.at", "connection")
     for name, channel in said.channels.items():
+        _known(channel.at, said.connections, f"{where}, key channels.{name}.at", "connection")
         if channel.unit is not None:
             unit_for_role(channel.unit, channel.role, where=f"{where}, key channels.{name}.unit")
     taken: set[tuple[str, str]] = set()
@@ -163,9 +168,9 @@ def _fits_itself(said: IoFile, where: str) -> None:
             raise _unusable(f"two outputs at {place.address!r}", where, "give each an address of its own")
         taken.add((place.at, place.address))
     control = said.control
-    for name in (control.ready, control.wanted, control.alive, *said.positions.values()):
-        if name is not None:
-            _known(name, said.channels, f"{where}, key control", "channel")
+    for watched in (control.ready, control.wanted, control.alive, *said.positions.values()):
+        if watched is not None:
+            _known(watched, said.channels, f"{where}, key control", "channel")
 
 
 def _fits(said: IoFile, model: ModelFile, where: str) -> None:

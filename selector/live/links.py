@@ -277,4 +277,21 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
                 advice=f"correct url of connection {name}",
             )
         return FileLink(connection.url, writes, clock)
-    raise OptionError(f"a connection of kind {connection.kind}", expected="file", where=name, advice="use another kind")
+    # heavy, and extras
+    if connection.kind == "opcua":
+        from selector.live.opcua import OpcUaLink
+
+        beat = io.control.heartbeat
+        return OpcUaLink(connection, writes, beat.address if beat is not None and beat.at == name else None)
+    if connection.kind == "mqtt":
+        from selector.live.mqtt import MqttLink
+
+        backs = [one.read_back for one in io.outputs.values() if one.at == name and one.read_back is not None]
+        return MqttLink(connection, (*io.reads(name), *backs), writes, clock)
+    if connection.kind == "mtconnect":
+        from selector.live.mtconnect import MTConnectLink
+
+        return MTConnectLink(connection)
+    from selector.live.hal import HalLink
+
+    return HalLink()

@@ -127,15 +127,15 @@ def run(process: Compensation, clock: FastClock, seconds: int, each=lambda secon
     asyncio.run(work())
 
 
-def beyond_the_guard(arrived: list[tuple[float, float]], unit: float = 1.0) -> list[str]:
+def beyond_the_guard(arrived: list[tuple[float, float]], unit: float = 1.0, late_s: float = 0.0) -> list[str]:
     """What must not have arrived: more than the clamp, or a step beyond the slew limit that does not end at zero.
 
-    A gap counts for 10 s at most, as in the guard.
+    A gap counts for 10 s at most, as in the guard. `late_s`: so much later it may have been noted than it arrived.
     """
     wrong, before_s, before = [], -math.inf, 0.0
     for moment_s, value in arrived:
         value_um = value / unit
-        allowed = SLEW_UM_PER_S * min(moment_s - before_s, 10.0) + ROUNDING
+        allowed = SLEW_UM_PER_S * min(moment_s - before_s + late_s, 10.0) + ROUNDING
         if not abs(value_um) <= CLAMP_UM + ROUNDING:
             wrong.append(f"{value_um} at {moment_s}")
         if value_um != 0.0 and not abs(value_um - before) <= allowed:
