@@ -24,6 +24,7 @@ from selector.cli import (
     effects,
     exporting,
     fleets,
+    live,
     models,
     predicting,
     proving,
@@ -83,6 +84,7 @@ _command("demo", demo.demo)
 _command("apply", applying.apply)
 _command("adapt", adapting.adapt)
 _command("export", exporting.export)
+_command("compensate", live.compensate)
 _command("predict", predicting.predict)
 
 

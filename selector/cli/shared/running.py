@@ -141,6 +141,7 @@ EXTRAS = {
     "field": "skfem pyamg meshio",
     "drive": "control",
     "fmu": "fmpy",
+    "live": "asyncua aiomqtt",
     "fleet": "fsspec distributed",
     "prove": "joblib sklearn",
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
@@ -43,7 +44,9 @@ class GuardedModel:
         self, model: ModelFile, number: Number = float, start_readings: Mapping[str, float] | None = None
     ) -> None:
         self._number = number
-        self._block = executable(guarded_program(model), number)
+        program = guarded_program(model)
+        self._block = executable(program, number)
+        self._retained = [one.name for one in program.of("retained")]
         self._sensors = {item.name: k for k, item in enumerate(model.inputs, 1)}
         self._rises = {item.name: k for k, item in enumerate(model.inputs, 1) if item.reference == "rise"}
         self._axes = {axis: k for k, axis in enumerate(axes_of(model), 1)}
@@ -123,6 +126,19 @@ class GuardedModel:
             for name, k in self._rises.items()
             if getattr(self._block, f"has_start_{k}")
         }
+
+    @property
+    def retained(self) -> dict[str, float]:
+        """What the control keeps while it is off: start readings, memory, what touch-offs taught."""
+        return {name: float(getattr(self._block, name)) for name in self._retained}
+
+    def retain(self, kept: Mapping[str, float]) -> None:
+        """Take up what `retained` was. Raises ValueError: that is not all of it, or no numbers."""
+        if set(kept) != set(self._retained) or not all(math.isfinite(float(one)) for one in kept.values()):
+            raise ValueError("kept values that are not those of this model")
+        for name, value in kept.items():
+            is_flag = isinstance(getattr(self._block, name), bool)
+            setattr(self._block, name, bool(value) if is_flag else self._number(value))
 
     def _set(self, name: str, k: int, value: float) -> None:
         setattr(self._block, f"{name}_{k}", self._number(value))

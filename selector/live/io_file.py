@@ -1,0 +1,201 @@
+"""IO.toml: which servers there are, what is read and written where, and how the control shows that it lives."""
+
+from __future__ import annotations
+
+import math
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from selector.controllers.evaluator import axes_of
+from selector.controllers.model_file import ModelFile
+from selector.errors import StudyError
+from selector.study.inputs import path_at
+from selector.study.study_file import LARGEST_FILE_BYTES, Name, Table, checked, study_sections
+from selector.text_file import text_of
+from selector.units import CANONICAL_UNITS, unit_for_role
+
+SCHEMA = "selector.io/1"
+PAGE = "docs/reference/io.md"
+UM_IN = {"um": 1.0, "mm": 1e-3, "m": 1e-6}
+
+Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False, strict=False)]
+
+
+def _known_role(role: str) -> str:
+    if role not in CANONICAL_UNITS:
+        raise ValueError("one of " + ", ".join(CANONICAL_UNITS))
+    return role
+
+
+class Connection(Table):
+    """``[connections.NAME]``: a server, or a file; where a password is needed, its place and never itself."""
+
+    kind: Literal["file", "opcua", "mqtt", "mtconnect", "hal"]
+    url: Name
+    timeout_s: Seconds = 0.4
+    user: Name | None = None
+    password_env: Name | None = None
+    password_file: Name | None = None
+    security: Name | None = None
+
+    def password(self) -> str | None:
+        """From the environment, or from a file that nobody else may read. Raises StudyError: there is none."""
+        where = f"connection {self.url}"
+        if self.password_env is not None:
+            if (said := os.environ.get(self.password_env)) is None:
+                raise _unusable(f"no variable {self.password_env}", where, "set it before the start")
+            return said
+        if self.password_file is None:
+            return None
+        path = Path(self.password_file)
+        text = text_of(path, 10_000, lambda found: _unusable(found, str(path), "correct password_file"))
+        if os.name == "posix" and stat.S_IMODE(path.stat().st_mode) & 0o077:
+            raise _unusable("a password that others may read", str(path), f"chmod 600 {path}")
+        return text.strip()
+
+
+class Place(Table):
+    """Where something stands: a connection, and its address there."""
+
+    at: Name
+    address: Name
+
+
+class LiveChannel(Place):
+    """``[channels.NAME]``: what is read; `oldest_s`: a value older than that by the server's own clock is none."""
+
+    role: Annotated[str, AfterValidator(_known_role)] = "temperature"
+    unit: Name | None = None
+    place: Name | None = None
+    axis: Name | None = None
+    oldest_s: Seconds | None = None
+
+
+class LiveOutput(Place):
+    """``[outputs.NAME]``: where a correction goes, in which unit, and where the control shows what arrived."""
+
+    unit: Literal["um", "mm", "m"] = "um"
+    read_back: Name | None = None
+
+
+class Control(Table):
+    """``[control]``: channels by which the control says that it is ready, wants the correction, and lives."""
+
+    ready: Name | None = None
+    wanted: Name | None = None
+    alive: Name | None = None
+    heartbeat: Place | None = None
+
+
+class IoFile(Table):
+    """An IO file as it is written."""
+
+    schema_: Annotated[Literal["selector.io/1"], Field(alias="schema")] = "selector.io/1"
+    machine: Annotated[str, Field(pattern=r"^[\w][\w.-]{0,99}$")] = "machine"
+    period_s: Seconds = 1.0
+    stale_after_s: Annotated[float, Field(gt=0, le=10, allow_inf_nan=False, strict=False)] = 5.0
+    mistrust_s: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False, strict=False)] = 60.0
+    connections: Annotated[Mapping[Name, Connection], Field(min_length=1, max_length=100)]
+    channels: Annotated[Mapping[Name, LiveChannel], Field(min_length=1, max_length=10_000)]
+    outputs: Annotated[Mapping[Name, LiveOutput], Field(max_length=32)] = Field(default_factory=dict)
+    positions: Mapping[Name, Name] = Field(default_factory=dict)
+    control: Control = Control()
+
+    def reads(self, connection: str) -> tuple[str, ...]:
+        """Addresses of the channels that are read from a connection."""
+        return tuple(dict.fromkeys(one.address for one in self.channels.values() if one.at == connection))
+
+    def writes(self, connection: str) -> tuple[str, ...]:
+        """Addresses that are written there: outputs and the heartbeat."""
+        return tuple(place.address for place in self._written() if place.at == connection)
+
+    def oldest_s(self, place: Place) -> float:
+        """A value older than that is none [s]. A broker hands on what is said, and nothing when nobody says it."""
+        said = place.oldest_s if isinstance(place, LiveChannel) else None
+        return said or (self.stale_after_s if self.connections[place.at].kind == "mqtt" else math.inf)
+
+    def _written(self) -> Iterator[Place]:
+        yield from self.outputs.values()
+        if self.control.heartbeat is not None:
+            yield self.control.heartbeat
+
+
+def read_io(path: str | Path, model: ModelFile | None = None) -> IoFile:
+    """The IO file at `path`; with a model, one that has every input, output and position of it.
+
+    Raises StudyError: it cannot be read, contradicts itself or does not fit the model.
+    """
+    where = str(path)
+    text = text_of(Path(path), LARGEST_FILE_BYTES, lambda found: _unusable(found, where, "check the path"))
+    said = checked(IoFile, study_sections(text, "[connections] and [channels]", where), where, PAGE)
+    _fits_itself(said, where)
+    if model is not None:
+        _fits(said, model, where)
+    folder = Path(path).parent
+    connections = {name: _beside(one, folder) for name, one in said.connections.items()}
+    return said.model_copy(update={"connections": connections})
+
+
+def _beside(connection: Connection, folder: Path) -> Connection:
+    """Its paths, which are relative to the IO file."""
+    paths: dict[str, Any] = {"password_file": connection.password_file}
+    if connection.kind == "file":
+        paths["url"] = connection.url
+    found = {name: str(path_at(path, folder)) for name, path in paths.items() if path is not None}
+    return connection.model_copy(update=found)
+
+
+def _fits_itself(said: IoFile, where: str) -> None:
+    for name, connection in said.connections.items():
+        if "@" in connection.url.partition("://")[2].partition("/")[0]:
+            advice = "say user, and password_env or password_file; take the password out of this file"
+            raise _unusable("an address with credentials", f"{where}, key connections.{name}.url", advice)
+    for name, channel in said.channels.items():
+        _known(channel.at, said.connections, f"{where}, key channels.{name}.at", "connection")
+        if channel.unit is not None:
+            unit_for_role(channel.unit, channel.role, where=f"{where}, key channels.{name}.unit")
+    taken: set[tuple[str, str]] = set()
+    for place in said._written():
+        _known(place.at, said.connections, f"{where}, key outputs", "connection")
+        if said.connections[place.at].kind == "mtconnect":
+            raise _unusable("an output at an MTConnect agent", where, "write it elsewhere: MTConnect is read only")
+        if (place.at, place.address) in taken:
+            raise _unusable(f"two outputs at {place.address!r}", where, "give each an address of its own")
+        taken.add((place.at, place.address))
+    control = said.control
+    for watched in (control.ready, control.wanted, control.alive, *said.positions.values()):
+        if watched is not None:
+            _known(watched, said.channels, f"{where}, key control", "channel")
+
+
+def _fits(said: IoFile, model: ModelFile, where: str) -> None:
+    for item in model.inputs:
+        _known(item.name, said.channels, f"{where}, key channels", "channel of this name, which the model reads,")
+        if said.channels[item.name].role != item.role:
+            raise _unusable(
+                f"role {said.channels[item.name].role!r} of {item.name!r}", where, f"say role = {item.role!r}"
+            )
+    for output in model.outputs:
+        _known(output.name, said.outputs, f"{where}, key outputs", "output of this name, which the model has,")
+    for name in said.outputs:
+        _known(name, {output.name: None for output in model.outputs}, f"{where}, key outputs", "output of the model")
+    for axis in axes_of(model):
+        _known(axis, said.positions, f"{where}, key positions", "axis, whose position the model needs,")
+
+
+def _known(name: str, names: Mapping[str, Any], where: str, what: str) -> None:
+    if name not in names:
+        raise _unusable(
+            f"{name!r}, but no {what} among {', '.join(list(names)[:20]) or 'none'}", where, "add it, or correct it"
+        )
+
+
+def _unusable(found: str, where: str, advice: str) -> StudyError:
+    return StudyError(
+        found, expected=f"an IO file ({SCHEMA}) and what it names", where=where, advice=f"{advice}; {PAGE} explains it"
+    )

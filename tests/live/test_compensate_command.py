@@ -1,0 +1,95 @@
+"""`compensate` through the command line: a recorded day as files, and what is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import pytest
+
+from selector.cli import exit_status
+from selector.controllers import sealed
+from selector.controllers.model_file import write_model
+from tests.live.plants import beyond_the_guard, model
+
+IO = """
+period_s = 1.0
+[connections.day]
+kind = "file"
+url = "day.csv"
+[connections.program]
+kind = "file"
+url = "given.csv"
+[channels.T1]
+at = "day"
+address = "PT1"
+unit = "degF"
+[channels.T2]
+at = "day"
+address = "PT2"
+[outputs.Z]
+at = "program"
+address = "Z"
+unit = "mm"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_model(sealed(model()), tmp_path / "model.json")
+    (tmp_path / "io.toml").write_text(IO, "utf-8")
+    rows = [[second, 68.0 + 1.8 * min(0.05 * second, 5.0), 20.0] for second in range(200)]
+    with (tmp_path / "day.csv").open("w", newline="") as file:
+        csv.writer(file).writerows([["time_s", "PT1", "PT2"], *rows])
+    return tmp_path
+
+
+def command(folder, *more):
+    return exit_status(
+        ["compensate", str(folder / "model.json"), "--io", str(folder / "io.toml"), "--out", str(folder / "out"), *more]
+    )
+
+
+def test_a_recorded_day(folder, capsys):
+    assert command(folder, "--fast", "--json") == 0
+    status = json.loads(capsys.readouterr().out)
+    assert status["schema"] == "selector.compensation/1"
+    with (folder / "given.csv").open() as file:
+        arrived = [(float(row["time_s"]), float(row["Z"])) for row in csv.DictReader(file)]
+    assert beyond_the_guard(arrived, unit=1e-3) == []
+    # 5 K at 2 um/K, in mm, and at the end back to zero
+    assert min(value for _, value in arrived) == pytest.approx(-0.01)
+    assert arrived[-1][1] == 0.0
+    assert status["rows_out"] == status["rows_confirmed"] == len(arrived)
+    assert {path.name for path in (folder / "out").iterdir()} == {
+        "journal.jsonl", "kept.json", "metrics.prom", "status.html", "status.json",
+    }  # fmt: skip
+    assert "not a safety function" in (folder / "out" / "status.html").read_text("utf-8")
+    assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"day.csv"', '"no.csv"', "no such file"),
+        ("[channels.T1]", "[channels.T9]", "'T1'"),
+        ('at = "program"', 'at = "nowhere"', "nowhere"),
+        ('unit = "mm"', 'unit = "furlong"', "furlong"),
+        ('unit = "degF"', 'unit = "mm"', "does not fit role"),
+        ('kind = "file"\nurl = "given.csv"', 'kind = "mtconnect"\nurl = "http://agent"', "MTConnect"),
+        ('url = "given.csv"', 'url = "opc.tcp://me:secret@plc"', "password_env"),
+        ("period_s = 1.0", "period_s = 0", "period_s"),
+        ("period_s = 1.0", "perid_s = 1.0", "period_s"),
+        ("[outputs.Z]", "[outputs.Q]", "'Z'"),
+    ],
+)
+def test_an_io_file_that_cannot_be_used(folder, capsys, old, new, told):
+    text = (folder / "io.toml").read_text("utf-8")
+    assert old in text
+    (folder / "io.toml").write_text(text.replace(old, new, 1), "utf-8")
+    assert command(folder, "--fast") == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert "secret@" not in error
+    assert not (folder / "given.csv").exists()
+    assert not (folder / "out" / "journal.jsonl").exists()
