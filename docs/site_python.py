@@ -20,7 +20,7 @@ PARTS = {
     "selection": ("The choice, scikit-learn, and the study file", "selection estimators study"),
     "heat": (
         "How the machine warms",
-        "physics.system physics.thermal.network.laws physics.thermal.network.heat_system"
+        "physics.thermal.network.laws physics.thermal.network.heat_system"
         " physics.thermal.network.transient physics.thermal.field physics.thermal.modes.thermal_test"
         " physics.thermal.modes.modes physics.thermal.modes.choice physics.thermal.modes.cyclogram"
         " physics.thermal.prediction.characteristics physics.thermal.prediction.piecewise"
@@ -30,7 +30,7 @@ PARTS = {
     "drives": (
         "How its axes follow",
         "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.axis"
-        " physics.drive.trajectory physics.drive.simulation"
+        " physics.drive.trajectory physics.drive.simulation physics.drive.loop.closed_loop"
         " physics.drive.loop.stability physics.drive.identification physics.drive.ball_bar.circle"
         " physics.drive.ball_bar.quantities physics.drive.ball_bar.causes physics.drive.file.model_file"
         " physics.drive.drive_model physics.drive.driving",

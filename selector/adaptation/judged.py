@@ -90,7 +90,7 @@ def judged(courses: Sequence[Course], every_s: float | None) -> Judged:
     teaching = [[one] if every_s is None else [one.touched_every(every_s, phase) for phase in PHASES] for one in seen]
     is_touched = any(len(one.touched_at) for one in actual)
     if len(seen) < 2 or not is_touched:
-        return _alone(actual)
+        return _told("none", None, [_without(one) for one in actual], {})  # nothing was learnt
     lessons = {kind: _lessons(teaching, with_gain=kind == "offset+gain") for kind in KINDS[1:]}
     runs: dict[Kind, list[JudgedRun]] = {"none": [_without(one) for one in actual]}
     for kind, (_, each) in lessons.items():
@@ -166,11 +166,6 @@ def _without(course: Course) -> JudgedRun:
     at = course.judged
     m = course.modelled_um[at]
     return JudgedRun(course, "none", course.time_s[at], course.recorded_um[at], m, m, np.full(len(at), np.nan))
-
-
-def _alone(courses: Sequence[Course]) -> Judged:
-    """Nothing was learnt: the model as it is."""
-    return _told("none", None, [_without(one) for one in courses], {})
 
 
 def _told(kind: Kind, learnt: Learnt | None, runs: Sequence[JudgedRun], rmse: Mapping[Kind, float]) -> Judged:

@@ -31,7 +31,7 @@ from selector.controllers.model_file import (
     read_model,
     write_model,
 )
-from selector.controllers.self_check import check_model, check_vectors, model_findings, sealed, usable_model
+from selector.controllers.self_check import check_vectors, model_findings, sealed, usable_model
 from selector.controllers.vector_block import CheckVector, GuardVector
 
 __all__ = [
@@ -57,7 +57,6 @@ __all__ = [
     "Term",
     "Validation",
     "apply_model",
-    "check_model",
     "check_vectors",
     "decided_limits",
     "evaluate",

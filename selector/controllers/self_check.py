@@ -27,7 +27,7 @@ from selector.controllers.model_file import (
 from selector.controllers.vector_block import CheckVector, GuardVector
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
-from selector.types import Array, Vector
+from selector.types import Array
 
 DAY_S = 86_400.0
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
@@ -162,27 +162,14 @@ RECORDED_SAMPLES = 50
 _READING_DECIMALS = 6
 
 
-def check_model(path: str | Path) -> tuple[Finding, ...]:
-    """What is wrong with a model file that follows the schema; the first finding says how the test vectors went.
-
-    Findings of level ``error`` (``test-vector-mismatch``, ``guard-vector-mismatch``, ``output-not-finite``,
-    ``limits-never-met``): the model must not be used.
-
-    Raises
-    ------
-    ModelFileError
-        The file cannot be read, does not follow the schema or is not what its digest says.
-    """
-    return model_findings(read_model(path))
-
-
 def usable_model(path: str | Path) -> tuple[ModelFile, tuple[Finding, ...]]:
     """The model in a file that keeps its word, and what was found.
 
     Raises
     ------
     ModelFileError
-        As `check_model`, or a finding is of level ``error``.
+        The file cannot be read, does not follow the schema, is not what its digest says, or a finding is of level
+        ``error``.
     """
     model = read_model(path)
     findings = model_findings(model)
@@ -203,7 +190,11 @@ def require_usable(findings: Iterable[Finding], path: str | Path) -> None:
 
 
 def model_findings(model: ModelFile) -> tuple[Finding, ...]:
-    """As `check_model`, for a model in memory."""
+    """What is wrong with a model that follows the schema; the first finding says how the test vectors went.
+
+    Findings of level ``error`` (``test-vector-mismatch``, ``guard-vector-mismatch``, ``output-not-finite``,
+    ``limits-never-met``): the model must not be used.
+    """
     return (
         *_vector_findings(model),
         *_guard_vector_findings(model),
@@ -320,11 +311,7 @@ def _ramp(model: ModelFile) -> tuple[list[float], list[dict[str, float]]]:
         # the inputs follow one another, as heat does
         late = {item.name: level[max(0, k - i % 4)] for i, item in enumerate(model.inputs)}
         rows.append({item.name: _at(item, float(late[item.name])) for item in model.inputs})
-    return _increasing(time_s), rows
-
-
-def _increasing(time_s: Vector) -> list[float]:
-    return [round(float(value) + 0.001 * k, 3) for k, value in enumerate(time_s)]
+    return [round(float(value) + 0.001 * k, 3) for k, value in enumerate(time_s)], rows
 
 
 def _vector_findings(model: ModelFile) -> Iterator[Finding]:

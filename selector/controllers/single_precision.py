@@ -67,7 +67,6 @@ def rounding_errors(
     model: ModelFile,
     largest_readings: Mapping[str, float] | None = None,
     calls_per_s: int = CALLS_PER_S,
-    roundoff: float = SINGLE,
     shortest_s: float = SAMPLE_S,
 ) -> dict[str, LargestError]:
     """Per output, what the correction in this arithmetic can differ at most from that in binary64 in the same mode.
@@ -76,11 +75,11 @@ def rounding_errors(
     slew limit makes of the difference is not in it, and nothing is larger than twice the clamp.
 
     `largest_readings`: largest magnitude of a reading that is used, start readings included; default:
-    `largest_reading`. `calls_per_s`: 1 = time is counted without an error. `roundoff`: of an operation and of a
-    literal, relative. `shortest_s`: between two readings that are looked at.
+    `largest_reading`. `calls_per_s`: 1 = time is counted without an error. `shortest_s`: between two readings
+    that are looked at.
     """
     readings = {item.name: largest_reading(item) for item in model.inputs} | dict(largest_readings or {})
-    single = _errors(model, readings, calls_per_s, roundoff, shortest_s)
+    single = _errors(model, readings, calls_per_s, SINGLE, shortest_s)
     double = _errors(model, readings, calls_per_s, DOUBLE, shortest_s)
     limits, _ = decided_limits(model)
     return {name: of.plus(double[name]).within(limits[name]) for name, of in single.items()}

@@ -81,7 +81,7 @@ class RunAxis:
                     texts.append(f"{k * step / seconds:.4g}")
         return {"tickvals": values, "ticktext": texts}
 
-    def name_runs(self, drawn: go.Figure, seconds: float, xref: str = "x") -> None:
+    def name_runs(self, drawn: go.Figure, seconds: float) -> None:
         """Writes the names of the runs above the picture, and that a run is held out.
 
         Pictures over this axis are linked: what is dragged across one of them is marked in all.
@@ -97,7 +97,7 @@ class RunAxis:
             last = start
             is_held = bool(self._comparison.held_out[rows].all()) and length > 2 * room
             text = f"<b>{style.label(run, 18)}</b>" + (" (held out)" if is_held else "")
-            above = {"xref": xref, "xanchor": "left", "yref": "paper", "yanchor": "bottom"}
+            above = {"xref": "x", "xanchor": "left", "yref": "paper", "yanchor": "bottom"}
             style.words(drawn, text, start / seconds, 1.0, **above)
 
 

@@ -108,10 +108,9 @@ def ms_text(seconds: float) -> str:
     return f"{number_text(1e3 * seconds)} ms"
 
 
-def place_text(where: Where, *, whole_path: bool = False) -> str:
+def place_text(where: Where) -> str:
     """The place of a finding in a few words, empty when it speaks of everything."""
-    file = where.file if whole_path or not where.file else file_name(where.file)
-    parts = [part for part in (file, where.run, where.channel) if part]
+    parts = [part for part in (file_name(where.file or ""), where.run, where.channel) if part]
     if where.from_s is not None or where.to_s is not None:
         start, end = ("" if t is None else span_text(t) for t in (where.from_s, where.to_s))
         parts.append(f"at {start}" if start == end else f"{start} to {end}" if end else f"from {start}")

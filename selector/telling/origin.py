@@ -20,7 +20,9 @@ def files_table(provenance: Mapping[str, Any]) -> Table | None:
     if not isinstance(runs, Mapping) or not runs:
         return None
     entries = {str(run): entry if isinstance(entry, Mapping) else {"file": entry} for run, entry in runs.items()}
-    keys = list(dict.fromkeys(str(key) for entry in entries.values() for key in entry if _is_plain(entry[key])))
+    keys = list(
+        dict.fromkeys(str(key) for entry in entries.values() for key in entry if not isinstance(entry[key], Mapping))
+    )
     keys = [key for key in keys if key != "sha256"] + ["sha256"] * ("sha256" in keys)
     names = {"sha256": "SHA-256"}
     return table(
@@ -164,10 +166,6 @@ def _facts(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, s
             yield from _facts(value, f"{prefix}{key}: ")
         else:
             yield f"{prefix}{key}", _cell(value)
-
-
-def _is_plain(value: Any) -> bool:
-    return not isinstance(value, Mapping)
 
 
 def _cell(value: Any) -> str:

@@ -20,9 +20,10 @@ from selector.controllers.model_file import (
     OutputLimits,
     Term,
     model_text,
+    read_model,
     write_model,
 )
-from selector.controllers.self_check import check_model, model_findings
+from selector.controllers.self_check import model_findings
 from selector.errors import ModelFileError
 from tests.controllers.model_builders import rich_model, rise_model, warm_up
 
@@ -38,7 +39,7 @@ def ids(findings) -> list[str]:
 @pytest.mark.parametrize("model", [rise_model(), rich_model()])
 def test_a_sound_file_passes(model, tmp_path):
     write_model(with_vectors(model), tmp_path / "m.json")
-    findings = check_model(tmp_path / "m.json")
+    findings = model_findings(read_model(tmp_path / "m.json"))
     assert ids(findings) == ["test-vectors-agree"]
     assert findings[0].evidence["max_abs_difference_um"] == 0.0
 
@@ -88,7 +89,9 @@ def test_a_changed_coefficient_is_found(factor, term, tmp_path):
     del document["digest"]
     document["outputs"][0]["terms"][term]["coefficient"] *= factor
     (tmp_path / "m.json").write_text(json.dumps(document), encoding="utf-8")
-    wrong = [finding for finding in check_model(tmp_path / "m.json") if finding.id == "test-vector-mismatch"]
+    wrong = [
+        finding for finding in model_findings(read_model(tmp_path / "m.json")) if finding.id == "test-vector-mismatch"
+    ]
     assert wrong
     assert all(finding.level == "error" for finding in wrong)
     assert "Z" in wrong[0].statement
@@ -193,7 +196,7 @@ def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():
 def test_a_file_that_breaks_the_schema_is_refused(tmp_path):
     (tmp_path / "m.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"\$\.name"):
-        check_model(tmp_path / "m.json")
+        model_findings(read_model(tmp_path / "m.json"))
 
 
 def test_a_fallback_that_contradicts_the_model_is_told():
@@ -252,9 +255,9 @@ def test_a_changed_guard_is_found_and_can_be_accepted(tmp_path, capsys):
     assert exit_status(["model", "check", str(path)]) == 2
     document.pop("digest")
     path.write_text(json.dumps(document), encoding="utf-8")
-    assert "guard-vector-mismatch" in ids(check_model(path))
+    assert "guard-vector-mismatch" in ids(model_findings(read_model(path)))
     assert exit_status(["model", "check", str(path), "--accept"]) == 0
-    assert ids(check_model(path)) == ["test-vectors-agree"]
+    assert ids(model_findings(read_model(path))) == ["test-vectors-agree"]
     # coefficients are never accepted
     document["outputs"][0]["terms"][0]["coefficient"] *= 2.0
     path.write_text(json.dumps(document), encoding="utf-8")

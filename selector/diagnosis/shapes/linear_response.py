@@ -126,8 +126,8 @@ def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Mat
     return np.array(numerators), denominator
 
 
-def simulated_peaks_hz(comparison: Comparison, response: str, most: int = 2) -> tuple[float, ...]:
-    """Frequencies of the highest peaks in the spectrum of the simulated course [Hz], highest first."""
+def simulated_peaks_hz(comparison: Comparison, response: str) -> tuple[float, ...]:
+    """Frequencies of the two highest peaks in the spectrum of the simulated course [Hz], highest first."""
     simulated = filled(comparison, comparison.simulated[response])
     best: tuple[float, ...] = ()
     longest = max(even_runs(comparison), key=lambda run: len(run.clock_s))
@@ -138,7 +138,7 @@ def simulated_peaks_hz(comparison: Comparison, response: str, most: int = 2) -> 
     spectrum = np.abs(np.fft.rfft((part - part.mean()) * window)) ** 2
     smooth = np.convolve(spectrum, np.ones(5) / 5.0, mode="same")
     peaks, told = find_peaks(smooth[3:], height=1e-3 * float(smooth[3:].max()))
-    order = np.argsort(told["peak_heights"])[::-1][:most]
+    order = np.argsort(told["peak_heights"])[::-1][:2]
     return tuple(float(k + 3) / (len(part) * comparison.period_s) for k in peaks[order])
 
 

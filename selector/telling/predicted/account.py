@@ -91,7 +91,13 @@ def prediction_account(
                 Captioned("Errors", _accuracy_table(prediction), on_screen=False),
                 link="Tests",
             ),
-            section("modes", "The thermal modes", *_modes(prediction), *drawings.get("modes", ()), link="Modes"),
+            section(
+                "modes",
+                "The thermal modes",
+                Captioned("", _modes_table(prediction)) if prediction.modes else None,
+                *drawings.get("modes", ()),
+                link="Modes",
+            ),
             section(
                 "drift",
                 "Drift of the tests after ISO 230-3",
@@ -126,7 +132,8 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
         if 2.0 * _error_um(prediction, name) > prediction.programs[name].tolerance_um
     ]
     useful = [name for name in prediction.programs if name not in doubtful]
-    told = listed(list(dict.fromkeys(_allowed(program) for program in prediction.programs.values())))
+    allowed = [listed([f"{one:g}" for one in program.tolerances_um]) for program in prediction.programs.values()]
+    told = listed(list(dict.fromkeys(allowed)))
     instructions = [_instruction(prediction, name) for name in useful]
     if not useful:
         first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
@@ -138,10 +145,6 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
         return "bad", (warning + first, _trust(prediction), _SIGN)
     return "good", (first, _trust(prediction), _SIGN)
-
-
-def _allowed(program: CorrectionProgram) -> str:
-    return listed([f"{one:g}" for one in program.tolerances_um])
 
 
 def _instruction(prediction: Prediction, name: str) -> str:
@@ -257,10 +260,6 @@ def _program(prediction: Prediction) -> list[Block]:
     )
     blocks = Listing(_blocks(prediction))
     return [Captioned("", _program_table(prediction)), Heading("Timed offset blocks", 3), Paragraph(rules), blocks]
-
-
-def _modes(prediction: Prediction) -> list[Block]:
-    return [Captioned("", _modes_table(prediction))] if prediction.modes else []
 
 
 def _program_table(prediction: Prediction) -> Table:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import interpolate, optimize
 
 from selector.errors import InputError
+from selector.physics.drive.loop.closed_loop import StateSpace
 from selector.physics.drive.parts.axis import (
     AxialCompliance,
     Axis,
@@ -23,7 +24,6 @@ from selector.physics.drive.parts.axis import (
     pitch_error_m,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
-from selector.physics.system import StateSpace
 from selector.types import Matrix, Vector
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.loop.closed_loop import (
+    StateSpace,
     closed_loop,
     inertia_at_motor,
     plant,
@@ -15,7 +16,6 @@ from selector.physics.drive.loop.closed_loop import (
 from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
-from selector.physics.system import StateSpace
 from tests.physics.drive.loops import by_impedances
 
 MECHANICS = replace(

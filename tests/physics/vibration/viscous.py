@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from selector.physics.system import StateSpace
+from selector.physics.drive.loop.closed_loop import StateSpace
 from selector.physics.vibration.structure.structure import (
     Structure,
     known_place,

@@ -322,23 +322,23 @@ class FinishedSizes:
     @property
     def mean_um(self) -> float:
         """Of the parts that the gauge has stopped; InputError if there are none [µm]."""
-        return float(np.mean(self._some(1)))
+        return float(np.mean(self._some()))
 
     @property
     def sd_um(self) -> float:
         """Standard deviation of those parts, with n − 1; of a single part 0 [µm]."""
-        sizes = self._some(1)
+        sizes = self._some()
         return float(np.std(sizes, ddof=1)) if len(sizes) > 1 else 0.0
 
     @property
     def mean_error_um(self) -> float:
         """Standard error of the mean [µm]."""
-        return self.sd_um / math.sqrt(len(self._some(1)))
+        return self.sd_um / math.sqrt(len(self._some()))
 
     @property
     def sd_error_um(self) -> float:
         """Standard error of the standard deviation, by the fourth moment: the sizes need not be normal [µm]."""
-        sizes, sd = self._some(1), self.sd_um
+        sizes, sd = self._some(), self.sd_um
         if sd == 0:
             return 0.0
         fourth = float(np.mean((sizes - sizes.mean()) ** 4))
@@ -358,12 +358,12 @@ class FinishedSizes:
                 found.append(FINDINGS.finding(name, text, evidence=evidence))
         return tuple(found)
 
-    def _some(self, least: int) -> Vector:
+    def _some(self) -> Vector:
         sizes = self.finished_um
-        if len(sizes) < least:
+        if not len(sizes):
             raise InputError(
-                f"{len(sizes)} of {len(self.size_um)} parts reached their thresholds",
-                expected=f"at least {least}",
+                f"0 of {len(self.size_um)} parts reached their thresholds",
+                expected="at least 1",
                 where="thresholds_v",
                 advice="set the thresholds within what the gauge shows; without sizes there is no mean or spread",
             )
