@@ -53,11 +53,14 @@ PARTS = {
         "diagnosis.matching.alignment diagnosis.comparison diagnosis.workflow diagnosis.answer"
         " diagnosis.effects.catalogue diagnosis.effects.effect diagnosis.open_model.runnable",
     ),
-    "proof": ("The blind proof", "proof.case proof.scenarios proof.runner proof.scoring"),
+    "proof": (
+        "The blind proof",
+        "proving_ground.case proving_ground.scenarios proving_ground.runner proving_ground.scoring",
+    ),
     "control": ("Model to control", "controllers controllers.from_selection exporting"),
     "showing": ("Figures, report, audit", "figures telling audit"),
 }
-"""Page → its title, and the packages and modules of `selector` that it shows."""
+"""Page → its title, and the packages and modules that it shows, of `selector` where nothing else is said."""
 
 
 def python_pages() -> dict[str, str]:
@@ -67,7 +70,8 @@ def python_pages() -> dict[str, str]:
 
 def _page(title: str, modules: list[str]) -> str:
     lines = [f"# {title}\n"]
-    for module in (importlib.import_module(f"selector.{name}") for name in modules):
+    for told in modules:
+        module = importlib.import_module(told if told.startswith("proving_ground.") else f"selector.{told}")
         name = module.__name__
         lines += [f"## `{name}`\n", "```{eval-rst}", f".. automodule:: {name}", ""]
         lines += ["   .. autosummary::", "      :nosignatures:", "", *(f"      {one}" for one in _names(module))]
