@@ -52,6 +52,8 @@ _FEED = re.compile(r"feed|vorschub|подача|进给", re.IGNORECASE)
 _SAID = re.compile(r"^[\W_]*(?P<name>[^\W\d_][^:=;,\t]*?)\s*[:=;,\t]+\s*(?P<value>[^\s;,\t].*?)[\s;,\t]*$")
 _AMOUNT = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[^\s\d;,]+)?")
 _LENGTH_SHARE = 0.5
+_BACK_RAD = np.radians(10.0)
+"""An angle that turns back by more belongs to another circle."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
         return
     free = [one for one in table.columns if one not in (*angles, *feeds, *ways, *times)]
     of_ways = [(one, _way_in(columns[one.header])) for one in free]
-    plain = (having(pattern) for pattern in _VALUES)
+    plain = ([one for one in free if pattern.search(columns[one.header])] for pattern in _VALUES)
     values = [pair for pair in of_ways if pair[1]] or [(one, None) for one in next(filter(None, plain), [])]
     if len(angles) != 1 or not values or len({way for _, way in values}) != len(values):
         raise _error(
@@ -180,15 +182,27 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
     feed_of = _numbers(feeds[0], ("mm/min", "mm/min"), said, where) if feeds else None
     for value, of_column in values:
         deviation = _deviation(value, radius_m, said, where)
-        for rows in _pieces(table, [*ways, *feeds]):
-            kept = rows[np.isfinite(angle[rows]) & np.isfinite(deviation[rows])]
+        known = np.isfinite(angle) & np.isfinite(deviation)
+        pieces = [rows[known[rows]] for rows in _pieces(table, [*ways, *feeds])]
+        if not ways and of_column is None and said.direction is None:
+            pieces = [part for rows in pieces for part in _there_and_back(rows, angle)]
+        for kept in pieces:
             if len(kept) < 2:
-                continue
-            place = f"{where}, {value.header}, rows {kept[0] + 1} to {kept[-1] + 1}"
+                raise _error(
+                    f"{len(kept)} samples with one direction and one feed", "a full circle, 100 samples or more",
+                    f"{where}, {value.header}", "correct these rows, or leave them out",
+                )  # fmt: skip
+            place = f"{where}, {value.header}, rows {kept.min() + 1} to {kept.max() + 1}"
             turned = np.unwrap(angle[kept])
             rising: Way = 1 if turned[-1] > turned[0] else -1
             way = of_column or (_direction(ways[0], kept[0], where) if ways else said.direction) or rising
             kept, turned = kept[:: way * rising], turned[:: way * rising]
+            back = float(np.max(np.maximum.accumulate(way * turned) - way * turned))
+            if back > _BACK_RAD:
+                raise _error(
+                    f"an angle that runs back by {np.degrees(back):.0f}°", "one circle in one direction", place,
+                    "say each circle's direction and feed in columns of their own",
+                )  # fmt: skip
             inside = middle_turn(turned, way)
             kept, turned = kept[inside], turned[inside]
             feed = asked.feed_mm_per_min or (said.feed_mm_per_min if feed_of is None else float(feed_of[kept[0]]))
@@ -211,6 +225,14 @@ def _pieces(table: Table, columns: Sequence[Column]) -> Iterator[Indices]:
         changed[1:] |= cells[1:] != cells[:-1]
     for begin, end in pairwise([0, *np.flatnonzero(changed), len(table)]):
         yield np.arange(begin, end)
+
+
+def _there_and_back(rows: Indices, angle: Vector) -> list[Indices]:
+    """The rows of one circle, or of one and another back again."""
+    turned = np.unwrap(angle[rows])
+    farthest = int(np.argmax(np.abs(turned - turned[0]))) if len(rows) else 0
+    is_back = len(rows) > 0 and abs(turned[-1] - turned[farthest]) > _BACK_RAD
+    return [rows[: farthest + 1], rows[farthest:]] if is_back else [rows]
 
 
 def _way_in(name: str) -> Way | None:

@@ -42,6 +42,8 @@ FORMS = {
         [(a, way, 100.0 + oval(a, way) / 1e3) for way, _, angle in WAYS for a in angle],
         "\t",
     ),
+    "there and back": table(["angle_deg,dev_um"], [(a, oval(a, 1)) for a in np.arange(0.0, 360.2, 0.5)])
+    + "".join(f"{a},{oval(a, -1)}\n" for a in np.arange(359.5, -0.2, -0.5)),
     "with overshoot": table(
         ["angle_deg,direction,dev_um"],
         [(a, word, oval(a, way)) for way, word, _ in WAYS for a in way * np.arange(-60.0, 420.5, 0.5)],
@@ -107,7 +109,19 @@ def test_a_planted_test_is_read_as_it_was_written(tmp_path):
     [
         (FORMS["one under the other"], {}, "no radius"),
         (table(["angle_deg,deviation_um"], [(a, 1.0) for a in ANGLE]), {"radius_m": 0.1}, "no feed"),
+        (
+            table(["angle_deg,direction,deviation_um"], [(a, "ccw", 1.0) for a in (*ANGLE, *-ANGLE)]),
+            {"radius_m": 0.1, "feed_mm_per_min": 1e3},
+            "runs back by",
+        ),
+        (table(["angle_deg,deviation_um"], [(1.0, 2.0)]), {"radius_m": 0.1, "feed_mm_per_min": 1e3}, "1 samples"),
         (table(["angle_deg,T1"], [(a, 1.0) for a in ANGLE]), {"radius_m": 0.1}, "angle_deg, T1"),
+        # whole numbers below lines of words: read as one column with decimal commas, which is not both at once
+        (
+            "Radius: 100 mm\nFeed: 1000 mm/min\nangle_deg,deviation_um\n" + "".join(f"{a},0\n" for a in range(360)),
+            {"radius_m": 0.1},
+            "the columns",
+        ),
         (table(["deviation_um,T1"], [(a, 1.0) for a in ANGLE]), {"radius_m": 0.1}, "angle of the bar"),
         (
             table(["angle_deg,deviation_um"], [(a, 1.0) for a in ANGLE[:600]]),
