@@ -6,6 +6,7 @@ from selector.findings import Kinds
 
 CLOCK_JUMP = "clock-jump"
 CONSTANT_CHANNEL = "constant-channel"
+DUPLICATE_CHANNEL = "duplicate-channel"
 DRIFTS_FROM_GROUP = "drifts-from-group"
 OUT_OF_RANGE = "out-of-range"
 RUN_STARTS_WARM = "run-starts-warm"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selector.findings import Finding, Where
-from selector.quality.finding_table import FINDINGS
+from selector.quality.finding_table import DUPLICATE_CHANNEL, FINDINGS
 from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 
@@ -49,7 +49,7 @@ def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
             continue
         where = "in all runs" if everywhere else "in run " + ", ".join(relations.runs[r] for r in hits)
         yield FINDINGS.finding(
-            "duplicate-channel",
+            DUPLICATE_CHANNEL,
             f"{b.name} holds {how} as {a.name} {where}: two channels, one measurement.",
             Where(b.name, None if everywhere else relations.runs[hits[0]]),
             {"other": a.name, "gain": gain, "offset": offset, "runs": [relations.runs[r] for r in hits]},

@@ -19,6 +19,7 @@ from selector.selection.fitting import evenly
 from selector.selection.proving import MOST_FOLDS, fold_of_run
 from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Selection
 from selector.selection.survey import Survey
+from selector.sensors.finding_table import ROUND_WITHOUT_EFFECT
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
 
@@ -149,11 +150,13 @@ def doubts(
     """Findings about the data that were used, the groups, the proof and the model."""
     grouping = selection.grouping
     screening = grouping.chosen
+    # a level that was found and not given needs no advice about it
+    asked = selection.options.level is not None or selection.options.rounds > 1
     return (
         *_datum_findings(selection, datum, surveyed),
         *similarity_findings(grouping.similarity, selection.sensors),
         *_chaining(selection),
-        *(finding for one in screening.rounds for finding in one.findings),
+        *(told for one in screening.rounds for told in one.findings if asked or told.id != ROUND_WITHOUT_EFFECT),
         *_memory_findings(selection, datum),
         *_proof_findings(selection, surveyed, stride, datum, rows),
         *_limit_findings(selection, surveyed.question.noise_um),

@@ -14,7 +14,7 @@ from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
 from selector.models.run_before import runs_before
-from selector.quality.finding_table import CONSTANT_CHANNEL
+from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
@@ -179,8 +179,15 @@ def select(
     doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}
-    # a dead sensor is told once
-    others = (one for one in findings if one.id != CONSTANT_CHANNEL or one.where.channel not in constant)
+    # a dead sensor is told once, and of those that are left out by --never nothing needs to be known
+    never = question.options.never
+    others = (
+        one
+        for one in findings
+        if (one.id != CONSTANT_CHANNEL or one.where.channel not in constant)
+        and one.where.channel not in never
+        and (one.id != DUPLICATE_CHANNEL or one.evidence["other"] not in never)
+    )
     everything = sorted((*others, *surveyed.findings, *doubted), key=lambda finding: LEVELS[finding.level])
     return replace(selection, findings=tuple(everything))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from selector.findings import Kinds
 
 CONSTANT_SENSOR = "constant-sensor"
+ROUND_WITHOUT_EFFECT = "round-without-effect"
 
 FINDINGS = Kinds.of(
     """

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
-from selector.sensors.finding_table import FINDINGS
+from selector.sensors.finding_table import FINDINGS, ROUND_WITHOUT_EFFECT
 from selector.sensors.groups import Partition, closure_chain, lambda_cut, transitive_closure
 from selector.sensors.similarity import sensor_names
 
@@ -149,13 +149,13 @@ def _round(
 def _without_effect(level: float, closure: NDArray[np.float64]) -> Finding:
     n = len(closure)
     below = closure[closure < level]
-    nearest = float(below.max()) if below.size else None
+    nearest = float(below.max()) if below.size and below.max() >= 0.0 else None
     told = f"Screening {n} sensor{'s' * (n > 1)} at λ = {level:g} drops none: no two of them that could be merged are "
     told += "linked at this level. Sensors kept by an earlier round at the same or a lower λ never merge again."
     evidence = {"lambda": float(level), "sensors": n, "next_level": nearest}
     # rounded down, so that the level suggested does merge
     lower = "" if nearest is None else f", or give it λ = {math.floor(nearest * 1e6) / 1e6:g} or less"
-    return FINDINGS.finding("round-without-effect", told, evidence=evidence, suggestion=f"leave the round out{lower}")
+    return FINDINGS.finding(ROUND_WITHOUT_EFFECT, told, evidence=evidence, suggestion=f"leave the round out{lower}")
 
 
 def _constant_must(name: str) -> Finding:

@@ -235,3 +235,63 @@ def test_the_advice_of_describe_does_what_it_says(case: Case, tmp_path, monkeypa
         (tmp_path / name).write_text(text, encoding="utf-8")
     recordings = case.recordings if case.instead is None else case.instead
     assert case.id not in found(tmp_path, capsys, "describe", *recordings, *case.options)
+
+
+def runs_of(n: int, change: Callable[[int, pd.DataFrame], pd.DataFrame] = lambda k, frame: frame) -> Files:
+    files = {}
+    for k in range(1, n + 1):
+        frame = change(k, table(k))
+        files[f"r{k}.csv"] = written(frame, [*UNITS[:3], *(f"{name} [degC]" for name in frame.columns[3:-1]), UNITS[3]])
+    return files
+
+
+def with_third(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    """A third place, without which the displacement is not known, and a fourth that is the third plus noise."""
+    rng = np.random.default_rng(100 + k)
+    third = np.round(20 + np.cumsum(rng.normal(0, 0.2, ROWS)), 3)
+    frame.insert(3, "T3", third)
+    frame.insert(4, "T4", np.round(third + rng.normal(0, 0.3, ROWS), 3))
+    return frame.assign(Z=frame.Z + 5 * (third - third[0]))
+
+
+def alike(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    """Only the difference of two sensors that are alike counts besides what they share."""
+    second = frame.T1 + 0.02 * (frame.T2 - 20)
+    return frame.assign(T2=second.round(4), Z=(2 * frame.T1 + 200 * (second - frame.T1)).round(3))
+
+
+def twins(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    frame.insert(3, "T3", frame.T1)
+    return frame
+
+
+def off_zero(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(Z=frame.Z + 40.0 * k)
+
+
+def often_gone(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(T2=frame.T2.where(np.arange(ROWS) % 10 < 7))
+
+
+def lacking(k: int, frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(T2=np.nan) if k == 2 else frame
+
+
+SELECTED = (
+    ("choice-at-limit", with_third, ("--max-sensors", "2"), "--max-sensors 4", ("--max-sensors", "4")),
+    ("collinear-terms", alike, (), "--max-sensors", ("--max-sensors", "1")),
+    ("duplicate-channel", twins, (), "--never", ("--never", "T3")),
+    ("gauge-not-zeroed", off_zero, (), "--reference absolute", ("--reference", "absolute")),
+    ("samples-lost", often_gone, (), "--never T2", ("--never", "T2")),
+    ("runs-not-proved", lacking, (), "--never", ("--never", "T2")),
+    ("target-missed", with_third, ("--target", "0.01"), "ask for less", ("--target", "20")),
+)
+
+
+@pytest.mark.parametrize(("id_", "change", "before", "said", "after"), SELECTED, ids=[one[0] for one in SELECTED])
+def test_the_advice_of_select_does_what_it_says(id_, change, before, said, after, tmp_path, monkeypatch, capsys):
+    for name, text in runs_of(5, change).items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert said in found(tmp_path, capsys, "select", ".", *before)[id_]
+    assert id_ not in found(tmp_path, capsys, "select", ".", *after)
