@@ -105,6 +105,16 @@ def test_a_deleted_source_of_heat_is_named_with_its_place_and_power():
         assert fit.heldout.rmse_after < 1.1 * (fit.heldout.noise_floor or 0.0), name
 
 
+def test_a_recording_is_not_surely_at_fault_while_the_model_is_still_wrong(monkeypatch):
+    """With one effect at most a source at the headstock stands in for the pump, and what it leaves looks like drift."""
+    monkeypatch.setattr("selector.diagnosis.open_model.modelled._MOST", 1)
+    recording = heat_recording()
+    found = diagnosis_of_model(heat_model(heat_without("pump"), recording), recording)
+    faults = [effect for effect in found.answer.effects if effect.id.startswith("data.")]
+    assert faults
+    assert all(effect.confidence <= 0.5 for effect in faults)
+
+
 def test_parameters_that_the_record_says_nothing_of_stay_where_they_were(axis):
     still = AXIS | {"model": {"kind": "drive", "name": "axis", "note": "whole"}}
     found = refitted(axis_model(still, axis), axis)

@@ -52,6 +52,14 @@ def test_two_sources_of_heat_are_both_put_into_the_model():
     assert len(found.improved.added) == 2
 
 
+def test_bristles_beside_an_axis_of_one_mass_are_no_three_other_effects():
+    """Rubbing that gives way before it slips looks like break-away, play and friction by direction at once."""
+    case = case_of("drive.coulomb/axis", seed=50)
+    answer = diagnosis_of_model(case.model, case.recording, responses=case.responses, seed=50).answer
+    assert [effect.id for effect in answer.effects] == ["drive.coulomb"]
+    assert {"drive.stribeck", "drive.backlash"} <= {effect.id for effect in answer.also_seen}
+
+
 def test_coolant_is_looked_for_among_recorded_channels():
     model = case_of("thermal.coolant/heated").model
     assert not hasattr(model.file.conditions, "coolant_on") or "coolant_on" not in str(model.text())
