@@ -81,6 +81,8 @@ class OpcUa:
         plain = self.server.iserver.attribute_service.write
 
         async def noted(params, *args, **kwargs):
+            if all(one.NodeId != self.nodes["Z"].nodeid for one in params.NodesToWrite):
+                return await plain(params, *args, **kwargs)
             if self.is_refusing:
                 return [ua.StatusCode(ua.StatusCodes.BadNotWritable) for _ in params.NodesToWrite]
             if self.is_dropping:
