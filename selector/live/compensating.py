@@ -150,7 +150,7 @@ class Compensation:
         self.is_stopping = False
         self.given: Corrected | None = None  #: Of the last step
         self._counts = dict.fromkeys(("cycles", "rows_out", "rows_confirmed", "mismatches", "late_cycles"), 0)
-        self._latencies_s: deque[float] = deque(maxlen=100_000)
+        self._latencies_s: deque[float] = deque(maxlen=20_000)
         self._last_s: float | None = None
         self._offset_s: float | None = None
         self._alive = (math.nan, -math.inf)

@@ -146,6 +146,9 @@ def read_io(path: str | Path, model: ModelFile | None = None) -> IoFile:
         _fits(said, model, where)
     folder = Path(path).parent
     connections = {name: _beside(one, folder) for name, one in said.connections.items()}
+    for connection in connections.values():
+        # told now, and not at three in the morning
+        connection.password()
     return said.model_copy(update={"connections": connections})
 
 
