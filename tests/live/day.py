@@ -1,4 +1,4 @@
-"""Machine time with a fault every minute: `python -m tests.live.day memory 24`, or `opcua 2` with a real server."""
+"""Machine time with a fault every minute: `python -m tests.live.day memory 24 SEED`; `opcua` is a real server."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Lathe:
             return
         port = free_port()
         self.process, self.clock = process_of(
-            folder, f'kind = "opcua"\nurl = "opc.tcp://127.0.0.1:{port}"\ntimeout_s = 0.4', addresses=NODES
+            folder, f'kind = "opcua"\nurl = "opc.tcp://127.0.0.1:{port}"\ntimeout_s = 0.1', addresses=NODES
         )
         self.plc = OpcUa(port, self.clock)
 
@@ -63,11 +63,12 @@ class Lathe:
             await self.plc.server.write_attribute_value(self.plc.nodes["T1"].nodeid, told)
 
 
-async def day(folder: Path, kind: str, hours: float) -> None:
-    rng, lathe = random.Random(3), Lathe(folder, kind)
+async def day(folder: Path, kind: str, hours: float, seed: int) -> None:
+    rng, lathe = random.Random(seed), Lathe(folder, kind)
     await lathe.start()
     process, clock = lathe.process, lathe.clock
     given, memory_mb, fault, ends = {}, [], "", 0
+    before, count, corrected, wrong, deviation_um = [], 0, 0, [], 0.0
     cpu_s, wall_s = time.process_time(), time.monotonic()
     for second in range(int(3600 * hours)):
         if second % 60 == 30:
@@ -88,16 +89,24 @@ async def day(folder: Path, kind: str, hours: float) -> None:
             pages = int(Path("/proc/self/statm").read_text().split()[1])
             memory_mb.append(round(pages * resource.getpagesize() / 1e6, 1))
             arrived = lathe.arrived + (lathe.plc or lathe.link).arrived
+            count, corrected = count + len(arrived), corrected + sum(value != 0.0 for value in given.values())
+            wrong += beyond_the_guard(before + arrived)
+            deviation_um = max(deviation_um, *(abs(value - given[moment_s]) for moment_s, value in arrived))
+            # nothing is kept but the last, so that the memory is that of the process
+            before = arrived[-1:]
+            lathe.arrived.clear()
+            (lathe.plc or lathe.link).arrived.clear()
+            given.clear()
             spent_s = time.process_time() - cpu_s
             told = {
                 "machine_hours": (second + 1) / 3600.0,
-                "arrived": len(arrived),
-                "beyond_the_guard": beyond_the_guard(arrived),
-                "largest_deviation_um": max(abs(value - given[moment_s]) for moment_s, value in arrived),
+                "arrived": count,
+                "beyond_the_guard": wrong,
+                "largest_deviation_um": deviation_um,
                 "memory_mb_each_hour": memory_mb,
                 "cpu_share_of_machine_time": spent_s / (second + 1),
                 "took_s": time.monotonic() - wall_s,
-                "share_corrected": sum(value != 0.0 for value in given.values()) / len(given),
+                "share_corrected": corrected / (second + 1),
                 "status": process.status(),
             }
             print(json.dumps(told), flush=True)
@@ -106,4 +115,4 @@ async def day(folder: Path, kind: str, hours: float) -> None:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
-        asyncio.run(day(Path(name), sys.argv[1], float(sys.argv[2])))
+        asyncio.run(day(Path(name), sys.argv[1], float(sys.argv[2]), int(sys.argv[3])))

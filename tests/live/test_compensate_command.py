@@ -72,6 +72,17 @@ def test_a_recorded_day(folder, capsys):
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
 
 
+def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
+    text = (folder / "day.csv").read_text("utf-8")
+    broken = text.replace("\n50,", "\nnoon,").replace("\n60,", '\n60\n"\n').replace("\n70,", "\n70,,\n71,")
+    (folder / "day.csv").write_text(broken + "9" * 200_000, "utf-8")
+    assert command(folder, "--fast", "--json") == 0
+    assert 50 < json.loads(capsys.readouterr().out)["cycles"] < 300
+    (folder / "day.csv").write_text(text.replace("time_s", "when"), "utf-8")
+    assert command(folder, "--fast") == 2
+    assert "no column time_s" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
