@@ -68,7 +68,7 @@ async def day(folder: Path, kind: str, hours: float, seed: int) -> None:
     await lathe.start()
     process, clock = lathe.process, lathe.clock
     given, memory_mb, fault, ends = {}, [], "", 0
-    before, count, corrected, wrong, deviation_um = [], 0, 0, [], 0.0
+    before, count, corrected, wrong, deviation_um = (-math.inf, 0.0), 0, 0, [], 0.0
     cpu_s, wall_s = time.process_time(), time.monotonic()
     for second in range(int(3600 * hours)):
         if second % 60 == 30:
@@ -90,10 +90,10 @@ async def day(folder: Path, kind: str, hours: float, seed: int) -> None:
             memory_mb.append(round(pages * resource.getpagesize() / 1e6, 1))
             arrived = lathe.arrived + (lathe.plc or lathe.link).arrived
             count, corrected = count + len(arrived), corrected + sum(value != 0.0 for value in given.values())
-            wrong += beyond_the_guard(before + arrived)
+            wrong += beyond_the_guard(arrived, before=before)
             deviation_um = max(deviation_um, *(abs(value - given[moment_s]) for moment_s, value in arrived))
             # nothing is kept but the last, so that the memory is that of the process
-            before = arrived[-1:]
+            before = arrived[-1]
             lathe.arrived.clear()
             (lathe.plc or lathe.link).arrived.clear()
             given.clear()
