@@ -84,6 +84,7 @@ _command("demo", demo.demo)
 _command("apply", applying.apply)
 _command("adapt", adapting.adapt)
 _command("export", exporting.export)
+_command("collect", live.collect)
 _command("compensate", live.compensate)
 _command("predict", predicting.predict)
 

@@ -32,35 +32,49 @@ HEARTBEATS = 32768  #: An INT of a PLC holds every count below it.
 class Readings:
     """The channels of an IO file in canonical units, each with what must be said of it."""
 
-    def __init__(self, io: IoFile, links: Mapping[str, Supervised], clock: Clock) -> None:
-        self._io, self._links, self._clock = io, links, clock
+    def __init__(self, io: IoFile, links: Mapping[str, Supervised], clock: Clock, hold_s: float) -> None:
+        """`hold_s`: for so long what a server said last counts when it does not answer."""
+        self._io, self._links, self._clock, self._hold_s = io, links, clock, hold_s
         self._addresses = {name: io.reads(name) for name in links if io.reads(name)}
         self._scales = {name: _scale(channel) for name, channel in io.channels.items()}
         self._kept: dict[str, tuple[float, float]] = {}
         self.answers = 0  #: Of servers so far
+        self.answered: list[str] = []  #: Connections that answered in the last period
+        self._server_s: dict[str, float] = {}
 
     async def now(self) -> dict[str, float]:
-        """Channel → value, NaN where there is none; what a lost server said counts for `stale_after_s` more."""
+        """Channel → value, NaN where there is none."""
         return {name: value for name, (value, _) in (await self.samples()).items()}
 
     async def samples(self) -> dict[str, tuple[float, float | None]]:
         """Channel → value and source time [s since 1970], if the server tells one."""
         answers = dict(zip(self._addresses, await asyncio.gather(*map(self._read, self._addresses)), strict=True))
+        self.answered = [name for name, answer in answers.items() if answer is not None]
         now_s = self._clock.monotonic()
         found: dict[str, tuple[float, float | None]] = {}
         for name, channel in self._io.channels.items():
             answer = answers[channel.at]
             if answer is None:
                 value, since_s = self._kept.get(name, (math.nan, -math.inf))
-                found[name] = (value if now_s - since_s <= self._io.stale_after_s else math.nan), None
+                found[name] = (value if now_s - since_s <= self._hold_s else math.nan), None
                 continue
             sample = answer.get(channel.address, Sample(math.nan, "missing"))
-            factor, zero = self._scales[name]
+            if sample.source_s is not None and sample.age_s is not None:
+                self._server_s[channel.at] = sample.source_s + sample.age_s
             is_good = sample.quality == "good" and (sample.age_s or 0.0) <= self._io.oldest_s(channel)
-            value = factor * sample.value + zero if is_good else math.nan
+            value = self.canonical(name, sample.value) if is_good else math.nan
             self._kept[name] = value, now_s
             found[name] = value, sample.source_s
         return found
+
+    def canonical(self, channel: str, value: float) -> float:
+        """A value of a server in the canonical unit of its role."""
+        factor, zero = self._scales[channel]
+        return factor * value + zero
+
+    def server_s(self, connection: str, otherwise: float) -> float:
+        """What the clock of a server showed when it last answered [s since 1970]."""
+        return self._server_s.get(connection, otherwise)
 
     async def _read(self, connection: str) -> dict[str, Sample] | None:
         try:
@@ -78,6 +92,12 @@ def _scale(channel: LiveChannel) -> tuple[float, float]:
     unit = unit_for_role(channel.unit, channel.role, where="IO file")
     at_0, at_1 = convert(np.array([0.0, 1.0]), unit, CANONICAL_UNITS[channel.role])
     return float(at_1 - at_0), float(at_0)
+
+
+def is_over(io: IoFile, links: Mapping[str, Supervised]) -> bool:
+    """Whether only files are read, and all have ended."""
+    read = [of.link for name, of in links.items() if io.reads(name)]
+    return all(isinstance(link, FileLink) and link.is_over for link in read)
 
 
 class _Written:
@@ -124,13 +144,13 @@ class Compensation:
         self._model, self._io, self._clock = model, io, clock
         self.journal = Journal(folder, clock)
         self.links = supervised_links(io, clock, self.journal.tell)
-        self._readings = Readings(io, self.links, clock)
+        self._readings = Readings(io, self.links, clock, io.stale_after_s)
         self._guard = GuardedModel(model)
         self._written = {name: _Written(name, io) for name in io.outputs}
         self.is_stopping = False
         self.given: Corrected | None = None  #: Of the last step
         self._counts = dict.fromkeys(("cycles", "rows_out", "rows_confirmed", "mismatches", "late_cycles"), 0)
-        self._latencies_s: deque[float] = deque(maxlen=100_000)
+        self._latencies_s: deque[float] = deque(maxlen=20_000)
         self._last_s: float | None = None
         self._offset_s: float | None = None
         self._alive = (math.nan, -math.inf)
@@ -148,7 +168,7 @@ class Compensation:
             lambda _, told: self.journal.tell("background", error=str(told.get("exception") or told["message"])[:300])
         )
         try:
-            while not (self.is_stopping or self._counts["cycles"] >= end or self._is_over()):
+            while not (self.is_stopping or self._counts["cycles"] >= end or is_over(self._io, self.links)):
                 next_s = await self._period(next_s)
                 if self._clock.monotonic() >= status_s + STATUS_EVERY_S:
                     status_s = self._clock.monotonic()
@@ -224,10 +244,6 @@ class Compensation:
         self.is_stopping = True
         while self.given is not None and any(self.given.correction_um.values()):
             next_s = await self._period(next_s)
-
-    def _is_over(self) -> bool:
-        read = [link.link for name, link in self.links.items() if self._io.reads(name)]
-        return all(isinstance(link, FileLink) and link.is_over for link in read)
 
     def _not_ready(self, values: Mapping[str, float], now_s: float) -> list[str]:
         """Why the guard must give nothing."""

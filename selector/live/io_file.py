@@ -66,6 +66,10 @@ class Place(Table):
     address: Name
 
 
+TIMES = ("time", "source_time", "received")
+"""Columns of the lake, which are no names for channels."""
+
+
 class LiveChannel(Place):
     """``[channels.NAME]``: what is read; `oldest_s`: a value older than that by the server's own clock is none."""
 
@@ -90,6 +94,10 @@ class Control(Table):
     wanted: Name | None = None
     alive: Name | None = None
     heartbeat: Place | None = None
+
+    def without_heartbeat(self) -> Control:
+        """For who only reads."""
+        return self.model_copy(update={"heartbeat": None})
 
 
 class IoFile(Table):
@@ -138,6 +146,9 @@ def read_io(path: str | Path, model: ModelFile | None = None) -> IoFile:
         _fits(said, model, where)
     folder = Path(path).parent
     connections = {name: _beside(one, folder) for name, one in said.connections.items()}
+    for connection in connections.values():
+        # told now, and not at three in the morning
+        connection.password()
     return said.model_copy(update={"connections": connections})
 
 
@@ -156,6 +167,8 @@ def _fits_itself(said: IoFile, where: str) -> None:
             advice = "say user, and password_env or password_file; take the password out of this file"
             raise _unusable("an address with credentials", f"{where}, key connections.{name}.url", advice)
     for name, channel in said.channels.items():
+        if name in TIMES:
+            raise _unusable(f"a channel called {name!r}", where, "call it otherwise: the lake has a clock of this name")
         _known(channel.at, said.connections, f"{where}, key channels.{name}.at", "connection")
         if channel.unit is not None:
             unit_for_role(channel.unit, channel.role, where=f"{where}, key channels.{name}.unit")

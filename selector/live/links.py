@@ -224,9 +224,13 @@ class FileLink:
                 self._append(["time_s", *self._writes])
             return
         self._rows = csv.DictReader(self._file)
-        if "time_s" not in (self._rows.fieldnames or ()):
-            raise ValueError("no column time_s")
-        self._next = next(self._rows, None)
+        self._next = self._row()
+
+    def _row(self) -> dict[str, str] | None:
+        """The next row that has a time; none at the end, and where it is no CSV any more."""
+        with contextlib.suppress(csv.Error):
+            return next((row for row in self._rows if math.isfinite(number_in(row["time_s"]))), None)
+        return None
 
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
@@ -236,7 +240,7 @@ class FileLink:
             self._now = dict(zip(("time_s", *self._writes), cells, strict=True))
         passed_s = self._clock.monotonic() - (self._began_s or 0.0)
         while self._next is not None and number_in(self._next["time_s"]) <= passed_s:
-            self._now, self._next = self._next, next(self._rows, None)
+            self._now, self._next = self._next, self._row()
         return {name: Sample(number_in(self._now[name])) for name in addresses if name in self._now}
 
     async def write(self, values: Mapping[str, float]) -> None:
@@ -269,13 +273,8 @@ def supervised_links(io: IoFile, clock: Clock, tell: Tell) -> dict[str, Supervis
 def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     writes = io.writes(name)
     if connection.kind == "file":
-        if not writes and not Path(connection.url).is_file():
-            raise OptionError(
-                "no such file",
-                expected="a CSV with time_s",
-                where=connection.url,
-                advice=f"correct url of connection {name}",
-            )
+        if not writes:
+            _require_table(connection.url, f"connection {name}")
         return FileLink(connection.url, writes, clock)
     # heavy, and extras
     if connection.kind == "opcua":
@@ -295,3 +294,16 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     from selector.live.hal import HalLink
 
     return HalLink()
+
+
+def _require_table(path: str, where: str) -> None:
+    """Ends with an error unless this is a CSV with a column ``time_s``."""
+
+    def refused(found: str) -> OptionError:
+        return OptionError(found, expected="a CSV with a column time_s", where=f"{where}: {path}", advice="correct url")
+
+    if not Path(path).is_file():
+        raise refused("no such file")
+    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        if "time_s" not in next(csv.reader([file.readline(100_000)]), []):
+            raise refused("no column time_s")

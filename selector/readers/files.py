@@ -76,6 +76,7 @@ def recording_files(paths: Sequence[Path]) -> Found:
     for path in paths:
         try:
             if path.is_dir():
+                path = _machine_of_lake(path)
                 inside, skipped = _inside(path)
                 files += inside
                 findings += skipped
@@ -123,10 +124,24 @@ def _nothing_there(path: Path) -> ReadError:
     )
 
 
+def _machine_of_lake(folder: Path) -> Path:
+    """Of a lake, as `selector collect` makes it, the folder of its one machine; any other folder is itself."""
+    machines = [path for path in folder.glob("machine=*") if path.is_dir()]
+    if len(machines) > 1:
+        raise ReadError(
+            f"a lake of {len(machines)} machines ({listed(sorted(path.name for path in machines), 6)})",
+            expected="the recordings of one machine",
+            where=str(folder),
+            advice=f"name one, such as {machines[0]}",
+        )
+    return machines[0] if machines else folder
+
+
 def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
     files: list[Path] = []
     skipped: list[str] = []
-    for path in sorted(folder.iterdir(), key=lambda p: natural_key(p.name)):
+    months = [inner for month in folder.glob("month=*") for inner in month.iterdir()]
+    for path in sorted((*folder.iterdir(), *months), key=lambda p: natural_key(p.name)):
         if path.name.startswith((".", "~$")) or path.name == MACHINE_FILE or path.is_dir():
             continue
         if has_name_of_recording(path) and path.is_file():

@@ -127,18 +127,23 @@ def run(process: Compensation, clock: FastClock, seconds: int, each=lambda secon
     asyncio.run(work())
 
 
-def beyond_the_guard(arrived: list[tuple[float, float]], unit: float = 1.0, late_s: float = 0.0) -> list[str]:
+def beyond_the_guard(
+    arrived: list[tuple[float, float]],
+    unit: float = 1.0,
+    late_s: float = 0.0,
+    before: tuple[float, float] = (-math.inf, 0.0),
+) -> list[str]:
     """What must not have arrived: more than the clamp, or a step beyond the slew limit that does not end at zero.
 
     A gap counts for 10 s at most, as in the guard. `late_s`: so much later it may have been noted than it arrived.
     """
-    wrong, before_s, before = [], -math.inf, 0.0
+    wrong, before_s, last = [], *before
     for moment_s, value in arrived:
         value_um = value / unit
         allowed = SLEW_UM_PER_S * min(moment_s - before_s + late_s, 10.0) + ROUNDING
         if not abs(value_um) <= CLAMP_UM + ROUNDING:
             wrong.append(f"{value_um} at {moment_s}")
-        if value_um != 0.0 and not abs(value_um - before) <= allowed:
-            wrong.append(f"from {before} to {value_um} at {moment_s}")
-        before_s, before = moment_s, value_um
+        if value_um != 0.0 and not abs(value_um - last) <= allowed:
+            wrong.append(f"from {last} to {value_um} at {moment_s}")
+        before_s, last = moment_s, value_um
     return wrong

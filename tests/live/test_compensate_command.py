@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 
 import pytest
 
 from selector.cli import exit_status
 from selector.controllers import sealed
 from selector.controllers.model_file import write_model
+from selector.live.io_file import read_io
 from tests.live.plants import beyond_the_guard, model
 
 IO = """
@@ -60,12 +62,25 @@ def test_a_recorded_day(folder, capsys):
     # 5 K at 2 um/K, in mm, and at the end back to zero
     assert min(value for _, value in arrived) == pytest.approx(-0.01)
     assert arrived[-1][1] == 0.0
+    # at the end ramped, not dropped: no step beyond 0.5 um in a second
+    assert 0.0 < -arrived[-2][1] <= 0.5e-3 + 1e-12
     assert status["rows_out"] == status["rows_confirmed"] == len(arrived)
     assert {path.name for path in (folder / "out").iterdir()} == {
         "journal.jsonl", "kept.json", "metrics.prom", "status.html", "status.json",
     }  # fmt: skip
     assert "not a safety function" in (folder / "out" / "status.html").read_text("utf-8")
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
+
+
+def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
+    text = (folder / "day.csv").read_text("utf-8")
+    broken = text.replace("\n50,", "\nnoon,").replace("\n60,", '\n60\n"\n').replace("\n70,", "\n70,,\n71,")
+    (folder / "day.csv").write_text(broken + "9" * 200_000, "utf-8")
+    assert command(folder, "--fast", "--json") == 0
+    assert 50 < json.loads(capsys.readouterr().out)["cycles"] < 300
+    (folder / "day.csv").write_text(text.replace("time_s", "when"), "utf-8")
+    assert command(folder, "--fast") == 2
+    assert "no column time_s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -93,3 +108,21 @@ def test_an_io_file_that_cannot_be_used(folder, capsys, old, new, told):
     assert "secret@" not in error
     assert not (folder / "given.csv").exists()
     assert not (folder / "out" / "journal.jsonl").exists()
+
+
+def test_a_password_is_a_secret(folder, capsys, monkeypatch):
+    text = (folder / "io.toml").read_text("utf-8").replace('url = "day.csv"', 'url = "day.csv"\nuser = "me"\n{}')
+    secret = folder / "secret"
+    secret.write_text("s3cret\n", "utf-8")
+    secret.chmod(0o644)
+    (folder / "io.toml").write_text(text.format('password_file = "secret"'), "utf-8")
+    if os.name == "posix":
+        assert command(folder, "--fast") == 2
+        assert "chmod 600" in capsys.readouterr().err
+    secret.chmod(0o600)
+    assert read_io(folder / "io.toml", model()).connections["day"].password() == "s3cret"
+    (folder / "io.toml").write_text(text.format('password_env = "LATHE_PASSWORD"'), "utf-8")
+    assert command(folder, "--fast") == 2
+    assert "LATHE_PASSWORD" in capsys.readouterr().err
+    monkeypatch.setenv("LATHE_PASSWORD", "other")
+    assert read_io(folder / "io.toml", model()).connections["day"].password() == "other"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -110,8 +111,6 @@ def test_a_control_that_shows_something_else_is_mistrusted_and_tried_again(tmp_p
 
 
 def test_a_single_precision_control_is_trusted(tmp_path):
-    import numpy as np
-
     process, link, clock = plant(tmp_path)
     write = link.write
 
@@ -198,6 +197,20 @@ def test_a_clock_that_is_put_changes_nothing_but_the_journal(tmp_path):
     run(process, clock, 5)
     assert link.arrived[-1][1] == pytest.approx(-8.0)
     assert any(line["event"] == "clock-jump" and line["by_s"] == -3600.0 for line in journal(tmp_path))
+
+
+def test_what_the_operator_does_not_want_is_ramped_to_zero(tmp_path):
+    control = '[channels.want]\nat = "plc"\naddress = "want"\nrole = "state"\n[control]\nwanted = "want"'
+    process, link, clock = plant(tmp_path, control=control)
+    link.values["want"] = 1
+    run(process, clock, 10)
+    link.values["T1"] = 24.0
+    run(process, clock, 30)
+    link.values["want"] = False
+    run(process, clock, 20)
+    values = [value for _, value in link.arrived]
+    assert values[39] == pytest.approx(-8.0)
+    assert values[40:57] == pytest.approx([*np.arange(-7.5, 0.5, 0.5), 0.0])
 
 
 EVENTS = st.sampled_from(

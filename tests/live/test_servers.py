@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from contextlib import asynccontextmanager, contextmanager
+from datetime import UTC, datetime, timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -81,6 +82,8 @@ class OpcUa:
         plain = self.server.iserver.attribute_service.write
 
         async def noted(params, *args, **kwargs):
+            if all(one.NodeId != self.nodes["Z"].nodeid for one in params.NodesToWrite):
+                return await plain(params, *args, **kwargs)
             if self.is_refusing:
                 return [ua.StatusCode(ua.StatusCodes.BadNotWritable) for _ in params.NodesToWrite]
             if self.is_dropping:
@@ -192,6 +195,25 @@ def test_opcua_output_that_is_no_real(tmp_path, kind):
             assert {value for _, value in plc.arrived} <= {0}
             assert kind.name in told(tmp_path)
             assert "Float or Double" in told(tmp_path)
+
+    asyncio.run(work())
+
+
+def test_opcua_history_is_read_where_it_is_kept(tmp_path):
+    async def work():
+        async with opcua_plant(tmp_path) as (process, _, plc):
+            await plc.server.historize_node_data_change(plc.nodes["T1"], count=100)
+            begun = datetime(2026, 3, 1, 10, tzinfo=UTC)
+            for second in range(10):
+                told = ua.DataValue(ua.Variant(20.0 + second), SourceTimestamp=begun + timedelta(seconds=second))
+                await plc.nodes["T1"].write_value(told)
+            await asyncio.sleep(0.5)
+            link = process.links["plc"]
+            found = await link.history(NODES[:2], begun.timestamp() + 3.0, begun.timestamp() + 6.0)
+            assert found[NODES[0]] == [(begun.timestamp() + s, 20.0 + s) for s in range(3, 7)]
+            # T2 has none, and that is no reason to lose the server
+            assert found.get(NODES[1], []) == []
+            assert link.is_open
 
     asyncio.run(work())
 
