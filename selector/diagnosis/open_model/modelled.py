@@ -232,15 +232,15 @@ def _settled(put: list[_Put], with_one: Callable[[Sequence[_Put], tuple[Candidat
     names = [one.best.switch.parameters[0] for one in earlier]
     kept = [
         one for one, name in zip(earlier, names, strict=True)
-        if abs(last.refit.values[name]) > _SHRINKS * abs(one.refit.values[name])
+        if abs(last.refit.values.get(name, np.inf)) > _SHRINKS * abs(one.refit.values.get(name, 0.0))
     ]  # fmt: skip
     again: list[_Put] = []
     for alike in (*(one.alike for one in kept), last.alike):
         if len(kept) == len(earlier) or (step := with_one(again, alike)) is None:
             return put
         again.append(step)
-    floor = {name: quick_noise(last.refit.comparison, name) for name in last.refit.comparison.responses}
-    for squares in (_squares, lambda comparison: unseen_squares(comparison, floor)):
+    units = dict.fromkeys(last.refit.comparison.responses, 1.0)
+    for squares in (_squares, partial(unseen_squares, floor=units)):
         was, now = squares(last.refit.comparison), squares(again[-1].refit.comparison)
         if any(now[name] > _RUIN * max(was[name], 1e-300) for name in was):
             return put

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from selector.errors import InputError
 from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Ripple, Sensing, Transmission
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
@@ -143,3 +144,8 @@ def test_feedforward():
     same(replace(DRY, servo=ahead), DRY)
     differ(replace(DRY, servo=replace(ahead, acceleration_feedforward=1e-6)), DRY)
     differ(replace(DRY, servo=replace(ahead, velocity_feedforward=1e-6)), DRY)
+
+
+def test_viscous_friction_that_would_push_is_refused():
+    with pytest.raises(InputError, match="viscous friction of -1 N"):
+        Axis(RIGID, friction=Friction(viscous_negative_ns_per_m=-1.0 - RIGID.guide_damping_ns_per_m))
