@@ -7,7 +7,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -137,14 +137,57 @@ def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: st
         )
 
 
-def require_writable_folder(folder: Path, option: str) -> None:
+_OURS = {".json": '"schema": "selector.', ".html": 'name="generator" content="selector '}
+"""Ending → what the beginning of a file holds that this program wrote."""
+_BEGINNING_BYTES = 4000
+
+
+def begins_with(path: Path, mark: str) -> bool:
+    """Whether there is a file that has these words near its beginning."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return mark in file.read(_BEGINNING_BYTES).decode("utf-8", errors="replace")
+
+
+def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "--out") -> None:
+    """Ends with an error where something stands in the place of a result that does not begin as results do.
+
+    `marks`: name of the file → what it has near its beginning if an earlier run of the same command wrote it.
+
+    Raises
+    ------
+    OptionError
+        There is such a file.
+    """
+    foreign = [
+        name for name, mark in marks.items() if (folder / name).exists() and not begins_with(folder / name, mark)
+    ]
+    if foreign:
+        raise OptionError(
+            f"{', '.join(foreign)} in {folder}, which this command did not write",
+            expected="a new or an empty folder, or one with an earlier answer",
+            where=option,
+            advice="choose another folder, or move these files away",
+        )
+
+
+def require_writable_folder(folder: Path, option: str, results: Iterable[str] = ()) -> None:
     """Finds out before long work whether `folder` can be made or written to; leaves nothing behind.
 
     Raises
     ------
     OptionError
-        It is a file, or its place cannot be written to.
+        It is a file, or its place cannot be written to; or a file that is not of this program stands in the place of
+        one of the `results` (names with the endings ``.json`` and ``.html``).
     """
+    if folder.is_symlink() and not folder.exists():
+        raise OptionError(
+            "a link that leads nowhere, or to itself",
+            expected="a folder, or a name that is free",
+            where=f"{option} {folder}",
+            advice="choose another name, or remove the link",
+        )
     if folder.exists() and not folder.is_dir():
         raise OptionError(
             "a file of this name exists",
@@ -152,6 +195,7 @@ def require_writable_folder(folder: Path, option: str) -> None:
             where=f"{option} {folder}",
             advice="choose another name",
         )
+    require_replaceable(folder, {name: _OURS[Path(name).suffix] for name in results}, option)
     place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
     try:
         with tempfile.TemporaryDirectory(dir=place):

@@ -114,7 +114,7 @@ def export_model(
         advice = f"did you mean {near[0]}?" if near else "choose one"
         raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice=advice)
     chosen = TARGETS[target]
-    require_writable_folder(folder, "--out")
+    require_writable_folder(folder, "--out", (SHEET,))
     usable, of_model = usable_model(model)
     usable, of_touch_offs = _as_can_be_adapted(usable, chosen)
     wider, of_margin = _with_margin(with_turned_signs(usable, options.invert), chosen, options.margin_percent)
@@ -129,10 +129,11 @@ def export_model(
     reading = read(options.replay, machine=options.machine, overrides=options.overrides) if options.replay else None
     machine_files = () if options.machine is None else (options.machine,)
     recorded = () if reading is None else tuple(run.file for run in reading.runs)
+    require_writable_folder(folder, "--out", own)
     for name in files:
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)
-    of_folder = tuple(_of_other_targets(target, folder, files))
+    of_folder = (*_of_other_targets(target, folder, files), *([] if own else _of_model_there(usable, decided, folder)))
     findings = (*of_model, *of_touch_offs, *of_margin, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
     is_verified = options.is_sign_verified
     sheet = commissioning_account(
@@ -309,6 +310,16 @@ def _of_other_targets(target: str, folder: Path, files: Sequence[str]) -> Iterat
             f"{folder} also holds programs of other controls: {listed}. {MODEL} and {SHEET} beside them are of this "
             "export and do not describe them.",
             evidence={"files": list(left)},
+        )
+
+
+def _of_model_there(asked: ModelFile, decided: ModelFile, folder: Path) -> Iterator[Finding]:
+    """The exported model lies where the program goes, and does not say what was decided since."""
+    if asked.guard != decided.guard or asked.outputs != decided.outputs:
+        yield FINDINGS.finding(
+            "model-not-of-program",
+            f"{folder / MODEL} is the model that was exported and stays as it is: limits, signs and margin of the "
+            "program are not in it.",
         )
 
 

@@ -118,3 +118,18 @@ def test_an_earlier_answer_stays_if_the_new_one_fails(tmp_path):
     with pytest.raises(IsADirectoryError), folder_written_whole(out, ["old.json"]) as part:
         (part / "a.json").write_text("new", encoding="utf-8")
     assert (out / "old.json").read_text(encoding="utf-8") == "old"
+
+
+def test_what_another_program_wrote_is_not_replaced(tmp_path):
+    (tmp_path / "report.html").write_text("<html>mine", encoding="utf-8")
+    (tmp_path / "model.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
+    require_writable_folder(tmp_path, "--out", ["model.json", "selection.json"])
+    with pytest.raises(OptionError, match=r"report\.html in .*did not write"):
+        require_writable_folder(tmp_path, "--out", ["model.json", "report.html"])
+
+
+def test_a_link_to_nowhere_is_called_one(tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "gone")
+    with pytest.raises(OptionError, match="a link that leads nowhere"):
+        require_writable_folder(link, "--out")

@@ -55,7 +55,7 @@ def adapt(
     every_s = asked.every_s()
     inputs = [model, *([] if asked.touch_offs is None else [asked.touch_offs]), *source.machine_files]
     if out is not None:
-        require_writable_folder(out, "--out")
+        require_writable_folder(out, "--out", ("adaptation.json", "model.json", "report.html"))
         refuse_folder_of_inputs(out, [*inputs, *source.runs])
     read, _ = usable_model(model)
     reading = source.reading()

@@ -62,7 +62,7 @@ def ballbar(
             raise _option(f"{option} {value:g}", "a number above 0", "correct the option")
     leads = dict(_lead(one) for one in lead or ())
     if out is not None:
-        require_writable_folder(out, "--out")
+        require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
         refuse_folder_of_inputs(out, files)
     asked = CircleOptions(
         None if radius is None else radius / 1e3, feed, None if names is None else (names[0], names[1])

@@ -58,8 +58,8 @@ def demo(
             selections.append(selection)
             descriptions.append(material.description)
         verdicts = Counter(line.verdict for line in audit_patent())
-        told = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
-        console.print(f"The patent's printed numbers: {told}; `selector audit-patent` lists them.", markup=False)
+        told = f"{verdicts['agrees independently']} of {verdicts.total()} agree independently"
+        console.print(f"The patent's printed numbers: {told}; see `selector audit-patent`.", markup=False)
         write_report(selections, folder / "report.html", title="selector demo", description=descriptions)
     typer.echo(out / "report.html")
 

@@ -57,7 +57,7 @@ def predict(
     lengths_s = asked.operations_s()
     asked.require_usable()
     if out is not None:
-        require_writable_folder(out, "--out")
+        require_writable_folder(out, "--out", ("prediction.json", "report.html"))
         refuse_folder_of_inputs(out, [asked.cycle, *source.machine_files, *source.runs])
     steps = read_cycle(asked.cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)

@@ -86,7 +86,8 @@ def convert(
     """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.
 
     What a file says is written as it was read; nothing is filled in, and nothing left out but codes of broken sensors
-    (850, −9999). Files of the same name in DIR are replaced, unless they are among the recordings that were read.
+    (850, −9999). Tables of the same name in DIR are replaced, unless they are among the recordings that were read; a
+    machine file there that says something else is not.
     """
     from selector.quality import inspect, without_faults
     from selector.quality.finding_table import SENSOR_BREAK

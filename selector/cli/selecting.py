@@ -73,7 +73,7 @@ def select(
     else:
         options, date = asked.options(), date_of(date)
     if out is not None:
-        require_writable_folder(out, "--out")
+        require_writable_folder(out, "--out", ("selection.json", "model.json", "report.html"))
     written: list[str] = []
     with progress_bar() as progress:
         selection, material = study(source, options, progress)

@@ -117,6 +117,8 @@ sign-taken-on-trust [info] the sign is said to be verified, but not which progra
     → compare it with the head of the program that passed the sign test, or say --tested with the digits from there
 sign-turned [info] a correction is turned round, for a control that counts the axis the other way
     → do the sign test of the sheet with this program
+model-not-of-program [warning] the model file beside a program does not have the limits of the program
+    → export into a folder of its own; the model with these limits is then written there, too
 other-target-in-folder [warning] the folder also holds programs of other controls
     → delete them with what was copied from them, or export again with an --out of its own for each control
 """

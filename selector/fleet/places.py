@@ -112,7 +112,7 @@ def fsspec_core(url: str) -> ModuleType:
             "recordings behind a URL, and the package fsspec is not installed",
             expected="an installation with the extra `fleet`",
             where=url,
-            advice='run `pip install "selector[fleet]"`, or name folders',
+            advice='run `pip install ".[fleet]"` in the folder of selector, or name folders',
         ) from error
     core: ModuleType = fsspec.core
     return core

@@ -156,7 +156,7 @@ class Cluster:
                 "the package distributed of Dask is not installed",
                 expected="an installation with the extra `fleet`",
                 where=f"--dask {address}",
-                advice='run `pip install "selector[fleet]"` here and on every worker, or use --jobs',
+                advice='run `pip install ".[fleet]"` in the folder of selector here and on every worker, or use --jobs',
             ) from error
         self._address = address
         # what matters of a lost scheduler or worker is told as the error of a study, or of the fleet

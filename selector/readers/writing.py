@@ -75,7 +75,10 @@ def write_recording(
     machine_name: str | None = None,
     format: str = "csv",  # noqa: A002 - the contract's word
 ) -> list[Path]:
-    """Write every run to its target and the machine file beside them, all or none; files of these names go."""
+    """Write every run to its target and the machine file beside them, all or none; tables of these names go.
+
+    Raises OptionError: another machine file stands there, or the folder cannot be written.
+    """
     # as they are read again: the names, unless these cannot stand in a header
     headers = unique_headers(["time_s", *recording.names], "the output")[0][1:]
     writers: dict[Path, Callable[[Path], Any]] = {}
@@ -85,6 +88,13 @@ def write_recording(
     channels = {channel.name: channel_section(channel, header, channel.unit) for channel, header in pairs}
     machine, time = MachineSection(name=machine_name), TimeSection(column="time_s", unit="s")
     text = machine_text(Machine(machine=machine, time=time, channels=channels))
+    if machine_path.exists() and machine_path.read_bytes() != text.encode("utf-8"):
+        raise OptionError(
+            "another machine file is in the output folder",
+            expected="a folder without one, because it may hold corrections made by hand",
+            where=str(machine_path),
+            advice="choose another output folder (--out), or move that file away",
+        )
     writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
     _write_whole(writers)
     return [*targets.values(), machine_path]

@@ -292,9 +292,12 @@ def is_within_noise(question: Question, trial: Trial, best: Trial) -> bool:
 
 
 def _is_equal(question: Question, trial: Trial, best: Trial) -> bool:
-    """Whether a set is within the margin of the best, or, unless one was asked for, within `WORTH_OF_A_SENSOR`."""
-    near = question.options.within is None and trial.error <= best.error * (1.0 + WORTH_OF_A_SENSOR)
-    return near or is_within_noise(question, trial, best)
+    """Whether a set is within the margin of the best, or, unless one was asked for, within `WORTH_OF_A_SENSOR`.
+
+    For every response: what one gains does not pay for what another loses.
+    """
+    near = bool((trial.rmse_um <= best.rmse_um * (1.0 + WORTH_OF_A_SENSOR)).all())
+    return (near and question.options.within is None) or is_within_noise(question, trial, best)
 
 
 def _trials(

@@ -52,7 +52,7 @@ runs-outside-the-others [info] runs lie beyond what the other runs cover: their 
 unstable-choice [warning] a sensor is chosen in few resamples of the runs
     → the runs do not agree on this sensor: record more, or compare the sets beside the chosen one
 sensor-missing [warning] a sensor is missing too often where the displacement is known; it is not a candidate
-    → Check its wiring, or use --must to keep it at the price of those samples.
+    → Check its wiring; if it must be kept at the price of those samples: --must.
 samples-lost [warning] a sensor is missing in part of the samples and none can stand in for it; those samples are not
     used
     → Repair it and record again, or use --never; --reference absolute needs no start reading.

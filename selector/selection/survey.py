@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -109,7 +110,7 @@ def _left_out_for_gaps(
                 SENSOR_MISSING,
                 f"is missing in {100 * gaps[name]:.0f} % of the samples"
                 + ("" if math.isnan(likeness[name]) else f"; others explain {likeness[name]:.1%} of it"),
-                f"use --must {name} to keep it at the price of those samples",
+                f"check its wiring; if it must be kept at the price of those samples: --must {shlex.quote(name)}",
             )
     spare = sorted(
         (n for n in likeness if n not in reasons and n not in must), key=lambda n: -np.nan_to_num(likeness[n])
@@ -124,7 +125,7 @@ def _left_out_for_gaps(
             SENSOR_MISSING,
             f"is missing in {100 * gaps[name]:.0f} % of the samples, and with the gaps of others only "
             f"{100 * complete:.0f} % of the samples would be complete",
-            f"use --must {name} to keep it at the price of those samples",
+            f"check its wiring; if it must be kept at the price of those samples: --must {shlex.quote(name)}",
         )
     return likeness
 

@@ -206,7 +206,11 @@ def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, 
 
 def next_steps(findings: Iterable[Finding], *then: str, most: int = 3) -> Items:
     """What the worst findings advise, and what comes then."""
-    advised = [remark.suggestion for remark in grouped_remarks(findings, "error", "warning") if remark.suggestion]
+    advised = [
+        f"{one.place}: {one.suggestion}" if one.place else f"{_sentence(one.statement)} {_sentence(one.suggestion)}"
+        for one in grouped_remarks(findings, "error", "warning")
+        if one.suggestion
+    ]
     return Items((*(_sentence(text) for text in advised[:most]), *then), are_steps=True)
 
 

@@ -22,9 +22,7 @@ ROOT = Path(__file__).parents[2]
 PATENT = ROOT / "fixtures" / "models" / "patent-two-sensors.json"
 PATENT8 = ROOT / "fixtures" / "patent8"
 needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
-needs_parser = pytest.mark.skipif(
-    find_spec("tree_sitter_iec61131_3_st") is None, reason='pip install "selector[controls]"'
-)
+needs_parser = pytest.mark.skipif(find_spec("tree_sitter_iec61131_3_st") is None, reason='pip install ".[controls]"')
 SAVED = ["model.json", "commissioning.html"]
 
 
@@ -68,7 +66,7 @@ def test_every_file_of_c_is_executed_and_told(tmp_path, capsys):
     out = tmp_path / "out"
     said = exported(capsys, PATENT, "c", out, PATENT8 / "recording.csv", PATENT8 / "machine.toml")
     parts = said["replay"]["parts"]
-    files = [f"thermal_correction{ending}.c" for ending in ("", "_f", "_i")]
+    files = [f"thermal_correction{ending}.c" for ending in ("", "_f")]
     assert [(part["file"], part["output"]) for part in parts] == [(file, o) for file in files for o in ("Z", "Y")]
     own = {"file", "output", "executed_by", "max_abs_difference_um", "allowed_um", "guard_difference_um"}
     assert all(set(part) == own for part in parts)

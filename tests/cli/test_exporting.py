@@ -230,3 +230,30 @@ def test_programs_of_other_targets_in_the_folder_are_named(tmp_path, capsys):
     assert left("tcpou", "block") == left("beckhoff", "block") == []
     tables = ["temp_comp_1.lis", "temp_comp_2.lis", "temp_comp_ads.txt"]
     assert sorted(left("tcpou", "block")) == tables
+
+
+def test_a_model_beside_its_program_that_says_other_limits_is_told(tmp_path, capsys):
+    model = tmp_path / "model.json"
+    model.write_bytes(PATENT.read_bytes())
+    assert export(model, "--for", "python", "--out", tmp_path, "--clamp", "Z=10", "--json") == 0
+    assert "model-not-of-program" in {one["id"] for one in answer(capsys)["findings"]}
+    assert model.read_bytes() == PATENT.read_bytes()
+
+
+def test_a_page_that_is_no_sheet_is_not_replaced(tmp_path, capsys):
+    (tmp_path / "commissioning.html").write_text("mine", encoding="utf-8")
+    assert export(PATENT, "--for", "python", "--out", tmp_path) == 2
+    assert "did not write" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["commissioning.html"]
+
+
+@pytest.mark.parametrize(("command", "out"), [("apply", "x.csv"), ("convert", "")])
+def test_a_recording_and_a_machine_file_of_others_are_not_replaced(command, out, tmp_path, capsys):
+    for name in ("recording.csv", "machine.toml"):
+        (tmp_path / ("x.csv" if name == "recording.csv" else name)).write_bytes((PATENT8 / name).read_bytes())
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    model = [PATENT] if command == "apply" else []
+    words = [command, *model, PATENT8 / "recording.csv", "--machine", PATENT8 / "machine.toml", "--out", tmp_path / out]
+    assert exit_status([str(word) for word in words]) == 2
+    assert "Where" in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

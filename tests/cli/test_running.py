@@ -64,7 +64,7 @@ def test_a_wrong_command_line_says_what_to_do(arguments, named, capfd):
         (OSError("something of the system"), "something of the system"),
         (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"), "--encoding"),
         (MemoryError(), "fewer runs"),
-        (ModuleNotFoundError("No module named 'nptdms'", name="nptdms"), "selector[formats]"),
+        (ModuleNotFoundError("No module named 'nptdms'", name="nptdms"), ".[formats]"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Exception) else None,
 )

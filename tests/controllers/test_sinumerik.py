@@ -25,7 +25,7 @@ from tests.controllers import hostile
 
 needs_parser = pytest.mark.skipif(
     find_spec("tree_sitter_iec61131_3_st") is None,
-    reason='no parser of Structured Text; pip install "selector[controls]"',
+    reason='no parser of Structured Text; pip install ".[controls]"',
 )
 
 

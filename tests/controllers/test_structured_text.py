@@ -44,7 +44,7 @@ from tests.controllers.model_builders import rise_model
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
 needs_parser = pytest.mark.skipif(
     find_spec("tree_sitter") is None or find_spec("tree_sitter_iec61131_3_st") is None,
-    reason='no parser of Structured Text; pip install "selector[controls]"',
+    reason='no parser of Structured Text; pip install ".[controls]"',
 )
 
 KINDS = [
@@ -331,7 +331,7 @@ def test_operations_bind_as_the_standard_says(condition, holds):
 
 def test_without_the_parser_the_advice_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "tree_sitter_iec61131_3_st", None)
-    with pytest.raises(NotExecutableError, match=re.escape('pip install "selector[controls]"')):
+    with pytest.raises(NotExecutableError, match=re.escape('pip install ".[controls]"')):
         executable(_block("x := 1.0;"))
 
 

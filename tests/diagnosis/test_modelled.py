@@ -6,6 +6,7 @@ import copy
 import dataclasses
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selector.diagnosis.open_model.modelled import Improved, diagnosis_of_model, with_longest_steps
@@ -16,7 +17,7 @@ from selector.physics.drive.file.model_file import parsed_model_file
 from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.model_file import checked_model_file as gauging_file
 from selector.physics.model_fields import Parameter
-from selector.recording import Recording
+from selector.recording import Channel, Recording
 from tests.diagnosis.ablated import (
     AXIS,
     axis_model,
@@ -165,6 +166,27 @@ def test_a_python_function_is_refitted(axis):
     assert found.values["mass"] == pytest.approx(95.0, abs=0.5)
     assert set(found.comparison.tangents) == {"X_position", "X_voltage"}
     assert np.isfinite(found.comparison.tangents["X_voltage"]["mass"]).all()
+
+
+class OfANameplate(FunctionModel):
+    """A function whose parameters are held by what they say, as those of a model file."""
+
+    bounded = frozenset()
+
+
+def test_a_resonance_on_the_wrong_side_of_the_recorded_one_is_crossed():
+    time_s = np.arange(0.0, 40.0, 0.1)
+    channels = (Channel("y", "displacement", "um"),)
+
+    def function(values):
+        answer = 1.0 / (values["stiffness"] - 1.0 + 0.05j)
+        course = np.abs(answer) * np.sin(time_s + np.angle(answer))
+        return {run: pd.DataFrame({"y": course}, pd.Index(time_s, name="time_s")) for run in ("r1", "r2")}
+
+    recording = Recording.from_runs(function({"stiffness": 0.85}), channels, {})
+    # going down the slope from here only leads away
+    model = OfANameplate("spring", function, {"stiffness": Parameter(1.2, 0.1, 10.0, "1")}, recording)
+    assert refitted(model, recording).values["stiffness"] == pytest.approx(0.85, abs=1e-3)
 
 
 def test_a_function_that_diverges_is_refused(axis):

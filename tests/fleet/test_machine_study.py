@@ -154,4 +154,4 @@ def test_a_url_without_fsspec_says_what_to_install(again, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "fsspec", None)
     monkeypatch.setitem(__import__("sys").modules, "fsspec.core", None)
     found = answered(task(again, '[machines]\nm = "s3://bucket/m"'))
-    assert 'pip install "selector[fleet]"' in found.error
+    assert 'pip install ".[fleet]"' in found.error

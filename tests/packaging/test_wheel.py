@@ -68,5 +68,5 @@ def test_the_demo_runs_without_checkout_and_extras(installed, tmp_path):
 def test_what_is_missing_is_named_with_the_extra_that_brings_it(installed, tmp_path):
     done = run(installed, "workbench", "--no-browser", cwd=tmp_path)
     assert done.returncode == 2
-    assert 'pip install "selector[workbench]"' in done.stderr
+    assert 'pip install ".[workbench]"' in done.stderr
     assert "Traceback" not in done.stderr

@@ -166,7 +166,7 @@ def test_without_dask_it_is_said_what_to_install(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "distributed", None)
     fleet = fleet_file(tmp_path, '[machines]\nm = "m"')
     assert exit_status(["fleet", "run", str(fleet), "--dask", "tcp://127.0.0.1:1"]) == 2
-    assert 'pip install "selector[fleet]"' in capsys.readouterr().err
+    assert 'pip install ".[fleet]"' in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="Windows sends Ctrl-C to the whole console")

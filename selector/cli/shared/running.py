@@ -130,7 +130,7 @@ def _as_input_error(error: Exception) -> InputError | None:
                 f"this needs the package {name}, which is not installed",
                 expected=f"an installation with the extra `{extra}`",
                 where="installation",
-                advice=f'pip install "selector[{extra}]" (in a checkout ".[{extra}]"); `all` has every extra',
+                advice=f'in the folder of selector: pip install ".[{extra}]"; `all` has every extra',
             )
     return None
 

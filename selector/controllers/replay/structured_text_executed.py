@@ -102,7 +102,7 @@ def _parser() -> Any:
             f"the package {error.name} is not installed",
             expected="tree-sitter and tree-sitter-iec61131-3-st, which read the exported Structured Text",
             where="--replay",
-            advice='pip install "selector[controls]", or export without --replay',
+            advice='in the folder of selector: pip install ".[controls]"; or export without --replay',
         ) from error
     return tree_sitter.Parser(tree_sitter.Language(grammar.language()))
 

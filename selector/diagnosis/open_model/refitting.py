@@ -164,6 +164,9 @@ _USUAL_SLOPES = 2
 _NEAR = 0.1
 """Way from where finite differences were taken, in nameplate units, within which they hold."""
 _MOST_DIRECTIONS = 8
+_AT_LIMIT = 0.9
+"""Share of the way to the limits from which on a parameter is at them."""
+_DRAWS, _FOLLOWED = 24, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +249,8 @@ def refitted(
     earlier = {} if start is None else start.values
     z, slopes = _best_start(fit, [{**earlier, **one} for one in starts], start)
     z, slopes = _fitted(fit, z, slopes)
+    if start is None and bool(np.any(np.abs(z[~fit.free]) > _AT_LIMIT * FARTHEST)):
+        z, slopes = _from_elsewhere(fit, z, slopes)
     courses, tangents = slopes.courses, slopes.taken
     fit = replace(fit, noise=noise_of(fit, slopes, repeated=True))
     white = fit.white_tangents(tangents)
@@ -402,6 +407,31 @@ def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
                 break
             slopes, anew = _slopes(fit, z, slopes.courses), anew + 1
     return z, slopes
+
+
+def _from_elsewhere(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
+    """Of a fit and of some from starts that nameplates allow, the one that leaves least.
+
+    What ran to its limits may have gone the wrong way: a resonance beyond the recorded one is drawn away from it.
+    """
+    weighed, held = replace(fit, noise=noise_of(fit, slopes)), ~fit.free
+
+    def cost(at: Vector, courses: Mapping[str, Vector]) -> float:
+        return float(np.sum(weighed.white(courses) ** 2) + np.sum(at[held] ** 2))
+
+    starts: list[tuple[float, int, Vector, Mapping[str, Vector]]] = []
+    for k, draw in enumerate(np.random.default_rng(0).standard_normal((_DRAWS, len(z)))):
+        at = np.clip(np.where(held, draw, z), *fit.limits)
+        try:
+            courses = fit.courses(at)
+        except InputError:
+            continue
+        starts.append((cost(at, courses), k, at, courses))
+    ends = [
+        (z, slopes),
+        *(_fitted(fit, at, _slopes(fit, at, courses)) for _, _, at, courses in sorted(starts)[:_FOLLOWED]),
+    ]
+    return min(ends, key=lambda end: cost(end[0], end[1].courses))
 
 
 def _step(columns: Matrix, white: Vector, held: Vector, z: Vector, low: Vector, high: Vector) -> Vector:

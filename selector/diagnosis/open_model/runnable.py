@@ -345,7 +345,7 @@ def fmu_model(path: str | Path, recording: Recording) -> Iterator[FmuModel]:
             "a functional mock-up unit, and no FMPy to run it",
             expected="the package FMPy",
             where=str(path),
-            advice="install it: pip install 'selector[fmu]'",
+            advice="in the folder of selector: pip install '.[fmu]'",
         ) from error
     if Path(path).exists() and not Path(path).is_file():
         # opening a pipe would wait for ever

@@ -1,4 +1,4 @@
-"""Modules that are installed only with ``pip install "selector[formats]"``."""
+"""Modules that are installed only with the extra ``formats``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def optional_module(name: str, what: str, where: str) -> Any:
             f"{what}, and the package {name} that reads it is not installed",
             expected=f"the optional package {name}",
             where=where,
-            advice='pip install "selector[formats]", or export the recording as CSV',
+            advice='in the folder of selector: pip install ".[formats]"; or export the recording as CSV',
         ) from error
 
 

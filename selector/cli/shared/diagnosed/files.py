@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from selector import atomic_file
 from selector.cli.shared.studying import OpenedStudy, recording_entries, write_study_beside
-from selector.errors import OptionError
 
 if TYPE_CHECKING:
     from selector.cli.shared.diagnosed.answer import Answer
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 
 _HEAD = "Written by `selector diagnose --model`: the model with what the recordings say was left out."
-_BEGINNING_BYTES = 4000
 _OURS = {
     "diagnosis.json": '"schema": "selector.diagnosis/1"',
     "report.html": "<title>What the simulation left out",
@@ -90,28 +89,14 @@ def require_replaceable(folder: Path, *, with_model: bool) -> None:
 
     Raises OptionError: there is such a file.
     """
-    names = [name for name in _OURS if with_model or name != "improved.toml"]
-    foreign = [name for name in names if (folder / name).exists() and not _is_ours(folder / name)]
-    if foreign:
-        raise OptionError(
-            f"{', '.join(foreign)} in {folder}, which no `selector diagnose` wrote",
-            expected="a new or an empty folder, or one with an earlier diagnosis",
-            where="--out",
-            advice="choose another folder, or move these files away",
-        )
+    atomic_file.require_replaceable(
+        folder, {name: mark for name, mark in _OURS.items() if with_model or name != "improved.toml"}
+    )
 
 
 def earlier_answer(folder: Path) -> tuple[str, ...]:
     """Files in this folder that an earlier diagnosis wrote; one of the same name by something else is none of them."""
-    return tuple(name for name in _OURS if _is_ours(folder / name))
-
-
-def _is_ours(path: Path) -> bool:
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        beginning = file.read(_BEGINNING_BYTES).decode("utf-8", errors="replace")
-    return _OURS[path.name] in beginning
+    return tuple(name for name, mark in _OURS.items() if atomic_file.begins_with(folder / name, mark))
 
 
 def write_diagnosis_study(
