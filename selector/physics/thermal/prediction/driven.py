@@ -105,7 +105,8 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         "Something that nobody measured moves the displacements slowly: by "
         + ask.listed(model.walk_um(3600.0))
         + f" in an hour, and by {ask.listed(drift)} over the duty cycle (standard deviation of a random walk). "
-        "No time constant was made of it, and no prediction can contain it; it is part of the claimed error.",
+        "No time constant was made of it, and no prediction can contain it"
+        + ("." if model.heldout_um is None else "; it is part of the claimed error."),
         evidence={"um_in_an_hour": model.walk_um(3600.0).tolist(), "um_over_the_cycle": drift.tolist()},
         level="warning" if (drift > WORTH_TELLING * _rms(claims)).any() else "info",
     )
@@ -113,7 +114,8 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         yield FINDINGS.finding(
             "claimed-error-unknown",
             f"{len(model.parts)} test{'s' * (len(model.parts) > 1)}: none can be left out and predicted by the others, "
-            "so no error is claimed.",
+            "so no error is claimed. That needs a test that follows another one in the same record, since how warm the "
+            "machine was at the start of a record only that record tells, and whose speed others surround.",
         )
 
 
