@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -174,6 +175,7 @@ def test_converted_recordings_read_back_bit_for_bit(
     machine = machine_from_text("[time]\ncolumn = 't'\nunit = 's'\n" + channels, "machine.toml")
     first = read([source], machine)
     out = tmp_path / "out"
+    shutil.rmtree(out, ignore_errors=True)
     convert(first, out, form)
     again = read([out / f"r1.{form}"], out / "machine.toml")
     assert again.recording.channels == first.recording.channels
