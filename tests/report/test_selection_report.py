@@ -208,7 +208,7 @@ def test_errors_stand_before_warnings_and_what_they_advise_comes_first():
     told = ("An error. Do this.", reasons, "A warning.", "An information.", sets)
     places = [text.index(part) for part in told]
     assert places == sorted(places)
-    assert text.index(reasons) < text.rindex("An error.") < text.index("A warning.")
+    assert text.index(reasons) < text.index("An error.", text.index(reasons)) < text.index("A warning.")
     assert "day 2, 1 min to 1 h" in text
     assert "What is done: this stretch is left out." in text
 
