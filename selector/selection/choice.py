@@ -244,10 +244,10 @@ def _best(question: Question, trials: Sequence[Trial], bench: Bench) -> Trial:
 
 
 def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
-    """Of equal sets those in which no two alike sensors work against each other, if there are any, with little risk.
+    """Of equal sets those with little risk.
 
     The risk is what the worst fault of a sensor moves, times the root of the largest VIF: what collinearity makes of
-    the standard error of a coefficient.
+    the standard error of a coefficient. It counts `SAFER` times where two alike sensors work against each other.
     """
     if len(equal) == 1:
         return list(equal)
@@ -255,10 +255,8 @@ def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
     for trial in equal:
         sensors, shape = trial.set.sensors, trial.shape
         fault, opposed = bench.faults(sensors, shape, ALIKE)
-        risks.append((opposed, fault * np.sqrt(bench.largest_vif(sensors, shape))))
-    least = min(risks)
-    most = (least[0], SAFER * least[1])
-    return [trial for trial, risk in zip(equal, risks, strict=True) if risk <= most]
+        risks.append((SAFER if opposed else 1.0) * fault * np.sqrt(bench.largest_vif(sensors, shape)))
+    return [trial for trial, risk in zip(equal, risks, strict=True) if risk <= SAFER * min(risks)]
 
 
 def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> list[Trial]:

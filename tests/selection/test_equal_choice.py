@@ -27,7 +27,13 @@ def trial(sensors: str, rmse_um: float) -> Trial:
     return Trial(SensorSet(tuple(sensors), "all sensors"), Shape(), len(sensors), error**2, rmse_um, error, np.nan)
 
 
-KNOWN = {"ab": (3.0, 400.0, True), "cd": (2.0, 90.0, False), "ef": (1.5, 4.0, False), "gh": (1.2, 5.0, False)}
+KNOWN = {
+    "ab": (3.0, 400.0, True),
+    "cd": (2.0, 90.0, False),
+    "ef": (1.5, 4.0, False),
+    "gh": (1.2, 5.0, False),
+    "ij": (1.0, 1.2, True),
+}
 """Worst fault and VIF of sets, and whether alike sensors work against each other."""
 
 
@@ -44,6 +50,8 @@ def test_fault_vif_and_sign_decide_among_equals_and_then_the_error():
     sets = [trial("ab", 1.00), trial("cd", 1.01), trial("ef", 1.02), trial("gh", 1.03)]
     assert ["".join(one.set.sensors) for one in _safest(sets, Bench())] == ["ef", "gh"]
     assert _safest(sets[:1], Bench()) == sets[:1]
+    # a sign does not outweigh any risk
+    assert ["".join(one.set.sensors) for one in _safest([trial("cd", 1.0), trial("ij", 1.01)], Bench())] == ["ij"]
     # without another way the pair of opposite signs stands
     assert _safest([sets[0], sets[0]], Bench()) == [sets[0], sets[0]]
 
