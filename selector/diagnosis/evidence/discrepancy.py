@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,13 +51,15 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
     the responses of a name that is gone something is wrong that is no effect: there the others have to keep more.
     """
-    waves = {
-        memories: {name: waves_of(comparison, name, memories) for name in found.benches}
-        for memories in (_MEMORIES, _BRIEFLY)
-    }
+    responses = list(found.benches)
+
+    @cache
+    def waves(memories: Sequence[float]) -> dict[str, Matrix]:
+        return {name: waves_of(comparison, name, memories) for name in responses}
+
     while True:
         kept = {
-            id_: _kept(found, id_, waves[_BRIEFLY if id_.startswith("thermal.") else _MEMORIES])
+            id_: _kept(found, id_, waves(_BRIEFLY if id_.startswith("thermal.") else _MEMORIES))
             for id_ in found.named
             if id_ != "data.stuck"
         }

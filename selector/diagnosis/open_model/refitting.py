@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,6 +59,11 @@ class RefitProblem:
             parts.append(whitened(self.noise[name], rows[:, None], self.parts[name])[:, 0])
         kept = ~self.comparison.held_out
         return np.concatenate([part[kept] for part in parts])
+
+    def cost(self, z: Vector, courses: Mapping[str, Vector]) -> float:
+        """Sum of squares of what is left, and of how far parameters went that nameplates hold."""
+        white = self.white(courses)
+        return float(white @ white + np.sum(z[~self.free] ** 2))
 
     def tangents(
         self, z: Vector, at: Mapping[str, Vector], known: Mapping[str, Mapping[str, Vector]] | None = None
@@ -167,6 +173,7 @@ _MOST_DIRECTIONS = 8
 _AT_LIMIT = 0.9
 """Share of the way to the limits from which on a parameter is at them."""
 _DRAWS, _FOLLOWED = 24, 2
+"""Starts that are drawn when a fit ran to its limits, and those of them that are followed to their ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,7 +350,7 @@ def _best_start(fit: RefitProblem, starts: Sequence[Mapping[str, float]], earlie
             courses = weighed.courses(z)
         except InputError:
             continue
-        cost = float((weighed.white(courses) ** 2).sum() + (z[~fit.free] ** 2).sum())
+        cost = weighed.cost(z, courses)
         if cost < least:
             best, least = replace(slopes, at=z, courses=courses), cost
     # what was added changes the courses elsewhere in another way
@@ -392,8 +399,7 @@ def _fitted(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
             except InputError:  # it runs away there
                 gained = -np.inf
             else:
-                left = fit.white(courses)
-                gained = cost - float(left @ left + np.sum((held * moved) ** 2))
+                gained = cost - fit.cost(moved, courses)
                 slopes = slopes.mended(moved, courses)
             if gained > 0.0:
                 z, slopes = moved, replace(slopes, at=moved, courses=courses)
@@ -414,24 +420,15 @@ def _from_elsewhere(fit: RefitProblem, z: Vector, slopes: _Slopes) -> _Start:
 
     What ran to its limits may have gone the wrong way: a resonance beyond the recorded one is drawn away from it.
     """
-    weighed, held = replace(fit, noise=noise_of(fit, slopes)), ~fit.free
-
-    def cost(at: Vector, courses: Mapping[str, Vector]) -> float:
-        return float(np.sum(weighed.white(courses) ** 2) + np.sum(at[held] ** 2))
-
-    starts: list[tuple[float, int, Vector, Mapping[str, Vector]]] = []
-    for k, draw in enumerate(np.random.default_rng(0).standard_normal((_DRAWS, len(z)))):
-        at = np.clip(np.where(held, draw, z), *fit.limits)
-        try:
-            courses = fit.courses(at)
-        except InputError:
-            continue
-        starts.append((cost(at, courses), k, at, courses))
-    ends = [
-        (z, slopes),
-        *(_fitted(fit, at, _slopes(fit, at, courses)) for _, _, at, courses in sorted(starts)[:_FOLLOWED]),
-    ]
-    return min(ends, key=lambda end: cost(end[0], end[1].courses))
+    weighed = replace(fit, noise=noise_of(fit, slopes))
+    starts: list[tuple[Vector, Mapping[str, Vector]]] = []
+    for draw in np.random.default_rng(0).standard_normal((_DRAWS, len(z))):
+        at = np.clip(np.where(fit.free, z, draw), *fit.limits)
+        with suppress(InputError):
+            starts.append((at, fit.courses(at)))
+    starts = sorted(starts, key=lambda start: weighed.cost(*start))[:_FOLLOWED]
+    ends = [(z, slopes), *(_fitted(fit, at, _slopes(fit, at, courses)) for at, courses in starts)]
+    return min(ends, key=lambda end: weighed.cost(end[0], end[1].courses))
 
 
 def _step(columns: Matrix, white: Vector, held: Vector, z: Vector, low: Vector, high: Vector) -> Vector:
