@@ -166,9 +166,9 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
     if foreign:
         raise OptionError(
             f"{', '.join(foreign)} in {folder}, which this command did not write",
-            expected="a new or an empty folder, or one with an earlier answer",
+            expected="names that are free, or an earlier answer of this command",
             where=option,
-            advice="choose another folder, or move these files away",
+            advice="choose another place, or move these files away",
         )
 
 

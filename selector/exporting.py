@@ -114,8 +114,10 @@ def export_model(
         advice = f"did you mean {near[0]}?" if near else "choose one"
         raise OptionError(repr(target), expected="one of " + ", ".join(TARGETS), where="--for", advice=advice)
     chosen = TARGETS[target]
-    require_writable_folder(folder, "--out", (SHEET,))
     usable, of_model = usable_model(model)
+    # the model itself may lie there: it stays as it is
+    own = [] if (folder / MODEL).exists() and (folder / MODEL).samefile(model) else [MODEL]
+    require_writable_folder(folder, "--out", (SHEET, *own))
     usable, of_touch_offs = _as_can_be_adapted(usable, chosen)
     wider, of_margin = _with_margin(with_turned_signs(usable, options.invert), chosen, options.margin_percent)
     wanted = _with_limits(wider, chosen, options)
@@ -123,13 +125,10 @@ def export_model(
     of_sign = tuple(_of_sign(wanted, target, options))
     decided = sealed(with_decided_limits(wanted), is_kept=True)
     program = chosen.write(decided, is_sign_verified=options.is_sign_verified)
-    # the model itself may lie there: it stays as it is
-    own = [] if (folder / MODEL).exists() and (folder / MODEL).samefile(model) else [MODEL]
     files = (*program.files, *own, SHEET)
     reading = read(options.replay, machine=options.machine, overrides=options.overrides) if options.replay else None
     machine_files = () if options.machine is None else (options.machine,)
     recorded = () if reading is None else tuple(run.file for run in reading.runs)
-    require_writable_folder(folder, "--out", own)
     for name in files:
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)

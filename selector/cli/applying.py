@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.atomic_file import begins_with, refuse_to_replace_input
+from selector.atomic_file import refuse_to_replace_input, require_replaceable
 from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
-from selector.errors import OptionError
 from selector.findings import Finding
 
 if TYPE_CHECKING:
@@ -47,8 +46,8 @@ def apply(
     read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
-        _require_predictions(out)
         refuse_to_replace_input(out, [model, *source.machine_files, *(run.file for run in reading.runs)], "--out")
+        require_replaceable(out.parent, {out.name: "run,time_s,"})
     application, _ = applied(read, reading)
     application = replace(application, findings=(*application.findings, *_not_adapted(read)))
     if out is not None:
@@ -60,17 +59,6 @@ def apply(
         _show(console, application, everything=everything)
     if out is not None:
         showing.show_written(console, out)
-
-
-def _require_predictions(out: Path) -> None:
-    """Only earlier predictions are replaced. Raises OptionError: something else stands there."""
-    if out.exists() and not begins_with(out, "run,time_s,"):
-        raise OptionError(
-            "a file of this name exists, and holds no predictions" if out.is_file() else "a folder of this name exists",
-            expected="the name of a CSV file that is free, or of earlier predictions",
-            where=f"--out {out}",
-            advice="choose another name",
-        )
 
 
 def _not_adapted(model: ModelFile) -> Iterator[Finding]:

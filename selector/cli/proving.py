@@ -104,9 +104,9 @@ def prove(
     numbers = proof_cases.seeds(seeds if seeds is not None else "10000:10005" if exam else "0:5")
     runner.require_seeds(numbers, is_exam=exam)
     asked = runner.questions(chosen, proof_cases.strengths(strengths), numbers)
-    for folder, option in ((out, "--out"), (write_cases, "--write-cases")):
+    for folder, option, results in ((out, "--out", ("score.json", "report.html")), (write_cases, "--write-cases", ())):
         if folder is not None:
-            require_writable_folder(folder, option)
+            require_writable_folder(folder, option, results)
     console = showing.screen(as_json)
     if write_cases is not None:
         proof_cases.write_cases(write_cases, asked, console, as_json)
