@@ -158,15 +158,8 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
     axes = asked.axes or said.axes
     named = [by_header[header] for header, name in columns.items() if name.upper() in (axes or ("X", "Y", "Z"))]
     if not angles and len(times) == 1 and len(named) == 2:
-        first, second = (_numbers(one, ("m", "mm"), said, where) for one in named)
         names = (columns[named[0].header].upper(), columns[named[1].header].upper())
-        time_s = _seconds(times[0], where)
-        middle = tuple(float(np.ptp(one) / 2.0 + one.min()) for one in (first, second))
-        with told_of(where):
-            trace = positions_trace(
-                time_s, first, second, radius_m=radius_m, centre_m=(middle[0], middle[1]), axes=names
-            )
-        yield ReadCircle(trace, table.file, tuple(one.header for one in (*times, *named)))
+        yield _of_positions(table, times[0], named, names, radius_m, said)
         return
     free = [one for one in table.columns if one not in (*angles, *feeds, *ways, *times)]
     of_ways = [(one, _way_in(columns[one.header])) for one in free]
@@ -216,6 +209,18 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             with told_of(place):
                 trace = BallBarTrace(turned, deviation[kept], way, feed, radius_m, axes or ("X", "Y"))
             yield ReadCircle(trace, table.file, (angles[0].header, value.header), way != rising)
+
+
+def _of_positions(
+    table: Table, time: Column, positions: Sequence[Column], axes: tuple[str, str], radius_m: float, said: _Said
+) -> ReadCircle:
+    where = printable_name(table.file.name)
+    first, second = (_numbers(one, ("m", "mm"), said, where) for one in positions)
+    middle = tuple(float(np.ptp(one) / 2.0 + one.min()) for one in (first, second))
+    time_s = _seconds(time, where)
+    with told_of(where):
+        trace = positions_trace(time_s, first, second, radius_m=radius_m, centre_m=(middle[0], middle[1]), axes=axes)
+    return ReadCircle(trace, table.file, tuple(one.header for one in (time, *positions)))
 
 
 def _pieces(table: Table, columns: Sequence[Column]) -> Iterator[Indices]:
