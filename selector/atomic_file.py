@@ -168,7 +168,7 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
             f"{', '.join(foreign)} in {folder}, which this command did not write",
             expected="names that are free, or an earlier answer of this command",
             where=option,
-            advice="choose another place, or move these files away",
+            advice="choose another folder or name, or move these files away",
         )
 
 

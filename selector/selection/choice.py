@@ -255,7 +255,9 @@ def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
     for trial in equal:
         sensors, shape = trial.set.sensors, trial.shape
         fault, opposed = bench.faults(sensors, shape, ALIKE)
-        risks.append((SAFER if opposed else 1.0) * fault * np.sqrt(bench.largest_vif(sensors, shape)))
+        # what moves nothing risks nothing, however its terms make each other up
+        together = np.sqrt(bench.largest_vif(sensors, shape)) if fault > 0.0 else 0.0
+        risks.append((SAFER if opposed else 1.0) * fault * together)
     return [trial for trial, risk in zip(equal, risks, strict=True) if risk <= SAFER * min(risks)]
 
 

@@ -33,6 +33,7 @@ KNOWN = {
     "ef": (1.5, 4.0, False),
     "gh": (1.2, 5.0, False),
     "ij": (1.0, 1.2, True),
+    "kl": (0.0, np.inf, False),
 }
 """Worst fault and VIF of sets, and whether alike sensors work against each other."""
 
@@ -52,6 +53,7 @@ def test_fault_vif_and_sign_decide_among_equals_and_then_the_error():
     assert _safest(sets[:1], Bench()) == sets[:1]
     # a sign does not outweigh any risk
     assert ["".join(one.set.sensors) for one in _safest([trial("cd", 1.0), trial("ij", 1.01)], Bench())] == ["ij"]
+    assert ["".join(one.set.sensors) for one in _safest([trial("ij", 1.0), trial("kl", 1.01)], Bench())] == ["kl"]
     # without another way the pair of opposite signs stands
     assert _safest([sets[0], sets[0]], Bench()) == [sets[0], sets[0]]
 

@@ -404,7 +404,11 @@ def _bounds(one: Number, made: FileAxis) -> tuple[float, float]:
     limit = _limit_from_mass(one.path, made)
     if limit is not None:
         signed = one.path[-1] in ("offset_n", "cogging", "viscous_negative_ns_per_m")
-        return (Fit(either_sign=limit) if signed else Fit(up_to=limit)).bounds(one.value)
+        low, high = (Fit(either_sign=limit) if signed else Fit(up_to=limit)).bounds(one.value)
+        if one.path[-1] == "viscous_negative_ns_per_m":
+            # friction drives no axis
+            low = max(low, -made.axis.mechanics.guide_damping_ns_per_m)
+        return low, high
     return (one.low, one.high) if one.high > one.low else (0.0, 1.0)
 
 
