@@ -34,13 +34,14 @@ class CutShown:
 
 
 def cut_of(selection: Selection) -> CutShown:
-    """The first cut of a selection."""
+    """The first cut of a selection, or the one beside its fuzzy groups."""
     chosen = selection.grouping.chosen
     step = selection.grouping.axis.at(chosen.level)
     position = {name: i for i, name in enumerate(selection.sensors)}
     representatives = frozenset(position[name] for name in chosen.representatives)
     kept = frozenset(position[name] for name in selection.chosen)
-    return CutShown(chosen.level, step.low, step.high, tuple(chosen.rounds[0].groups), representatives, kept)
+    groups = chosen.rounds[0].groups if chosen.fuzzy is None else step.partition.members
+    return CutShown(chosen.level, step.low, step.high, tuple(groups), representatives, kept)
 
 
 def sensor_tree(selection: Selection) -> go.Figure:

@@ -15,8 +15,9 @@ from selector.models.design import ListedTerms, Term, hierarchical
 from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
-from selector.sensors.groups import FStatistic, LambdaAxis, LambdaStep, lambda_axis
-from selector.sensors.screening import ScreeningRound, screen
+from selector.sensors.fuzzy import FuzzyGroups, cut_beside, fuzzy_groups
+from selector.sensors.groups import FStatistic, LambdaAxis, LambdaStep, Partition, lambda_axis
+from selector.sensors.screening import ScreeningRound, fuzzy_round, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
 
 Origin = Literal["representatives", "all sensors", "formula"]
@@ -40,13 +41,15 @@ class SensorSet:
 class Screening:
     """One way of grouping, carried through to representatives."""
 
-    level: float  #: λ of the first round
+    level: float  #: λ of the first round; of fuzzy groups that of the cut beside them, see `cut_beside`
     rounds: tuple[ScreeningRound, ...]
     representatives: tuple[str, ...]  #: Those of the last round
     f: FStatistic | None  #: Of the first round's partition
     #: Held-out error of the best linear set of representatives, relative to the spread of the displacement; NaN until
     #: it is known
     error: float = float("nan")
+    fpc: float | None = None  #: Fuzzy partition coefficient, if the groups are fuzzy
+    fuzzy: FuzzyGroups | None = None  #: Those groups; of a result that was read again only the chosen ones are known
 
 
 @dataclass(frozen=True)
@@ -181,6 +184,8 @@ def _screenings(
     must = tuple(question.sensors.index(name) for name in options.must)
     # an axis cuts its partitions anew whenever it is asked
     steps = tuple(axis)
+    if options.grouping == "cmeans":
+        return _fuzzy_screenings(question, similarity, axis, relevance, must)
     if options.levels is not None:
         levels: Iterable[tuple[float, ...]] = [tuple(snapped(level, axis) for level in options.levels)]
     else:
@@ -199,6 +204,24 @@ def _screenings(
         f = next((s.f for s in steps if s.partition == rounds[0].partition), None)
         screenings.append(Screening(options.levels[0] if options.levels else level[0], tuple(rounds), kept, f))
     return screenings
+
+
+def _fuzzy_screenings(
+    question: Question, similarity: Similarity, axis: LambdaAxis, relevance: NDArray[np.float64], must: tuple[int, ...]
+) -> list[Screening]:
+    """Fuzzy groups of every number from two to √n (Pal & Bezdek): towards n the coefficient says nothing any more."""
+    n = len(question.sensors)
+    found: dict[Partition, Screening] = {}
+    for wanted in range(min(2, n), min(max(2, math.ceil(math.sqrt(n))), MAX_CANDIDATES, n) + 1):
+        fuzzy = fuzzy_groups(similarity.matrix, wanted, question.sensors, cut_beside(axis, wanted))
+        done = fuzzy_round(
+            similarity.matrix, relevance, fuzzy, must, constant=similarity.constant, names=question.sensors
+        )
+        kept = tuple(question.sensors[i] for i in sorted(done.representatives)) or question.sensors
+        found.setdefault(
+            fuzzy.partition, Screening(fuzzy.partition.level, (done,), kept, None, fpc=fuzzy.fpc, fuzzy=fuzzy)
+        )
+    return list(found.values())
 
 
 def _cheapest(question: Question, sensors: Sequence[str]) -> tuple[str, ...]:
@@ -273,17 +296,23 @@ def _chosen_screening(
         screening, _, error = entry
         # groups of exact duplicates have no scatter, and an infinite F says nothing about the rest
         f = screening.f.value if screening.f is not None and math.isfinite(screening.f.value) else -1.0
-        return (f, -error)
+        return (f if screening.fuzzy is None else screening.fuzzy.crispness, -error)
 
     best = max(eligible, key=rank)[0]
     groups = len(best.rounds[0].partition.members)
+    equally = (
+        f"of the {len(scored)} ways to group, {len(eligible)} lead to "
+        "sensors that predict unseen runs equally well within one standard error, and this one "
+    )
+    if best.fuzzy is not None:
+        return best, (
+            f"fuzzy c-means makes {groups} groups with a partition coefficient of {best.fuzzy.fpc:.3g}; {equally}is "
+            "the crispest of them"
+        )
     f = (
         f"the largest F-statistic, {best.f.value:.3g},"
         if best.f is not None and math.isfinite(best.f.value)
         else "the smallest held-out error"
     )
-    because = (
-        f"λ = {best.level:.6g} makes {groups} groups; of the {len(scored)} ways to group, {len(eligible)} lead to "
-        f"sensors that predict unseen runs equally well within one standard error, and this one has {f} among them"
-    )
+    because = f"λ = {best.level:.6g} makes {groups} groups; {equally}has {f} among them"
     return best, because

@@ -20,6 +20,7 @@ from selector.selection.proving import MOST_FOLDS, fold_of_run
 from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Selection
 from selector.selection.survey import Survey
 from selector.sensors.finding_table import ROUND_WITHOUT_EFFECT
+from selector.sensors.fuzzy import between_finding
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
 
@@ -170,6 +171,9 @@ def doubts(
 
 
 def _chaining(selection: Selection) -> list[Finding]:
+    fuzzy = selection.grouping.chosen.fuzzy
+    if fuzzy is not None:
+        return list(between_finding(fuzzy))
     found = chaining_findings(selection.grouping.similarity.matrix, selection.grouping.chosen.rounds[0].partition)
     if selection.options.level is not None:
         return list(found)

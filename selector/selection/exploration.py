@@ -277,7 +277,16 @@ class Exploration:
         say("reading", 0.0)
         given = options or Options()
         plain = replace(
-            given, never=(), level=None, rounds=1, degree=1, interactions=False, memory=False, ridge=False, formula=None
+            given,
+            never=(),
+            level=None,
+            rounds=1,
+            grouping="closure",
+            degree=1,
+            interactions=False,
+            memory=False,
+            ridge=False,
+            formula=None,
         )
         asked = question_of(source, plain)
         datum = datum_of(source, asked.sensors, asked.responses, plain.reference)

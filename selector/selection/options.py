@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from selector.errors import OptionError
 from selector.models.design import Form, ListedTerms, Reference
@@ -18,6 +18,9 @@ MAX_ROUNDS = 20
 _LARGEST_SEED = 2**53
 MAX_CANDIDATES = 12
 """Representatives that a search over products is made of; more are first thinned by the linear search."""
+
+
+Kind = Literal["closure", "cmeans"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,9 @@ class Options:
     memory: bool = False  #: Offer first-order lags of the sensors and of the spindle speed
     #: {"rise", "absolute"}: Readings as differences to the start of the run, or as they are
     reference: Reference = "rise"
+    #: {"closure", "cmeans"}: Groups by λ-cuts of the transitive closure, or by fuzzy c-means, whose number is chosen
+    #: as λ is
+    grouping: Kind = "closure"
     absolute_similarity: bool = False  #: Group by |r|, so that a sensor and its mirror image stand together
     #: must and never: Sensors that every set contains, or none does
     must: tuple[str, ...] = ()
@@ -63,6 +69,17 @@ class Options:
             raise OptionError(
                 repr(self.reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
             )
+        if self.grouping not in ("closure", "cmeans"):
+            raise OptionError(
+                repr(self.grouping), expected="closure or cmeans", where="--grouping",
+                advice="leave it out for the cuts of the closure",
+            )  # fmt: skip
+        if self.grouping == "cmeans" and (self.level is not None or self.rounds > 1):
+            raise OptionError(
+                f"--grouping cmeans and {'--rounds' if self.level is None else '--lambda'}",
+                expected="fuzzy groups alone: they have no λ, and are made once", where="--grouping",
+                advice="leave one of the two out",
+            )  # fmt: skip
         if not 0 <= self.seed < _LARGEST_SEED:
             raise OptionError(str(self.seed), expected="a whole number from 0", where="--seed", advice="e.g. --seed 0")
         for level in self.levels or ():

@@ -24,6 +24,9 @@ from selector.selection.options import Options
 if TYPE_CHECKING:
     from statsmodels.regression.linear_model import RegressionResultsWrapper
 
+    from selector.sensors.fuzzy import FuzzyGroups
+    from selector.sensors.groups import LambdaAxis
+
 SCHEMA = "selector.selection/1"
 
 
@@ -181,6 +184,7 @@ class Selection:
                     "f_statistic": one.f.value if one.f is not None else None,
                     "heldout_relative": one.error,
                     "chosen": one is screening,
+                    **({} if one.fpc is None else {"fpc": one.fpc}),
                 }
                 for one in self.grouping.screenings
             ],
@@ -191,11 +195,17 @@ class Selection:
                     "groups": [list(group) for group in step.partition.groups],
                     "f_statistic": step.f.value if step.f is not None else None,
                     "heldout_relative": next(
-                        (s.error for s in self.grouping.screenings if s.rounds[0].partition == step.partition), None
+                        (
+                            s.error
+                            for s in self.grouping.screenings
+                            if s.fpc is None and s.rounds[0].partition == step.partition
+                        ),
+                        None,
                     ),
                 }
                 for step in self.grouping.axis
             ],
+            **({} if screening.fuzzy is None else {"fuzzy": _fuzzy(screening.fuzzy, self.grouping.axis)}),
             "combinations": [vars(combination) for combination in self.combinations],
             **({} if self.equal is None else {"equal_sets": self.equal.as_dict(tuple(self.models))}),
             "chosen": {
@@ -308,6 +318,16 @@ class Selection:
                 }
             )
         return runs
+
+
+def _fuzzy(fuzzy: FuzzyGroups, axis: LambdaAxis) -> dict[str, Any]:
+    return {
+        "memberships": fuzzy.memberships.tolist(),
+        "fpc": fuzzy.fpc,
+        "lambda_of_cut": fuzzy.partition.level,
+        "agreement_with_cut": fuzzy.agreement(axis.at(fuzzy.partition.level).partition),
+        "between": [fuzzy.partition.names[i] for i, _, _ in fuzzy.between],
+    }
 
 
 def _listed_terms(recipe: Recipe) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from selector.selection.fitting import Readings, Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
 from selector.selection.result import Combination, Proof, RunProof, Selection, Trace
+from selector.sensors.fuzzy import FuzzyGroups
 from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
@@ -68,6 +69,11 @@ class _ScreeningPart(_Part):
     f_statistic: Number | None
     heldout_relative: NumberOrNaN
     chosen: bool
+    fpc: Number | None = None
+
+
+class _FuzzyPart(_Part):
+    memberships: Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 
 
 class _CombinationPart(_Part):
@@ -206,6 +212,7 @@ class _OptionsPart(_Part):
     memory: bool
     reference: Literal["rise", "absolute"]
     absolute_similarity: bool
+    grouping: Literal["closure", "cmeans"] = "closure"
     must: Names
     never: Names
     cost: ByName
@@ -225,6 +232,7 @@ class _SelectionDocument(_Part):
     lambda_because: str
     rounds: Annotated[tuple[_RoundPart, ...], Field(min_length=1)]
     screenings: tuple[_ScreeningPart, ...]
+    fuzzy: _FuzzyPart | None = None
     combinations: tuple[_CombinationPart, ...]
     equal_sets: _EqualSetsPart | None = None
     chosen: _ChosenPart
@@ -320,12 +328,20 @@ def _grouping(told: _SelectionDocument) -> Grouping:
             else tuple(_known_of_round(axis, level) for level in one.lambda_of_rounds)
         )
         f = None if one.f_statistic is None else FStatistic(one.f_statistic, 0, 0, 0)
-        made = Screening(one.level, rounds, one.representatives, f, one.heldout_relative)
+        fuzzy = _fuzzy(told.fuzzy, rounds[0].partition) if one.chosen and told.fuzzy is not None else None
+        made = Screening(one.level, rounds, one.representatives, f, one.heldout_relative, one.fpc, fuzzy)
         screenings.append(made)
         chosen = made if one.chosen else chosen
     if chosen is None:
         raise ValueError("no screening is the chosen one")
     return Grouping(similarity, axis, (), tuple(screenings), chosen, told.lambda_because)
+
+
+def _fuzzy(told: _FuzzyPart, partition: Partition) -> FuzzyGroups:
+    memberships = _array(told.memberships)
+    if memberships.shape != (len(partition.labels), len(partition.members)):
+        raise ValueError(f"memberships of shape {memberships.shape} of {len(partition.labels)} sensors")
+    return FuzzyGroups(memberships, partition)
 
 
 def _round(part: _RoundPart, position: Mapping[str, int]) -> ScreeningRound:

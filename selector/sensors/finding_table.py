@@ -11,6 +11,8 @@ FINDINGS = Kinds.of(
     """
 chaining [warning] a group of sensors hangs together only through links: its ends are not alike
     → Choose a higher λ, at which the ends of the group part, or λ = auto.
+between-groups [info] a sensor belongs to two fuzzy groups nearly alike
+    → Neither group's representative stands for it well: keep it with --must if its place matters.
 round-without-effect [info] a round of screening drops no sensor: none that could be merged are linked at its λ
     → Leave the round out, or give it a lower λ.
 constant-must [warning] a sensor that must be kept does not move in these recordings: no model can use it

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS, ROUND_WITHOUT_EFFECT
+from selector.sensors.fuzzy import FuzzyGroups
 from selector.sensors.groups import Partition, closure_chain, lambda_cut, transitive_closure
 from selector.sensors.similarity import sensor_names
 
@@ -102,7 +103,8 @@ def screen(
     for level in levels:
         if not kept:
             break
-        done = _round(s, values, level, kept, wanted, idle - wanted, label)
+        partition = lambda_cut(s[np.ix_(kept, kept)], level, [label[i] for i in kept])
+        done = _round(s, values, partition, kept, wanted, idle - wanted, label)
         if not rounds:
             unmoved = (_constant_must(label[i]) for i in sorted(wanted & idle))
             done = replace(done, findings=(*unmoved, *done.findings))
@@ -111,17 +113,38 @@ def screen(
     return tuple(rounds)
 
 
+def fuzzy_round(
+    similarity: ArrayLike,
+    relevance: ArrayLike,
+    fuzzy: FuzzyGroups,
+    must: Iterable[int] = (),
+    *,
+    constant: Iterable[int] = (),
+    names: Sequence[str] = (),
+) -> ScreeningRound:
+    """The one round of fuzzy groups: each sensor counts to the group in which its membership is largest.
+
+    Arguments and errors as for `screen`.
+    """
+    s = np.asarray(similarity, dtype=np.float64)
+    n = len(fuzzy.memberships)
+    wanted, idle = (_checked_options(sensors, (), n)[0] for sensors in (must, constant))
+    label, kept = sensor_names(names, n), tuple(range(n))
+    done = _round(s, _checked_relevance(relevance, n), fuzzy.partition, kept, wanted, idle - wanted, label, fuzzy)
+    return replace(done, findings=tuple(_constant_must(label[i]) for i in sorted(wanted & idle)))
+
+
 def _round(
     s: NDArray[np.float64],
     values: NDArray[np.float64],
-    level: float,
+    partition: Partition,
     kept: tuple[int, ...],
     must: frozenset[int],
     idle: frozenset[int],
     label: tuple[str, ...],
+    fuzzy: FuzzyGroups | None = None,
 ) -> ScreeningRound:
-    among = s[np.ix_(kept, kept)]
-    partition = lambda_cut(among, level, [label[i] for i in kept])
+    among, level = s[np.ix_(kept, kept)], partition.level
     local = representatives(
         partition,
         values[list(kept)],
@@ -138,11 +161,15 @@ def _round(
         by = max(candidates, key=lambda j: among[i, j], default=None)  # the first of equals
         if by is not None:
             direct, linked = float(among[i, by]), float(closure[i, by])
-            links = "" if direct >= level else f", but t = {_compared(linked, level)}"
-            through = " through links" if links else ""
-            reasons.append(f"{label[kept[by]]} stands for it{through}: r = {_compared(direct, level)}{links}")
+            through = links = ""
+            if fuzzy is not None:
+                said = f"{direct:.4f}, membership {fuzzy.memberships[i, partition.labels[i]]:.2f}"
+            else:
+                links = "" if direct >= level else f", but t = {_compared(linked, level)}"
+                through, said = " through links" if links else "", _compared(direct, level)
+            reasons.append(f"{label[kept[by]]} stands for it{through}: r = {said}{links}")
         dropped.append(Dropped(kept[i], None if by is None else kept[by], "; ".join(reasons)))
-    findings = () if dropped else (_without_effect(level, closure),)
+    findings = () if dropped or fuzzy is not None else (_without_effect(level, closure),)
     return ScreeningRound(float(level), kept, partition, tuple(kept[i] for i in local), tuple(dropped), findings)
 
 

@@ -94,6 +94,7 @@ class SelectSection(Table):
     interactions: bool = False
     memory: bool = False
     reference: Literal["rise", "absolute"] = "rise"
+    grouping: Literal["closure", "cmeans"] = "closure"
     absolute_similarity: bool = False
     must: Names = ()
     never: Names = ()

@@ -83,7 +83,7 @@ class Export:
 
 _READING = tuple(field.name for field in fields(Overrides) if field.name not in ("units", "roles", "partial"))
 _FLAGS = ("interactions", "memory", "absolute_similarity", "ridge")
-_VALUES = ("max_sensors", "degree", "reference", "tolerance", "seed", "formula", "within", "target")
+_VALUES = ("max_sensors", "grouping", "degree", "reference", "tolerance", "seed", "formula", "within", "target")
 
 
 def option_of(name: str) -> str:

@@ -105,6 +105,7 @@ def test_every_imported_package_is_declared():
     import_names = {
         "scikit-learn": "sklearn",
         "scikit-fem": "skfem",
+        "scikit-fuzzy": "skfuzzy",
         "npTDMS": "nptdms",
         "FMPy": "fmpy",
         "python-calamine": "python_calamine",

@@ -91,6 +91,7 @@ any_options = st.fixed_dictionaries(
         "tolerance": st.sampled_from([None, 0.0, 0.01]),
         "reference": st.sampled_from(["rise", "absolute"]),
         "absolute_similarity": st.booleans(),
+        "grouping": st.sampled_from(["closure", "closure", "cmeans"]),
         "must": st.sampled_from([(), ("T0",)]),
         "conditions": st.sampled_from([{}, {"r0": "winter"}]),
     },

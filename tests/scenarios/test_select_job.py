@@ -103,6 +103,7 @@ def runs(tmp_path_factory) -> Path:
         ["--reference", "absolute"],
         ["--rounds", "2"],
         ["--absolute-similarity"],
+        ["--grouping", "cmeans"],
         ["--must", "T6", "--never", "T1", "--cost", "T2=3", "--max-sensors", "2"],
         ["--condition", "r1=a", "--condition", "r2=a"],
         ["--tolerance", "0.01"],
@@ -118,12 +119,21 @@ def test_options(runs, capsys, options):
         assert "T6" in found["chosen"]["sensors"]
         assert "T1" not in found["sensors"]
         assert len(found["chosen"]["sensors"]) <= 2
+    fuzzy = found.get("fuzzy")
+    assert (fuzzy is not None) == ("cmeans" in options)
+    if fuzzy is not None:
+        assert np.sum(fuzzy["memberships"], axis=1) == pytest.approx(1.0)
+        assert np.shape(fuzzy["memberships"]) == (len(found["sensors"]), len(found["rounds"][0]["groups"]))
+        assert fuzzy["fpc"] == next(one["fpc"] for one in found["screenings"] if one["chosen"])
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (["--lambda", "1.5"], "from 0 to 1"),
+        (["--grouping", "kmeans"], "closure or cmeans"),
+        (["--grouping", "cmeans", "--lambda", "0.9"], "--lambda"),
+        (["--grouping", "cmeans", "--rounds", "2"], "--rounds"),
         (["--lambda", "nan"], "from 0 to 1"),
         (["--lambda", "much"], "number"),
         (["--must", "T99"], "T99"),

@@ -22,12 +22,13 @@ def held(document: dict) -> dict:
     return {name: value for name, value in document.items() if name not in NOT_HELD}
 
 
-@pytest.fixture(scope="module", params=["patent8", "vmc37"])
+@pytest.fixture(scope="module", params=["patent8", "vmc37", "fuzzy"])
 def selection(request) -> Selection:
-    recording = read([shipped(request.param)]).recording
+    recording = read([shipped({"fuzzy": "vmc37"}.get(request.param, request.param))]).recording
     options = {
         "patent8": Options(level=(0.999, 0.99), rounds=2, degree=2, interactions=True, cost={"T3": 2.0}),
         "vmc37": Options(responses=("Z",), memory=True, max_sensors=3),
+        "fuzzy": Options(responses=("Z",), grouping="cmeans", max_sensors=2),
     }
     return select(recording, options[request.param], provenance={"machine": "M", "runs": {"r1": {"file": "r1.csv"}}})
 

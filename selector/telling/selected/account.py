@@ -38,6 +38,7 @@ from selector.telling.selected.tables import (
     faults_table,
     gain_table,
     groups_table,
+    memberships_table,
     quality_table,
     range_table,
     runs_table,
@@ -72,6 +73,7 @@ def selection_account(
     verdict, sentences = advice(selection)
     drift = [Captioned("", one, on_screen=False) for one in [origin.drift_table(described)] if one is not None]
     drawings: Mapping[str, Sequence[Block]] = {}
+    fuzzy = memberships_table(selection)
     if drawn:
         from selector.telling.selected.pictures import drawings as drawings_of
 
@@ -107,6 +109,7 @@ def selection_account(
                 *concerning("groups"),
                 Paragraph(_sentence(selection.grouping.because)),
                 Captioned("", groups_table(selection)),
+                None if fuzzy is None else Captioned("Memberships", fuzzy),
                 *drawings.get("groups", ()),
                 link="Groups",
             ),

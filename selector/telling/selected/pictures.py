@@ -62,8 +62,10 @@ def _traces(selection: Selection, response: str) -> list[Drawing]:
 def _grouping(selection: Selection) -> list[Drawing]:
     if len(selection.sensors) < 2:
         return []
+    # fuzzy groups have no λ to look over
+    scan = [Drawing(figures.lambda_scan(selection), _SCAN)] if selection.grouping.chosen.fuzzy is None else []
     return [
-        Drawing(figures.lambda_scan(selection), _SCAN),
+        *scan,
         Drawing(figures.sensor_tree(selection), _TREE),
         Drawing(figures.similarity_and_closure(selection), _SIMILARITY),
     ]

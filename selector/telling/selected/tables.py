@@ -126,6 +126,26 @@ def groups_table(selection: Selection) -> Table:
     return table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
 
 
+def memberships_table(selection: Selection) -> Table | None:
+    """How far every sensor belongs to every fuzzy group; None if the groups are those of a cut."""
+    fuzzy = selection.grouping.chosen.fuzzy
+    if fuzzy is None:
+        return None
+    between = {i for i, _, _ in fuzzy.between}
+    cut = selection.grouping.axis.at(fuzzy.partition.level).partition
+    return table(
+        ["sensor", *(f">group {k + 1}" for k in range(fuzzy.memberships.shape[1])), "between two groups"],
+        [
+            (name, *(f"{share:.2f}" for share in row), "yes" if i in between else NONE)
+            for i, (name, row) in enumerate(zip(selection.sensors, fuzzy.memberships.tolist(), strict=True))
+        ],
+        f"Memberships of fuzzy c-means, partition coefficient {number_text(fuzzy.fpc)} (1: crisp). The cut at "
+        f"λ = {fuzzy.partition.level:.6g} with {len(cut.members)} groups agrees on {share_text(fuzzy.agreement(cut))} "
+        "of all pairs of sensors.",
+        sorted(between),
+    )
+
+
 def sensors_table(selection: Selection) -> Table:
     """Every sensor: group, kept or dropped and why, and how stable that is."""
     group_of = {k: i for i, group in enumerate(selection.grouping.chosen.rounds[0].groups) for k in group}

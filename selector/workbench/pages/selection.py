@@ -66,6 +66,7 @@ def _boxes(bench: Bench) -> Boxes:
         ),
         whole("max_sensors", "--max-sensors"),
         whole("rounds", "--rounds"),
+        one_of("grouping", FIELDS["--grouping"], ["closure", "cmeans"]),
         one_of("degree", FIELDS["--degree"], ["1", "2", "3"], int),
         one_of("reference", FIELDS["--reference"], ["rise", "absolute"]),
         *(tick(name, FIELDS[option_of(name)]) for name in _TICKS),

@@ -28,6 +28,14 @@ Levels = Annotated[
 ]
 Rounds = Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")]
 MaxSensors = Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")]
+Grouping = Annotated[
+    str,
+    _of_sensors(
+        "--grouping",
+        metavar="closure|cmeans",
+        help="Groups by cuts of the closure, or by fuzzy c-means: a sensor between two groups is seen as such.",
+    ),
+]
 Absolute = Annotated[
     bool,
     _of_sensors(
@@ -104,6 +112,7 @@ class Asked:
     level: Levels = None
     rounds: Rounds = 1
     max_sensors: MaxSensors = 5
+    grouping: Grouping = "closure"
     absolute_similarity: Absolute = False
     must: Must = None
     never: Never = None
