@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +15,12 @@ from selector.cli.shared.asked.prediction import Asked
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
+from selector.errors import OptionError
 
 if TYPE_CHECKING:
+    from selector.controllers.timed_program import TimedProgram
     from selector.physics.thermal.prediction.prediction import Prediction
+    from selector.recording import Recording
     from selector.telling.account import Account
 
 Out = Annotated[
@@ -83,7 +88,10 @@ def predict(
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}
     described = {**reading.description(), "drift": drift_of(recording)}
     account = prediction_account(prediction, described, told_of_tests, drawn=out is not None)
-    written = [] if out is None else _write(prediction, account, out)
+    program = None if asked.nc is None else _nc_program(asked.nc, prediction, recording, asked.invert or (), out)
+    if program is not None:
+        account = replace(account, data={**account.data, "nc": program.as_dict()})
+    written = [] if out is None else _write(prediction, account, program, out)
     console = showing.screen(as_json)
     if as_json:
         showing.print_json(account.data)
@@ -93,7 +101,26 @@ def predict(
         showing.show_written(console, out, written)
 
 
-def _write(prediction: Prediction, account: Account, out: Path) -> list[str]:
+def _nc_program(
+    target: str, prediction: Prediction, recording: Recording, inverted: Sequence[str], out: Path | None
+) -> TimedProgram:
+    """The correction program as an NC subprogram.
+
+    Raises OptionError: there is no program, or nowhere to write it, or as `timed_program`.
+    """
+    from selector.controllers.timed_program import timed_program
+
+    if out is None or not prediction.programs:
+        raise OptionError(
+            f"--nc {target} without {'--out' if out is None else 'a correction program'}",
+            expected="--operations or --tolerance, and a folder", where="--nc",
+            advice="add --tolerance (µm between corrections) and --out DIR, or leave --nc out",
+        )  # fmt: skip
+    axes = {name: recording.channel(name).axis or "" for name in prediction.programs}
+    return timed_program(target, prediction.programs, axes, inverted)
+
+
+def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
     """The names of the files that were written."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
     from selector.telling import write_account
@@ -102,6 +129,8 @@ def _write(prediction: Prediction, account: Account, out: Path) -> list[str]:
     if prediction.programs:
         files["program.csv"] = program_table(prediction.programs)
         files["program.txt"] = program_blocks(prediction.programs)
+    if program is not None:
+        files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
     with folder_written_whole(out) as folder:
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")

@@ -414,3 +414,21 @@ def test_a_tolerance_for_each_operation(one_mode, capfd):
     )  # fmt: skip
     assert [one["tolerance_um"] for one in found["program"]] == [10.0, 5.0, 10.0, 10.0, 10.0]
     assert max(np.abs(found["program"][1]["corrections_um"])) == pytest.approx(5.0)
+
+
+def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
+    arguments = ["predict", str(one_mode), "--machine", str(one_mode / "machine.toml"), "--json"]
+    arguments += ["--cycle", str(one_mode.parent / "example.csv"), "--operations", "60,60", "--tolerance", "10"]
+    assert exit_status([*arguments, "--nc", "fanuc"]) == 2
+    assert "--out" in capsys.readouterr().err
+    out = tmp_path / "out"
+    # the channel is called Z, and so its axis is known
+    assert exit_status([*arguments, "--nc", "fanuc", "--invert", "X", "--out", str(out)]) == 2
+    assert "--invert" in capsys.readouterr().err
+    assert not out.exists()
+    assert exit_status([*arguments, "--nc", "fanuc", "--out", str(out)]) == 0
+    told = json.loads(capsys.readouterr().out)["nc"]
+    assert (told["target"], told["file"]) == ("fanuc", "O9110.nc")
+    assert told["replay"]["calls"] > 4
+    assert {"O9110.nc", "nc_sheet.txt", "program.csv"} <= {path.name for path in out.iterdir()}
+    assert json.loads((out / "prediction.json").read_text(encoding="utf-8"))["nc"] == told

@@ -1,4 +1,4 @@
-"""The generated FANUC macro, executed block by block: only what `selector.controllers.writers.fanuc` writes.
+"""The generated FANUC macros, executed block by block: only what `writers.fanuc` and `timed_program` write.
 
 A block of another form, too long, with a lower-case letter or with brackets deeper than five is refused, so that a
 program that runs here is inside the subset.
@@ -7,6 +7,7 @@ program that runs here is inside the subset.
 from __future__ import annotations
 
 import dataclasses
+import math
 import operator
 import re
 from collections.abc import Callable, Mapping
@@ -36,7 +37,7 @@ from selector.types import Array
 ALARM = 3000
 DEEPEST_BRACKETS = 5
 MOST_BLOCKS = 100_000
-_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|[\[\]+\-*/]")
+_TOKEN = re.compile(r"\d+\.\d*|\.\d+|\d+|#\d+|ABS|FIX|[\[\]+\-*/]")
 _COMMENT = re.compile(r"\([A-Z0-9 .,+\-*/=\[\]]*\)")
 _BLOCK = re.compile(
     r"(?:N(?P<label>\d+))?(?:IF\[(?P<condition>.*)\](?:GOTO(?P<jump>\d+)|THEN#(?P<then>\d+)=(?P<value>.+))"
@@ -45,7 +46,7 @@ _BLOCK = re.compile(
 _COMPARED: dict[str, Callable[[float, float], bool]] = {
     "EQ": operator.eq, "NE": operator.ne, "GT": operator.gt, "GE": operator.ge, "LT": operator.lt, "LE": operator.le,
 }  # fmt: skip
-_PYTHON = {"[": "(", "]": ")", "ABS": "abs"}
+_PYTHON = {"[": "(", "]": ")", "ABS": "abs", "FIX": "fix"}
 _Read = Callable[[int], float | None]  #: From the number of a variable to what it holds; None: it is vacant.
 _Value = Callable[[_Read], float | None]
 
@@ -172,7 +173,7 @@ def _value(text: str) -> _Value:
     words = (f"number(read({word[1:]}))" if word[0] == "#" else _PYTHON.get(word, word) for word in _tokens(text))
     try:
         # numbers, signs and brackets only: the tokens are no others
-        value: _Value = eval("lambda read: " + " ".join(words), {"number": _number, "abs": abs})  # noqa: S307
+        value: _Value = eval("lambda read: " + " ".join(words), {"number": _number, "abs": abs, "fix": math.trunc})  # noqa: S307
     except SyntaxError:
         raise MacroError(text) from None
     return value

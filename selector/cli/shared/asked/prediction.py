@@ -63,6 +63,16 @@ Resolution = Annotated[
         help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
     ),
 ]
+NcProgram = Annotated[
+    str | None,
+    _of_program(
+        "--nc", metavar="fanuc|sinumerik", help="Write the program as an NC subprogram too, with a sheet (needs --out)."
+    ),
+]
+Inverted = Annotated[
+    list[str] | None,
+    _of_program("--invert", metavar="NAME", help="Response whose axis the control counts the other way; repeat."),
+]
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,8 @@ class Asked:
     tolerance: Tolerances = None
     resolution: Resolution = None
     start: StartName = None
+    nc: NcProgram = None
+    invert: Inverted = None
 
     def require_usable(self) -> None:
         """Ends with an error when a number is out of its limits."""
