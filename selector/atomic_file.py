@@ -1,7 +1,5 @@
 """Files and folders that are written whole or not at all, and nothing is overwritten that was read."""
 
-from __future__ import annotations
-
 import errno
 import os
 import secrets

@@ -1,7 +1,5 @@
 """What arrays are called: the names of shapes and kinds that every signature uses."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

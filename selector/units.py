@@ -1,7 +1,5 @@
 """The only place where units are converted (pint underneath)."""
 
-from __future__ import annotations
-
 import functools
 import unicodedata
 from typing import Any

@@ -1,7 +1,5 @@
 """Does adaptation help? Each run is judged with what the other runs taught."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Noise and drift by maximum likelihood: every sample of the teaching runs, given what was known before it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace

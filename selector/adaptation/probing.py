@@ -1,7 +1,5 @@
 """When to probe so that the error stays within a limit, found by simulating each rate of probing on unseen runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The result of `selector adapt`: kind, errors with and without touch-offs, when to probe, and what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -6,8 +6,6 @@ distribution for any n as long as nothing changes, and a cumulative sum of these
 stays (Hawkins 1987; Siegmund 1985 for the mean number of runs between false alarms).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What patent CN1868666 prints, and one printed number against ours."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """`diagnose`: recordings and a simulation in; where they differ, which physics was left out, and the fit with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

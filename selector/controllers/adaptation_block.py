@@ -1,7 +1,5 @@
 """The part of a model file that says how touch-offs correct its outputs."""
 
-from __future__ import annotations
-
 from pydantic import Field
 
 from selector.controllers.closed_values import Closed, Name, NonNegative, Positive

@@ -1,7 +1,5 @@
 """An exported model on other recordings: what it predicts, how well, and where it must not be believed."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -273,7 +271,7 @@ class Accuracy:
     n_samples: int
 
     @classmethod
-    def of(cls, predicted_um: Array, recorded_um: Array) -> Accuracy:
+    def of(cls, predicted_um: Array, recorded_um: Array) -> "Accuracy":
         """The accuracy of predictions, over the samples where both are known."""
         both = np.isfinite(predicted_um) & np.isfinite(recorded_um)
         if not both.any():

@@ -1,7 +1,5 @@
 """What a model file is made of: numbers that are finite, names that fit into remarks, parts without unknown fields."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, Never
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints

@@ -1,7 +1,5 @@
 """What a model file means, sample by sample and in blocks to the last bit, and as a person would write it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """From a model on recordings to the courses that an adaptation learns from, and from what it learnt to a model file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a diagnosis to a model file: a correction of the simulation by readings and their lags, for the control."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """From a selection to the model file that a control is given."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """`selector.model/1`: everything that a control needs to know about a model, as closed, checked values, and on disk."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
@@ -183,7 +181,7 @@ class Fallback(Closed):
     outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> Fallback:
+    def _hangs_together(self) -> "Fallback":
         _check_equations(self.inputs, self.states, self.outputs)
         for i, item in enumerate(self.inputs):
             if item.name in self.without:
@@ -243,7 +241,7 @@ class ModelFile(Closed):
     digest: Sha256 | None = Field(default=None, description="SHA-256 of the other fields: JSON with sorted keys")
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> ModelFile:
+    def _hangs_together(self) -> "ModelFile":
         _check_equations(self.inputs, self.states, self.outputs)
         outputs = [item.name for item in self.outputs]
         _check_guard(self, outputs)

@@ -1,7 +1,5 @@
 """Does a model file keep its word? Vectors of model, fallbacks and guard made and recomputed, settings sensible."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -5,8 +5,6 @@ float64 (1e400), integers beyond 2**53. Writing is deterministic: field order as
 of plain values on one line.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

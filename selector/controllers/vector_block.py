@@ -1,7 +1,5 @@
 """The part of a model file by which it is checked: readings and calls with what they must give."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
@@ -25,7 +23,7 @@ class CheckVector(Closed):
     )
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> CheckVector:
+    def _hangs_together(self) -> "CheckVector":
         if any(b <= a for a, b in zip(self.time_s, self.time_s[1:], strict=False)):
             refuse(("time_s",), "time that repeats or runs backwards", "strictly increasing time")
         _check_lengths(self, "time_s", "readings", "positions_m", "expected")
@@ -56,7 +54,7 @@ class GuardVector(Closed):
     sensors: dict[Name, Codes] = Field(description="input → its code")
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> GuardVector:
+    def _hangs_together(self) -> "GuardVector":
         _check_lengths(self, "dt_s", "readings", "positions_m", "test_um", "expected", "sensors")
         for field in ("standstill_s", "is_ready", "is_wanted", "mode"):
             if len(getattr(self, field)) != len(self.dt_s):

@@ -1,7 +1,5 @@
 """What a diagnosis says, as values: verdict, where, which effects, what the fit gained, the correction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """From a comparison to an answer: recalibrate, estimate the noise, search, decide, show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -139,7 +137,7 @@ class _State:
         steps = len(self.comparison.responses) + 3
         self.asked.say(done % steps, steps, text)
 
-    def narrowed(self, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> _State:
+    def narrowed(self, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> "_State":
         """Only a rest of the comparison is looked at from here on."""
         return replace(self, comparison=rest, left_out=(*self.left_out, put_back))
 

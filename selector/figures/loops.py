@@ -1,7 +1,5 @@
 """Displacement against temperature, run by run, and where a model was learnt."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Courses over one time axis, in panels one above the other, with the names of the lines at their ends."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise

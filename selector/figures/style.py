@@ -1,7 +1,5 @@
 """The visual language of every figure: colours by role, one template, labels, axes, changes."""
 
-from __future__ import annotations
-
 import html
 import math
 import textwrap

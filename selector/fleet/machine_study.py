@@ -1,7 +1,5 @@
 """The study of one machine of a fleet: recordings and options in, an answer out, whatever goes wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile

@@ -1,7 +1,5 @@
 """A fleet is done: which study when, what is tried again, and what is kept of it."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -40,7 +38,7 @@ class FleetAnswer(BaseModel):
     machines: dict[str, Answer]
 
     @classmethod
-    def of(cls, answers: dict[str, Answer]) -> FleetAnswer:
+    def of(cls, answers: dict[str, Answer]) -> "FleetAnswer":
         """The answers, counted."""
         counts = Counter(one.status for one in answers.values())
         return cls(done=counts["done"], reused=counts["reused"], failed=counts["failed"], machines=answers)

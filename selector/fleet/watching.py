@@ -1,7 +1,5 @@
 """Are the models of a fleet still true? Each is applied to the recordings that came after it was made."""
 
-from __future__ import annotations
-
 import json
 import math
 import tempfile

@@ -1,7 +1,5 @@
 """Who does the studies of a fleet: processes of this computer, or a cluster of Dask."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import multiprocessing

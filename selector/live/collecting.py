@@ -1,7 +1,5 @@
 """The same sources, kept: a row a period into the lake, and gaps filled from what the servers still have."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from pathlib import Path

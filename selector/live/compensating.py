@@ -1,7 +1,5 @@
 """The guarded model as a process beside the control: read, compute, write, read back, at its period."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math

@@ -1,7 +1,5 @@
 """IO.toml: which servers there are, what is read and written where, and how the control shows that it lives."""
 
-from __future__ import annotations
-
 import math
 import os
 import stat
@@ -95,7 +93,7 @@ class Control(Table):
     alive: Name | None = None
     heartbeat: Place | None = None
 
-    def without_heartbeat(self) -> Control:
+    def without_heartbeat(self) -> "Control":
         """For who only reads."""
         return self.model_copy(update={"heartbeat": None})
 

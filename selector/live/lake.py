@@ -1,7 +1,5 @@
 """A lake of Parquet that a killed process cannot damage: ``machine=NAME/month=YYYY-MM/``, a file a day in the end."""
 
-from __future__ import annotations
-
 import io as memory
 import re
 from collections.abc import Iterable

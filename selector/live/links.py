@@ -1,7 +1,5 @@
 """What every server is to the loop: numbers with their quality in, numbers out, lost and found again."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import csv

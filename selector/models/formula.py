@@ -1,7 +1,5 @@
 """A model in Wilkinson's notation, ``Z ~ T1 + T3 + T1:T3``, read as terms; nothing in it is evaluated."""
 
-from __future__ import annotations
-
 import functools
 import re
 from dataclasses import dataclass

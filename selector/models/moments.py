@@ -1,7 +1,5 @@
 """Cross-products of regression columns, run by run and in short stretches; the proof on unseen runs by them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,7 +40,7 @@ class Moments:
         """Samples in each fold, shape (n_folds,)."""
         return self.products[:, 0, 0]
 
-    def only(self, folds: Sequence[int]) -> Moments:
+    def only(self, folds: Sequence[int]) -> "Moments":
         """The moments of some folds; a fold may stand several times, as in a bootstrap over runs."""
         if list(folds) == list(range(len(self.folds))):
             return self
@@ -370,7 +368,7 @@ class LeaveOneOut:
     n_columns: int
 
     @classmethod
-    def of(cls, m: Moments, grouping: Grouping) -> LeaveOneOut:
+    def of(cls, m: Moments, grouping: Grouping) -> "LeaveOneOut":
         """From the moments of all folds."""
         left_out = np.array([m.products[list(group)].sum(axis=0) for group in grouping])
         return cls(m.products.sum(axis=0) - left_out, left_out, m.n_columns)

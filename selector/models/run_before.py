@@ -1,7 +1,5 @@
 """Which run went before which, as far as their clocks tell: the heat of the one is in the memory of the next."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime

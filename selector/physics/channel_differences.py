@@ -1,7 +1,5 @@
 """A simulation beside the recordings that drove it: its channels under their names, and how far they are apart."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 

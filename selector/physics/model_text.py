@@ -1,7 +1,5 @@
 """What does a model file say: TOML text → checked values, or an error that names the key; the same for all kinds."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re

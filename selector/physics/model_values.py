@@ -1,7 +1,5 @@
 """Which section of a model file describes a value, which value does a section describe, and how is one written."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re

@@ -1,7 +1,5 @@
 """Samples that are no measurements: codes of broken sensors, values that cannot be, channels that stand still."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

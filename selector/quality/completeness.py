@@ -1,7 +1,5 @@
 """Whether a recording is complete: samples, values, runs that are no copies, and time without gaps and leaps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether every channel is itself: no copy of another one, and not in another one's place in some run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Where a measured channel jumps: for a few samples (spike), or for good (step), and what else changes then."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import NormalDist

@@ -4,8 +4,6 @@ Works on means over blocks of samples, so noise and resolution matter little and
 of the runs. Every run is centred: only movement counts, not the level of the day.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """What the channels of a recording look like, run by run: level, resolution, noise; and how a finding says it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Channels that are recorded in another unit than the one they are declared in."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

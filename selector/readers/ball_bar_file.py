@@ -1,7 +1,5 @@
 """Ball-bar files → measured circles: a table with the angle and the deviation of the bar, or with two positions."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a cell says, where names, units and samples are in a sheet of cells, and a column of them → numbers, or text."""
 
-from __future__ import annotations
-
 import functools
 import re
 import unicodedata

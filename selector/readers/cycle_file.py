@@ -1,7 +1,5 @@
 """Cycle file → times and speeds of a duty cycle; strict, because a wrong cell would be a wrong prediction."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

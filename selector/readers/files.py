@@ -1,7 +1,5 @@
 """Which files are recordings, and in which format each of them is."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Heating and cooling tests: which displacements they hold, without faults, in units that somebody said."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

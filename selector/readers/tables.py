@@ -1,7 +1,5 @@
 """What a format reader hands on: a table as it stands in the file, before clock, roles and units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Excel and OpenDocument workbooks → tables; cached values only, none that unpack to too much."""
 
-from __future__ import annotations
-
 import copy
 import datetime
 import io

@@ -1,7 +1,5 @@
 """Which sets of sensors deserve a closer look: groups, representatives, and exact best subsets."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The choice of sensors and shape, on some folds only: the same function for the result and inside every fold."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -84,7 +82,7 @@ class Tested:
     trials: tuple[Trial, ...]
     bench: Bench
 
-    def aimed_at(self, target_um: float | None) -> Tested:
+    def aimed_at(self, target_um: float | None) -> "Tested":
         """The same with another target."""
         return replace(self, question=replace(self.question, options=replace(self.question.options, target=target_um)))
 

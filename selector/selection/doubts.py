@@ -1,7 +1,5 @@
 """What a careful engineer would doubt about a selection, said as findings."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Every set of sensors that is about as good as the best of its size: for whoever has to mount them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

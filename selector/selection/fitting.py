@@ -1,7 +1,5 @@
 """From a choice to coefficients: the final fit, fits without each sensor, and what the fit has met."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -55,7 +53,7 @@ class Recipe:
     terms: tuple[Term, ...]
 
     @classmethod
-    def of(cls, question: Question, datum: Datum, sensors: tuple[str, ...], shape: Shape) -> Recipe:
+    def of(cls, question: Question, datum: Datum, sensors: tuple[str, ...], shape: Shape) -> "Recipe":
         """The recipe for a set of sensors and a shape."""
         speeds = question.speeds if shape.speed_taus_s else ()
         design = Design((*sensors, *speeds), question.responses, datum, shape.lags(sensors, question.speeds))

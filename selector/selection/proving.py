@@ -1,7 +1,5 @@
 """The proof: every part of the recording predicted by a procedure that has not seen it, and which parts those are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -88,7 +86,7 @@ def left_out_errors(
 
 
 def beside_the_comparison(
-    folds: Folds, surveyed: Sequence[str], design: Design
+    folds: "Folds", surveyed: Sequence[str], design: Design
 ) -> tuple[list[Part], dict[str, tuple[str, ...]]]:
     """(runs that prove the model though the choice never saw them, runs that cannot and what they lack).
 

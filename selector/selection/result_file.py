@@ -1,7 +1,5 @@
 """A selection again from its JSON form (`selector.selection/1`): all that its report shows, and how that is written."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """What there is to work with: length and period of every run, and which sensors can be candidates at all."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence

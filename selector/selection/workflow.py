@@ -1,7 +1,5 @@
 """The main job: recordings in, sensors, models and proof out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

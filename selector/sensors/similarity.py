@@ -1,7 +1,5 @@
 """How alike the sensors are: correlation similarity, and the sensors that it cannot compare."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What is told of an adaptation: how often to probe, what that leaves of the error, and what was learnt."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where the result comes from: files and their hashes, how they were read, what was asked, which version."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One HTML file: text, tables, figures and the program that draws them, with nothing to load from anywhere."""
 
-from __future__ import annotations
-
 import base64
 import functools
 import hashlib

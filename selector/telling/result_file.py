@@ -1,7 +1,5 @@
 """Results on disk, read with suspicion: which kind they are, and their content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

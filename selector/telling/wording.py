@@ -1,7 +1,5 @@
 """What kind of data a result rests on, where the data say of themselves that they are no measurement."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Who may talk to the workbench, in which form, and what is answered to a request that may not be."""
 
-from __future__ import annotations
-
 import functools
 import hmac
 import logging

@@ -1,7 +1,5 @@
 """Which command line does the same as a page: words after ``selector``, and the text that a person copies."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import subprocess
@@ -66,7 +64,7 @@ class Export:
     slew_um_per_s: Mapping[str, float] = field(default_factory=dict)
     inverted: tuple[str, ...] = ()  #: Outputs whose axis the control counts the other way
 
-    def of(self, outputs: Sequence[str]) -> Export:
+    def of(self, outputs: Sequence[str]) -> "Export":
         """What is asked of these outputs; another model has others."""
         return replace(
             self,

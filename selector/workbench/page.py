@@ -1,7 +1,5 @@
 """The page as a whole: its frame with tabs, status line and command, and the routes beside it."""
 
-from __future__ import annotations
-
 import datetime
 import mimetypes
 from pathlib import Path

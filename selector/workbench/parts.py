@@ -1,7 +1,5 @@
 """What pages are made of: small components that look alike everywhere, and the names that the frame gives them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where the files of a study are: one folder, safe names in it, and no way out of it."""
 
-from __future__ import annotations
-
 import os
 import re
 import secrets

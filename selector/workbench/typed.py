@@ -1,7 +1,5 @@
 """What a person typed into a field: numbers with either decimal mark, and what is said of them in the fields' words."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

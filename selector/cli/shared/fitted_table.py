@@ -1,7 +1,5 @@
 """A table that gives way on a narrow screen: headings first, then texts, numbers never while there is room for them."""
 
-from __future__ import annotations
-
 from rich import box
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult

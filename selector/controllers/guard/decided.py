@@ -1,7 +1,5 @@
 """What a guarded program says, the numbers that are the same everywhere, and limits and sign of the correction."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

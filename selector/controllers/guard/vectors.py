@@ -1,7 +1,5 @@
 """Test vectors of what runs when something fails: every path of the guard, as calls with what they must give."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -45,7 +43,7 @@ class _Calls:
         readings = {item.name: _reading(item, share + wiggle) for item in self.model.inputs} | dict(of or {})
         self.of.append((round(dt_s, 3), readings, test_um or {}, off_s, is_ready, is_wanted))
 
-    def begun(self) -> _Calls:
+    def begun(self) -> "_Calls":
         """Good for as long as it takes to be believed."""
         for _ in range(8):
             self.call(0.3, max(10.0, math.ceil(self.model.guard.recover_after_s / 6.0)))

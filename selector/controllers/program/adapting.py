@@ -3,8 +3,6 @@
 The same filter as `selector.adaptation.drift.tracked`; here with the limits of a program that runs for years.
 """
 
-from __future__ import annotations
-
 from selector.controllers.adaptation_block import Adaptation, OutputAdaptation
 from selector.controllers.guard.decided import LARGEST_NUMBER, LONGEST_S, TouchCode
 from selector.controllers.program.language import Expression, Real, Variable, Writing, is_code

@@ -1,7 +1,5 @@
 """A program as Python: the text that is exported, and statements executed in any number type."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any

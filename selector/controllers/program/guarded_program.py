@@ -1,7 +1,5 @@
 """The guard and the model as a program: what `GuardedModel` executes and every writer prints."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from selector.controllers.evaluator import Equations, axes_of

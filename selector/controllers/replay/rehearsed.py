@@ -1,7 +1,5 @@
 """Faults rehearsed on recorded readings: what an exported program leaves, follows and notices when something fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ A parser of IEC 61131-3 reads the text, and its syntax tree becomes a Python cla
 text was printed from is used.
 """
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Iterator, Mapping

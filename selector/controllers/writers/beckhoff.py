@@ -5,8 +5,6 @@ The axis list switches it on with a reference position and nothing to correct; w
 (as in the examples of infosys.beckhoff.com/content/1033/tf5200_tool_data/104785803.html).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """What a writer gives for one control: files with a head, a sign test, or a refusal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

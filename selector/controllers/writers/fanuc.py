@@ -1,7 +1,5 @@
 """FANUC custom macro B: a subprogram that computes the correction and writes it to the external work offset."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ A correction value is measured position − actual position, so that it has the 
 correction of the axis. Units, and the parameters of T and x0, are to be looked up in the manual.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass

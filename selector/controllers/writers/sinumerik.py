@@ -4,8 +4,6 @@ The NC adds a straight line per axis, dK = K0 + tan(beta) (P - P0): K0, tan(beta
 and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no LREAL.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from selector.controllers.finding_table import FINDINGS

@@ -1,7 +1,5 @@
 """Structured Text of IEC 61131-3: one function block, in LREAL or REAL, also as a file of a TwinCAT 3 PLC project."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import uuid

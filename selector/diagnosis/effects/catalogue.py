@@ -1,7 +1,5 @@
 """Which effects are known: those shipped, and those that other packages bring by an entry point."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Iterator

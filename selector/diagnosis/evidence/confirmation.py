@@ -1,7 +1,5 @@
 """Whether a named effect holds on rows that it was not fitted to, and which faults stand in those rows alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Which size of an effect would this record have shown? What is smaller may be there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

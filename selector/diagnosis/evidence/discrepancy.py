@@ -7,8 +7,6 @@ one with a Gaussian prior (M. C. Kennedy, A. O'Hagan, Bayesian calibration of co
 waves over the simulated response and its memories (A. Rahimi, B. Recht, NIPS 20, 2007), of unknown size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache

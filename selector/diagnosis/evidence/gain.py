@@ -1,7 +1,5 @@
 """What the improved model gains: errors on fitted and on held-out rows, beside the noise and beside placebos."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

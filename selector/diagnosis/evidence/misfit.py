@@ -1,7 +1,5 @@
 """How much of what is left is structure that is nobody's, or strays, and what evidence counts for beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Sums of products of whitened columns, block by block: all that tests of the candidates need of the samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

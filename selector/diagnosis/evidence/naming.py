@@ -1,7 +1,5 @@
 """How a supported effect is named: course, share, parameters with intervals, confidence; whether it is large enough."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """What the noise of a channel looks like, and the filter that makes it white."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the simulation's own offset, gain and delay explain, and whether the recording or the simulation is at fault."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which effects are supported: forward, one by one, all tested again after each, so that proxies collapse."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -107,7 +105,7 @@ class Search:
     wrong: frozenset[str] = frozenset()  #: Responses whose simulation is off as no effect is
     doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside
 
-    def only(self, ids: set[str]) -> Search:
+    def only(self, ids: set[str]) -> "Search":
         """The search with only some of the effects named."""
         return replace(self, named={id_: of for id_, of in self.named.items() if id_ in ids})
 

@@ -1,7 +1,5 @@
 """How strongly one response, or several together, ask for every candidate, and what noise alone would have shown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """How recording and simulation are brought together: runs by name, one clock, and which rows are compared."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime

@@ -1,7 +1,5 @@
 """Which runs repeat one programme, how well the machine does so, and whether runs stand under each other's names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """Which readings are computed with, and what makes a comparison no basis for an answer."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What in a residual is noise: its spectrum, the filters that make it white and back, and sets of noise alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """When something acts: windows of time in every run, and the state of the machine that tells them apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Whether there is structure left in the residual that nothing explains; of what kind, and where; and what wanders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

@@ -1,7 +1,5 @@
 """Which run would tell what this record cannot? Planned runs, emulated, weighed by how far apart effects are there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Which runs could this machine do next? A menu within what was recorded: speeds, strokes, amplitudes, levels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Which effect explains most once the model has it: one amount for all responses, parameters free."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What a simulation left out that can be run again: refit, test effects through it, put them in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

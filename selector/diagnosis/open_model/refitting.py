@@ -1,7 +1,5 @@
 """How far do its own parameters bring a simulation that can be run again, and which of them were pulled."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -121,7 +119,7 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
     return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
-def noise_of(fit: RefitProblem, slopes: _Slopes, *, repeated: bool = False) -> dict[str, NoiseModel]:
+def noise_of(fit: RefitProblem, slopes: "_Slopes", *, repeated: bool = False) -> dict[str, NoiseModel]:
     """What counts as one standard deviation of every response: the size of what its parameters leave of it.
 
     What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
@@ -306,7 +304,7 @@ class _Slopes:
     taken: Mapping[str, Matrix]
     tangents: Mapping[str, Matrix]
 
-    def mended(self, z: Vector, courses: Mapping[str, Vector]) -> _Slopes:
+    def mended(self, z: Vector, courses: Mapping[str, Vector]) -> "_Slopes":
         """So that they say what a step did, courses there (C. G. Broyden 1965, Math. Comp. 19, 577–593)."""
         step = z - self.at
         length = float(step @ step)

@@ -1,7 +1,5 @@
 """What can be run again with other parameters: own model files, Python functions, FMUs; at the recordings' times."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import math
@@ -121,11 +119,11 @@ class OwnModel:
         done = self._kind.driven(model, self.recording, RunSettings(self.columns))
         return done.recording, done.findings
 
-    def with_values(self, values: Mapping[str, float]) -> OwnModel:
+    def with_values(self, values: Mapping[str, float]) -> "OwnModel":
         """The same with these numbers in its file."""
         return dataclasses.replace(self, file=self._model(self.file).with_parameters(dict(values)).file)
 
-    def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> OwnModel:
+    def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> "OwnModel":
         """The same with these values at these places of the file, sections that lack made.
 
         Raises ModelFileError: the file cannot have them.

@@ -1,7 +1,5 @@
 """Which effects can a model file express that it does not have, and what would each change if the model had it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

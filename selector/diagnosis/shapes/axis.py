@@ -1,7 +1,5 @@
 """What an axis does, and what a push does to it beside its simulated motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache

@@ -6,8 +6,6 @@ force f moves the axis by s·f/A(s), and the drive counters it with f − s³·f
 second order, a force that stays moves the axis for good, f/A(s), and is countered with f − s²·f/A(s).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 

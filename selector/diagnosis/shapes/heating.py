@@ -1,7 +1,5 @@
 """Which recorded channels heat, cool or surround the machine, and how the simulation itself heats."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache

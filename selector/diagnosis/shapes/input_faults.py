@@ -1,7 +1,5 @@
 """Which recorded channels beside the responses are at fault, by their own course and by their siblings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache

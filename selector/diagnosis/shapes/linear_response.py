@@ -1,7 +1,5 @@
 """How a simulated course follows a force, by itself, along a chain, and with a force that it lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The cycle that a machine repeats, read off the simulated courses: what comes back with it may be noise or missing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,7 +32,7 @@ class MachineCycle:
     samples: int  #: Rows in a cycle: what it repeats is a polygon of as many knots
     time_s: Vector  #: (n_rows,): From the start of the run [s]; NaN in runs that do not repeat the cycle
 
-    def lengthened(self, share: float) -> MachineCycle:
+    def lengthened(self, share: float) -> "MachineCycle":
         """A cycle longer by this share."""
         return replace(self, period_s=self.period_s * (1.0 + share))
 

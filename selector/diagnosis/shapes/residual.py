@@ -1,7 +1,5 @@
 """What offset, gain and delay of a simulation leave of the difference, and what it makes of readings as inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

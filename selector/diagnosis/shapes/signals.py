@@ -1,7 +1,5 @@
 """Courses made of recorded courses, run by run, the even clock they need, and what kind of record they stand in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which sharp lines and resonances stand in what a simulation leaves: fixed, or following a shaft."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A circular test as a polar plot: the deviation of both directions, drawn far larger than the circle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

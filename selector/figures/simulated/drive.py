@@ -1,7 +1,5 @@
 """How a feed axis moved: its error over time, what varied, its frequency response."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """The machine as a field: its temperatures, and its deformation drawn larger than it is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

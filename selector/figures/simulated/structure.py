@@ -1,7 +1,5 @@
 """Which members does a machine consist of, how do they hang together, and which of them move."""
 
-from __future__ import annotations
-
 import cmath
 import textwrap
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A simulated run, or a recorded one: what is done to the machine, how it warms and moves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """How do tool and workpiece vibrate, what does that leave on the part, and where do the chains agree."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

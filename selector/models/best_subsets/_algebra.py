@@ -14,8 +14,6 @@ The best u solves (P - D + D/z) u = c for the shares 0 < z <= 1 with sum `a` tha
 solves find it nearly, and the bound holds at every one of them. See docs/explanation/best-subset-search.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

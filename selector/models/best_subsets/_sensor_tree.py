@@ -4,8 +4,6 @@ The triangular factor of the columns on the path grows and shrinks with it; up t
 together. Resumable: everything that a chunk needs stands in the arrays.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

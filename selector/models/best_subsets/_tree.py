@@ -1,7 +1,5 @@
 """Compiled best-first branch and bound for the best subsets of one size, in resumable chunks; its open nodes."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A subset problem made ready for the compiled search: cross-products, checked, scaled; how far a search is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -108,7 +106,7 @@ class Problem:
     @classmethod
     def of(
         cls, cross: ArrayLike, n_samples: float, must: Iterable[int], intercept: bool, n_best: int, max_size: int | None
-    ) -> Problem:
+    ) -> "Problem":
         """Checked and scaled; see `best_subsets` for the arguments."""
         matrix = checked_cross(cross)
         p = matrix.shape[0] - 1

@@ -5,8 +5,6 @@ Only the cross-products are used, so the cost does not depend on the number of s
 columns each.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Sequence
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """A feed drive that runs: its file in, recordings of its axes out, its parameters open to be fitted again."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -193,7 +191,7 @@ class DriveModel:
         turns = {1: "ccw", -1: "cw"}
         return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in file_circles(self.file)}
 
-    def with_parameters(self, values: Mapping[str, float]) -> DriveModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "DriveModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return DriveModel(with_parameters(self.file, values), self.columns)
 

@@ -1,7 +1,5 @@
 """What does a simulated feed drive amount to: what its error goes with, whether it sticks, its loops and circles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field

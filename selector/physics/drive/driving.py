@@ -1,7 +1,5 @@
 """What would the model have done in recorded runs: which channels are its axes', in closed loop or opened."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Which parameters a recorded motion speaks of: by the inverse dynamic model."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What is odd about a feed drive: numbers that no machine has, what shows before it runs, and what it did."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

@@ -1,7 +1,5 @@
 """How an axis follows its reference: its motion, step and step-size error, and why one could not go on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
@@ -36,7 +34,7 @@ class AxisRun:
     added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
 
     @property
-    def recorded(self) -> AxisRun:
+    def recorded(self) -> "AxisRun":
         """Of it what is recorded, with its own time 0; itself where all is."""
         if self.arc is None:
             return self

@@ -3,8 +3,6 @@
 Stiffness and damping that it has on the way are those of F eq. 5, 6.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """What would the gauge have shown in recorded runs, driven by their allowance or feed at its time stamps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A gauge that stops grinding, ready to run; its channels, and which of a recording from elsewhere are the same."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -271,7 +269,7 @@ class GaugingModel:
             self.crest,
         )
 
-    def with_parameters(self, values: Mapping[str, float]) -> GaugingModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return gauging_model(with_parameters(self.file, values))
 

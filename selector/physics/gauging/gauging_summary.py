@@ -1,7 +1,5 @@
 """What does a simulated gauge amount to, what is odd about the sizes that come out, and what would make them better."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,5 @@
 """What does the model file of in-process gauging say: TOML text → checked values, or an error that names the key."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ whole test; of two channels of one axis at two places also the rotation between 
 counts right-handed about its axis, before its range is taken: two X probes along Z give B, two Y probes along Z give A.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

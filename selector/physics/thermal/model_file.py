@@ -1,7 +1,5 @@
 """What does a thermal model file say: TOML text → checked values, or an error that names the key."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What is done to the machine and when, and what thermometers and gauges make of its true course."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A thermal model that runs, by its own conditions or those of recorded runs; its parameters are open to be fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -202,7 +200,7 @@ class FileModel:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
 
-    def with_parameters(self, values: Mapping[str, float]) -> FileModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "FileModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`.
 
         A body whose parameters are all in its laws is not built again.

@@ -4,8 +4,6 @@ Errors are those of the complex amplitude, |X_chain/X_coupled − 1|: a wrong ph
 sources and chains are added.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What does the model file of a vibration say: TOML text → checked values, numbers to be fitted, or an error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace

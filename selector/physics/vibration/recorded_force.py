@@ -1,7 +1,5 @@
 """How tool and workpiece answer to a recorded force: where its samples lie on an even grid, and what was elsewhere."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@ Frequencies are products of orders, speeds and limits: order 15 at 1290 r/min, d
 15.000000000000002. What is within 10⁻⁹ of a limit is at the limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

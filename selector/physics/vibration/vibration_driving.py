@@ -1,7 +1,5 @@
 """What would the model have done in recorded runs: which channels are its shafts and sources, and what is told."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """A vibrating structure that runs: its file in, a recording of tool and workpiece out, its parameters open to a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -145,7 +143,7 @@ class VibrationModel:
                 found.append((source.name, *span))
         return tuple(found)
 
-    def with_parameters(self, values: Mapping[str, float]) -> VibrationModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "VibrationModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return VibrationModel(with_parameters(self.file, values))
 

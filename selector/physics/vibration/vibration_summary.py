@@ -1,7 +1,5 @@
 """What does a simulated vibration amount to: modes, where every line goes, what it leaves behind, and what is odd."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Which columns hold the time, and what time they tell."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The name and the unit in a header cell, which column a name means, and what the column measures."""
 
-from __future__ import annotations
-
 import difflib
 import functools
 import re

@@ -1,7 +1,5 @@
 """Which channels the recording has, from which columns, with which role, and with which unit in each run."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Which encoding bytes are in."""
 
-from __future__ import annotations
-
 import codecs
 import itertools
 import re

@@ -1,7 +1,5 @@
 """How lines are cut into cells, and which lines are samples: comments, repeated headers, cut lines are set aside."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

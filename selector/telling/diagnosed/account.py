@@ -1,7 +1,5 @@
 """What is told of a diagnosis: first the answer and what to do, then where, how much better, why, what it misses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite

@@ -1,7 +1,5 @@
 """What is told of a prediction: which corrections to make when, then why, then everything."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import groupby

@@ -1,7 +1,5 @@
 """What is told of a selection: what to do, in plain words, then why, then everything."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a selection says one should do, in plain words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

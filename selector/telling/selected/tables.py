@@ -1,7 +1,5 @@
 """The tables of a selection: plain text cells, ready to be copied."""
 
-from __future__ import annotations
-
 import math
 
 from selector.models.moments import WORTH_OF_A_SENSOR

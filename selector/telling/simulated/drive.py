@@ -1,7 +1,5 @@
 """What is told of a simulated feed drive: how far it was off, what that goes with, its loop, how round it goes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """The drawings of a simulated feed drive: courses, what varies, friction, loops, circles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

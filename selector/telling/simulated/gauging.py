@@ -1,7 +1,5 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

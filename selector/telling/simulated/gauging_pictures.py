@@ -1,7 +1,5 @@
 """The drawings of simulated gauging: sizes, filters, parts in time, the gauge and its last strokes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

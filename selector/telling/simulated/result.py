@@ -1,7 +1,5 @@
 """A simulation whose result is told, and what every account of one has: what acted, its parameters, its origin."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What is told of a simulated vibration: what it leaves behind, from which source and resonance, and the chains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

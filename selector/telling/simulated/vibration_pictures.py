@@ -1,7 +1,5 @@
 """The drawings of a simulated vibration: errors, lines, structure, answers over frequency, courses, chains."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What may be asked of an adaptation on the command line."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

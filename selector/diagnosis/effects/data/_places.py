@@ -1,7 +1,5 @@
 """In which runs, and from which moments of a run on, a fault of the data may act, and how it is said."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A recorded channel whose time base is shifted, jumps, or runs at another rate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

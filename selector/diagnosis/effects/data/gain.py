@@ -1,7 +1,5 @@
 """A recorded channel on a wrong scale: unit, range or calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

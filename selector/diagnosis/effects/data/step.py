@@ -1,7 +1,5 @@
 """A sensor that jumps and stays there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A sensor that freezes: its reading stands while what it measures goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How forces on an axis become the shapes of a drive effect: leads, limits, fits in newtons."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 

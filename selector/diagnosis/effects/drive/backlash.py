@@ -1,7 +1,5 @@
 """Lost motion at reversal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 

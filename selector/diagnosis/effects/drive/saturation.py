@@ -1,7 +1,5 @@
 """A limit that something of the drive runs into."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Store j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is fille
 simulation has no noise, so the constants and the levels at the start are found by least squares on its course.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 

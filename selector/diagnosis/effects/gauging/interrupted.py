@@ -1,7 +1,5 @@
 """`gauging.interrupted`: the gauge meets an interrupted surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`gauging.lag`: the gauge or its filter is late."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

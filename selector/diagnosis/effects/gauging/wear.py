@@ -1,7 +1,5 @@
 """`gauging.wear`: wheel or probe wear."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

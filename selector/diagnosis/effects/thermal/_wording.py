@@ -1,7 +1,5 @@
 """How thermal effects are said: places of channels, delays, what an effect is worth, parameters with intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import isfinite
 

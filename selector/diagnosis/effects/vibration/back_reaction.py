@@ -1,7 +1,5 @@
 """`vibration.back_reaction`: a member acts back on its predecessor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`vibration.hardening`: stiffness that grows with amplitude."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

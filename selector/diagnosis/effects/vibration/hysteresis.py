@@ -1,7 +1,5 @@
 """`vibration.hysteresis`: restoring force with memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """`vibration.imbalance`: a line that follows the spindle speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`vibration.line`: a source at a fixed frequency that has nothing to do with the spindle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

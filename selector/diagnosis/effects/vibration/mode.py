@@ -1,7 +1,5 @@
 """`vibration.mode`: a resonance that the simulation lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What is behind a circular test: which causes make the deviation, how much each, and what all feeds share of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """A circular test: what the axes are asked to do, and what a ball-bar shows of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How much of every cause a pair of circles holds: least squares on named columns, their shapes searched."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

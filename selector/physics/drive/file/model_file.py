@@ -1,7 +1,5 @@
 """What does the model file of a feed drive say: TOML text → checked values and references, numbers to be fitted."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping

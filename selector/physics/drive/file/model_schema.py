@@ -1,7 +1,5 @@
 """What may the model file of a feed drive say, and which axis does a section of it describe."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set

@@ -3,8 +3,6 @@
 Linear: sliding, without dry friction, backlash, limits and pitch errors; an axial compliance at load and position 0.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """How fast the loop of an axis is, whether it is stable, and up to which gains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

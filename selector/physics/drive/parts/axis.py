@@ -1,7 +1,5 @@
 """A feed axis in SI units: what turns, slides and resists, where the travel differs, servo, sensing, and its state."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields

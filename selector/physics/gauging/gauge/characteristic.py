@@ -1,7 +1,5 @@
 """What voltage belongs to which allowance in the long run, and the line that stands for it (G eq. 15–20)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The parts of a vibrating-contact gauge, and which voltage stops the feed at the wanted size (G)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """How a vibrating-contact gauge moves in time, and which swing lasts while the allowance stays (G fig. 2)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

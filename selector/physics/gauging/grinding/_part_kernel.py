@@ -8,7 +8,6 @@ values and rates at both ends; what is recorded between them lies on the same cu
 
 # ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What is ground and gauged together, step by step: one part over time, and the sizes of a batch by Monte Carlo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -114,7 +112,7 @@ class GaugedGrinding:
         steady = abs(self.gauge.gain_v_per_um) * self.rates_um_per_s[-1]
         return voltage_rate_sd_v_per_s(self.gauge, self.noise) / steady
 
-    def with_filter(self, time_constant_s: float) -> GaugedGrinding:
+    def with_filter(self, time_constant_s: float) -> "GaugedGrinding":
         """The same with another T_Φ and the thresholds of eq. 23 for it."""
         return replace(self, gauge=replace(self.gauge, time_constant_s=time_constant_s), thresholds_v=())
 

@@ -5,8 +5,6 @@ the mean feed, noise that reaches it early makes parts too large: a bias that fa
 well, D_x/(1 + β·T_Φ); what differs from part to part, (T_Φ + delay + lag)·(a − a_i), grows: the sum has a least value.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where could a thermometer be fixed, and which lines draw the machine."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

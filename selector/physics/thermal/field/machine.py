@@ -1,7 +1,5 @@
 """The C-frame machining centre as a field, for other programs too, and reduced with its laws as a machine that runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Hexahedral meshes of bodies that are unions of boxes, and the temperature anywhere in them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property

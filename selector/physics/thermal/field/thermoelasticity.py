@@ -1,7 +1,5 @@
 """Heat conduction and static linear thermoelasticity on a mesh as matrices, solvers, and constants of materials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

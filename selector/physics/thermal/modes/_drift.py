@@ -1,7 +1,5 @@
 """Readings with white noise upon a slow random walk, made independent of each other (compiled)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

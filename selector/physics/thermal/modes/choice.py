@@ -1,7 +1,5 @@
 """How many thermal modes the tests support, and which law of the speed predicts what they do not show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -10,8 +10,6 @@ likelihood (Rasmussen, Williams, Gaussian Processes for Machine Learning, 2006, 
 maximise the sum over the responses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What driven modes say of a duty cycle: its course, what each mode gives to it, how sure it is, and of the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

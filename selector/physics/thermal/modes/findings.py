@@ -1,7 +1,5 @@
 """What a user should know about fitted thermal modes, in words."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

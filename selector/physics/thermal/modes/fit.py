@@ -1,7 +1,5 @@
 """The fit of thermal modes: what enters linearly is solved for, time constants, exponents and film are searched."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

@@ -1,7 +1,5 @@
 """How far a fit of modes can be trusted: its error on left-out parts, and intervals of its time constants."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Thermal modes: the displacement of a machine that has run through these speeds, and how it depends on the speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

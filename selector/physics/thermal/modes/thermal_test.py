@@ -1,7 +1,5 @@
 """Heating and cooling tests: what modes and characteristics are fitted to, as block averages, and their stretches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Heat conduction of a machine as matrices: networks, two bodies as one, time constants, reduction to few states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType

@@ -1,7 +1,5 @@
 """How the temperatures and displacements of a machine follow what it does."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

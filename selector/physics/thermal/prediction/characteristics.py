@@ -1,7 +1,5 @@
 """Characteristics δ(n, t): continuous heating at the tested speeds and between them, and cooling, as smooth curves."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -131,7 +129,7 @@ class _Curve:
     zero: Vector  # (n_blocks, n_zeros), columns of ones for the zeros that are free
 
     @classmethod
-    def of(cls, data: ModeData, r: int, parts: Sequence[Stretch], free: bool, known_um: float = 0.0) -> _Curve:
+    def of(cls, data: ModeData, r: int, parts: Sequence[Stretch], free: bool, known_um: float = 0.0) -> "_Curve":
         blocks = np.concatenate([part.blocks for part in parts])
         owner = np.repeat(np.arange(len(parts)), [len(part.blocks) for part in parts])
         there = data.counts[blocks, r] > 0

@@ -1,7 +1,5 @@
 """When the control has to be corrected by how much to keep a tolerance of the drift, and how that is written."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

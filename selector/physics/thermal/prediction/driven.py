@@ -1,7 +1,5 @@
 """A duty cycle by modes that speed and hall drive: how it begins, which hall it has, and what is told of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The source's piecewise prediction: every segment of a duty cycle is a part of a measured characteristic."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The workflow of a prediction: tests and a duty cycle → displacement and correction program."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

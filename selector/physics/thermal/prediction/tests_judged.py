@@ -1,7 +1,5 @@
 """What makes tests doubtful, and how well a prediction that was learnt from them gives them back."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How far do tool and workpiece move, line by line or over a range: by the coupled structure, or by the chains."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -7,8 +7,6 @@ the analytic signal Z(t) = Σ_s e^{iφ_s}·z_s(t), z_s(t) = Σ_k X_k·e^{iω_k·
 amplitude of the line, of which the mean |x| would be 2/π. The mean |x| is given beside it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

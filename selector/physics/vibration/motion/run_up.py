@@ -4,8 +4,6 @@ At constant speeds every line is a sinusoid, exactly. While the speed of a shaft
 far the truth is from that is told by modes that are solved in time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

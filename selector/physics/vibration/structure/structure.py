@@ -1,7 +1,5 @@
 """What vibrates: how the whole structure answers to forces, in which modes it rings, and which one carries a line."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated

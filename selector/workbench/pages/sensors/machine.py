@@ -1,7 +1,5 @@
 """The machine with its pins: where the sensors sit, moving them, and the user's own photo."""
 
-from __future__ import annotations
-
 import base64
 import functools
 from collections.abc import Mapping, Sequence

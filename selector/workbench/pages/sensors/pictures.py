@@ -1,7 +1,5 @@
 """The pictures, words and numbers of the Sensors page: drawn whole once, after that only what a move changes."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Mapping
 from typing import Any
