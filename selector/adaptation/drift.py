@@ -2,7 +2,7 @@
 
 The displacement is ``m + offset + gain · m`` with ``m`` as the model has it. Offset and gain are random walks: what is
 not known of them grows with the time since the last touch-off. A control does the same, one touch after the other
-(`selector.controllers.program.adapting`).
+(`selector.controllers.program.statements`).
 """
 
 from __future__ import annotations

@@ -49,8 +49,7 @@ def predict(
     from selector.physics.thermal.modes.thermal_test import thermal_tests
     from selector.physics.thermal.prediction.prediction import cyclogram_of_rows
     from selector.physics.thermal.prediction.prediction import predict as predicted
-    from selector.readers.cycle_file import read_cycle
-    from selector.readers.heating_tests import heating_tests
+    from selector.readers.cycle_file import heating_tests, read_cycle
     from selector.study.material import drift_of, provenance_of
     from selector.telling.predicted.account import prediction_account
 

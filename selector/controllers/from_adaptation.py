@@ -7,9 +7,9 @@ import numpy as np
 from selector.adaptation.drift import AGREEING, GATE, Course
 from selector.adaptation.finding_table import FINDINGS
 from selector.adaptation.result import Adaptation
-from selector.controllers.adaptation_block import Adaptation as Block
-from selector.controllers.adaptation_block import OutputAdaptation
 from selector.controllers.application import Application, displacement_of, displacement_starts
+from selector.controllers.closed_values import Adaptation as Block
+from selector.controllers.closed_values import OutputAdaptation
 from selector.controllers.model_file import ModelFile
 from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where

@@ -16,11 +16,13 @@ from pydantic import (
 )
 
 from selector.atomic_file import write_whole
-from selector.controllers.adaptation_block import Adaptation
 from selector.controllers.closed_values import (
+    Adaptation,
+    CheckVector,
     Closed,
     ContradictionError,
     Date,
+    GuardVector,
     KeyPath,
     Name,
     NonNegative,
@@ -32,9 +34,9 @@ from selector.controllers.closed_values import (
     Sign,
     Text,
     refuse,
+    without,
 )
 from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
-from selector.controllers.vector_block import CheckVector, GuardVector, without
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from selector.controllers.closed_values import CheckVector, GuardVector
 from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LONGEST_S, decided_limits
@@ -22,7 +23,6 @@ from selector.controllers.model_file import (
     read_model,
     with_digest,
 )
-from selector.controllers.vector_block import CheckVector, GuardVector
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
 from selector.types import Array

@@ -22,7 +22,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
 MOST_DRAWN = 6
 """Runs of a response that are drawn, the worst ones."""

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from selector.controllers.closed_values import GuardVector
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Input, ModelFile
-from selector.controllers.vector_block import GuardVector
 
 START_DEGC = 20.0
 MINUTE_S = 60.0

@@ -39,7 +39,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"

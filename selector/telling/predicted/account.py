@@ -28,7 +28,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, given_text, listed, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
 MOST_TOLD = 8
 """Corrections that a sentence can hold; more are in the table."""

@@ -6,9 +6,9 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.modes.choice import loose_findings
 from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.driven_model import DrivenModel
-from selector.physics.thermal.modes.findings import loose_findings
 from selector.physics.thermal.prediction.answer import Answer, Asked, Start, modes_of
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
