@@ -135,8 +135,8 @@ def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: st
         )
 
 
+#: Ending → what the beginning of a file holds that this program wrote.
 _OURS = {".json": '"schema": "selector.', ".html": 'name="generator" content="selector '}
-"""Ending → what the beginning of a file holds that this program wrote."""
 _BEGINNING_BYTES = 4000
 
 

@@ -70,8 +70,7 @@ class Kind:
         return (self.level,) if isinstance(self.level, str) else self.level
 
 
-known_kinds: dict[str, Kind] = {}
-"""The kinds of all rooms that were imported, by id."""
+known_kinds: dict[str, Kind] = {}  #: The kinds of all rooms that were imported, by id.
 
 
 class Kinds(dict[str, Kind]):

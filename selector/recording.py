@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from selector.errors import RecordingError
 from selector.units import CANONICAL_UNITS, ROLES
 
-SENSOR_ROLES = ("temperature", "ambient")
-"""Roles that can be inputs of a thermal model without further options."""
+SENSOR_ROLES = ("temperature", "ambient")  #: Roles that can be inputs of a thermal model without further options.
 
 
 @dataclass(frozen=True)

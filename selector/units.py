@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from selector.errors import UnitError
 
+#: The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them.
 CANONICAL_UNITS: dict[str, str] = {
     "temperature": "degC",
     "ambient": "degC",
@@ -29,7 +30,6 @@ CANONICAL_UNITS: dict[str, str] = {
     "amplitude": "um",
     "frequency": "Hz",
 }
-"""The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them."""
 
 ROLES: tuple[str, ...] = tuple(CANONICAL_UNITS)
 

@@ -15,14 +15,11 @@ import numpy as np
 
 from selector.types import Array, Indices, Mask
 
+#: A reading so many standard deviations from what was expected is not believed before a second one agrees with it.
+#:
+#: Beyond the limit of the offset, farther than the teaching runs ever were, it takes a third one.
 GATE = 4.0
-"""A reading so many standard deviations from what was expected is not believed before a second one agrees with it.
-
-Beyond the limit of the offset, farther than the teaching runs ever were, it takes a third one.
-"""
-
-AGREEING = 0.5
-"""Two readings agree when they are so much nearer to each other than to what was expected."""
+AGREEING = 0.5  #: Two readings agree when they are so much nearer to each other than to what was expected.
 
 
 @dataclass(frozen=True)

@@ -14,27 +14,18 @@ from scipy.optimize import minimize
 from selector.adaptation.drift import Course, Drift, Known, Touches, known_before, tracked
 from selector.types import Array
 
-MOST_SAMPLES = 150
-"""Of a run, evenly spread: more say the same."""
-
+MOST_SAMPLES = 150  #: Of a run, evenly spread: more say the same.
+#: Share of readings that may be anything: what is beyond five standard deviations counts as if it were there.
+#:
+#: One wrong reading among the teaching ones is not taken for noise, and a day that is unlike the others still teaches.
 FALSE_SHARE = 1e-6
-"""Share of readings that may be anything: what is beyond five standard deviations counts as if it were there.
-
-One wrong reading among the teaching ones is not taken for noise, and a day that is unlike the others still teaches.
-"""
-
-BELIEVABLE = 0.99
-"""Share of the errors of the teaching runs that are no larger than the largest that is believed."""
-
+BELIEVABLE = 0.99  #: Share of the errors of the teaching runs that are no larger than the largest that is believed.
 LARGEST_GAIN = 0.5
-_ROOM = 2.0
-"""The offset may become so many times as large as the largest error that the teaching runs have."""
-
-_LOW, _HIGH = 1e-7, 1e3
-"""Bounds of a variance, in units of that of the error (per length of a run for drifts)."""
+_ROOM = 2.0  #: The offset may become so many times as large as the largest error that the teaching runs have.
+_LOW, _HIGH = 1e-7, 1e3  #: Bounds of a variance, in units of that of the error (per length of a run for drifts).
 _SMALLEST_UM2 = 1e-4
+#: Variances that the search begins with, in the same units: a gain hides behind an offset that walks fast.
 _STARTS = np.array([[0.3, 0.3, 0.03, 0.03, 0.03], [0.03, 0.1, 0.03, 0.003, 0.3]])
-"""Variances that the search begins with, in the same units: a gain hides behind an offset that walks fast."""
 
 
 def learnt_drift(courses: Sequence[Course], *, with_gain: bool, first: Drift | None = None) -> Drift:
@@ -132,14 +123,11 @@ def _largest_believable(error_um: Array) -> float:
 Kind = Literal["none", "offset", "offset+gain"]
 KINDS: tuple[Kind, ...] = ("none", "offset", "offset+gain")
 
-LEVEL = 0.9
-"""Of the prediction intervals."""
-
+LEVEL = 0.9  #: Of the prediction intervals.
+#: A richer kind has to leave less than this share of the error: on runs without drift chance alone makes 1 %.
 WORTH = 0.98
-"""A richer kind has to leave less than this share of the error: on runs without drift chance alone makes 1 %."""
-
+#: When the first touch-off of a teaching run falls, in periods: a run teaches by several schedules.
 PHASES = (0.25, 0.5, 0.75, 1.0)
-"""When the first touch-off of a teaching run falls, in periods: a run teaches by several schedules."""
 
 
 @dataclass(frozen=True)

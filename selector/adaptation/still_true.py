@@ -14,14 +14,10 @@ from scipy.stats import norm, t
 
 from selector.types import Array
 
-FEWEST_KNOWN = 3
-"""Fewer errors on unseen runs than these tell nothing of their spread."""
-
-SLACK = 0.5
-"""Half of the change that is found soonest, in standard deviations from run to run."""
-
+FEWEST_KNOWN = 3  #: Fewer errors on unseen runs than these tell nothing of their spread.
+SLACK = 0.5  #: Half of the change that is found soonest, in standard deviations from run to run.
+#: One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine.
 LARGEST_DEVIATE = 4.0
-"""One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine."""
 
 
 @dataclass(frozen=True)

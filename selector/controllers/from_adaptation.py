@@ -15,8 +15,8 @@ from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where
 from selector.recording import Recording
 
+#: Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time.
 Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
-"""Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time."""
 
 
 def adaptation_courses(

@@ -24,8 +24,7 @@ _ABSOLUTE = ("spindle_speed",)
 _MOST_TERMS = 6
 _GRID = 14
 _EXACT = 0.002
-WORST = 0.05
-"""Share of the size of a correction by which its terms may miss it."""
+WORST = 0.05  #: Share of the size of a correction by which its terms may miss it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +34,7 @@ class _Fit:
     terms: tuple[tuple[str, float], ...]
     coefficients: Vector
     missed: float
-    is_whole: bool = True
-    """Whether the recalibration of the simulation is in it."""
+    is_whole: bool = True  #: Whether the recalibration of the simulation is in it.
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -393,8 +393,7 @@ def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -
         refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
 
 
-LARGEST_FILE_BYTES = 16_000_000
-"""A model of 37 sensors with all pair products and 37 fallbacks takes half of it."""
+LARGEST_FILE_BYTES = 16_000_000  #: A model of 37 sensors with all pair products and 37 fallbacks takes half of it.
 
 _EXPECTED = {
     "model_type": "an object",

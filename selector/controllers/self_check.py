@@ -28,8 +28,7 @@ from selector.findings import Finding, Where
 from selector.types import Array
 
 DAY_S = 86_400.0
-COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
-"""What a working machine can have anywhere."""
+COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have anywhere.
 
 
 def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
@@ -148,10 +147,9 @@ def _never(model: ModelFile) -> Iterator[Finding]:
             )
 
 
+#: Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
+#: another order passes, and 1e-7 µm at 100 µm, far below what any control resolves.
 TOLERANCE = 1e-9
-"""Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
-another order passes, and 1e-7 µm at 100 µm, far below what any control resolves."""
-
 STEP_S = 60.0
 CORNERS_OF_ALL_UP_TO = 5
 RAMP_SAMPLES = 25

@@ -17,13 +17,12 @@ from selector.json_text import json_text
 
 RESULT_FILE = "fleet.json"
 TRIES = 2
-GRACE_S = 10.0
-"""A study gives itself up at its limit, between two steps; so much later its worker is ended."""
+GRACE_S = 10.0  #: A study gives itself up at its limit, between two steps; so much later its worker is ended.
 _LOOK_S = 0.25
 _WRITE_S = 5.0
 
+#: Called after every study: machine, answer, studies that have ended, all studies.
 Told = Callable[[str, Answer, int, int], None]
-"""Called after every study: machine, answer, studies that have ended, all studies."""
 
 
 class FleetAnswer(BaseModel):

@@ -24,8 +24,8 @@ from selector.study.asked import overrides_of
 from selector.study.inputs import sha256_of
 from selector.study.study_file import Study
 
+#: Of a machine, in the mean, as long as nothing changes: eight years with a recording a day.
 RUNS_BETWEEN_ALARMS = 3000.0
-"""Of a machine, in the mean, as long as nothing changes: eight years with a recording a day."""
 
 
 class _Part(BaseModel):

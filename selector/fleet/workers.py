@@ -17,8 +17,7 @@ from selector.errors import OptionError
 from selector.fleet.machine_study import Answer, Task, answered
 
 _BIRTHS, _BIRTH_WAIT_S = 5, 0.2
-NO_WORKER_S = 60.0
-"""So long a cluster may be without any worker before the fleet gives up."""
+NO_WORKER_S = 60.0  #: So long a cluster may be without any worker before the fleet gives up.
 
 
 class Workers(Protocol):

@@ -178,8 +178,7 @@ def gap_rows(
 
 
 LONGEST_GAP_S = 7 * 86400.0
-BEFORE_GAP_S = 3600.0
-"""So long before a gap values are asked for: what did not change since holds in the gap."""
+BEFORE_GAP_S = 3600.0  #: So long before a gap values are asked for: what did not change since holds in the gap.
 
 
 class Collection:

@@ -64,8 +64,7 @@ class Place(Table):
     address: Name
 
 
-TIMES = ("time", "source_time", "received")
-"""Columns of the lake, which are no names for channels."""
+TIMES = ("time", "source_time", "received")  #: Columns of the lake, which are no names for channels.
 
 
 class LiveChannel(Place):

@@ -196,8 +196,7 @@ def squared_error(product: Array, columns: Sequence[int], responses: Sequence[in
 
 
 PER_BANDWIDTH = 4
-MOST_BYTES = 64_000_000
-"""Longer batches are taken rather than more memory than this."""
+MOST_BYTES = 64_000_000  #: Longer batches are taken rather than more memory than this.
 
 
 @dataclass(frozen=True)
@@ -307,8 +306,7 @@ def _batches_add(products: Array, first: int, rows: Array, length: int) -> None:
         products[(first + len(rows) - 1) // length] += rest.T @ rest
 
 
-Grouping = tuple[tuple[int, ...], ...]
-"""Folds (positions in `Moments.folds`) that are left out together."""
+Grouping = tuple[tuple[int, ...], ...]  #: Folds (positions in `Moments.folds`) that are left out together.
 
 
 @dataclass(frozen=True)
@@ -403,8 +401,7 @@ def response_power(m: Moments) -> Array:
     return np.asarray(np.maximum(total[at, at] / n - (total[0, at] / n) ** 2, 1e-300))
 
 
-WORTH_OF_A_SENSOR = 0.05
-"""Root mean square errors that are nearer to each other than this share count as equal."""
+WORTH_OF_A_SENSOR = 0.05  #: Root mean square errors that are nearer to each other than this share count as equal.
 MOST_ABOVE_BEST = 0.10
 
 

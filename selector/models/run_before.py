@@ -7,11 +7,8 @@ from datetime import UTC, datetime
 from selector.recording import RunSource
 from selector.types import Array
 
-Before = tuple[str, float]
-"""The run before a run, and how much later than that one it starts [s]."""
-
-MEMORY_REACH = 5.0
-"""Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth."""
+Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
+MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth.
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

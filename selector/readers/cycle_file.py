@@ -27,9 +27,7 @@ from selector.units import convert, parse_unit, unit_for_role
 
 MOST_BYTES = 20_000_000
 MOST_ROWS = 10_000
-LONGEST_LINE = 4_000
-"""Longer lines are no rows of a duty cycle; patterns for names and units take long on long text."""
-
+LONGEST_LINE = 4_000  #: Longer lines are no rows of a duty cycle; patterns for names and units take long on long text.
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _NUMBER = re.compile(r"[+-]?(\d+([.]\d*)?|[.]\d+)([eE][+-]?\d+)?")
 _EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
@@ -235,8 +233,8 @@ def _error(found: str, expected: str, where: str, advice: str) -> ReadError:
     return ReadError(found, expected=expected, where=where, advice=advice)
 
 
+#: Names of a spindle speed that say its unit, r/min.
 _SPEED_UNIT = re.compile(r"rpm|(1|r|u|rev|об)\s*/\s*min|min\s*(\^?-1|⁻¹)|об/мин", re.IGNORECASE)
-"""Names of a spindle speed that say its unit, r/min."""
 
 
 def heating_tests(

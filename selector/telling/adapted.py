@@ -24,9 +24,7 @@ from selector.telling.account import (
 from selector.telling.numbers import NONE, share_text, span_text
 from selector.telling.origin import label_text
 
-MOST_DRAWN = 6
-"""Runs of a response that are drawn, the worst ones."""
-
+MOST_DRAWN = 6  #: Runs of a response that are drawn, the worst ones.
 _WORDS = {"none": "nothing", "offset": "an offset", "offset+gain": "an offset and a gain"}
 
 

@@ -13,8 +13,8 @@ from selector.text_file import text_of
 
 LARGEST_FILE_BYTES = 128_000_000
 MOST_VALUES = 5_000_000
+#: Results that a folder may hold, the one that is shown first.
 NAMES = ("selection.json", "diagnosis.json", "prediction.json", "model.json")
-"""Results that a folder may hold, the one that is shown first."""
 
 SCHEMAS = {
     "selector.selection/1": "selection",

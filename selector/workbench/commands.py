@@ -14,8 +14,8 @@ from selector.selection import Options
 from selector.study import DiagnoseSection
 from selector.workbench.study_folder import CYCLE
 
+#: Folders of the answers in the study folder.
 SELECTION, DIAGNOSIS, PREDICTION, SIMULATED, BALL_BAR = "selection", "diagnosis", "prediction", "simulated", "ballbar"
-"""Folders of the answers in the study folder."""
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Column, Table
 
+#: Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are.
 _LEAST_TEXT, _LEAST_HEADING = 12, 6
-"""Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are."""
 
 
 class FittedTable(Table):

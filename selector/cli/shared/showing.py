@@ -99,8 +99,8 @@ def _harmless(text: str) -> str:
     return "".join(sign if sign.isprintable() or sign in "\n\t" else "?" for sign in text)
 
 
+#: Rows of a table, and findings, that are shown; a page and the JSON have all.
 MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS, MOST_INFO = 20, 6, 5, 2
-"""Rows of a table, and findings, that are shown; a page and the JSON have all."""
 
 Everything = Annotated[
     bool, typer.Option("--all", help="Show every table and every finding on the screen.", metavar="")

@@ -14,8 +14,7 @@ MINUTE_S = 60.0
 MOST_FALLBACKS, MOST_TESTS = 12, 40
 NO_READING = 1e30
 _DECIMALS = 6
-_JUST = 0.01
-"""Of the width of a range: so far on either side of a limit it is probed."""
+_JUST = 0.01  #: Of the width of a range: so far on either side of a limit it is probed.
 
 
 @dataclass

@@ -6,8 +6,7 @@ from typing import Any
 
 from selector.controllers.program.language import Language, Program, Variable
 
-Number = Callable[[float], Any]
-"""From a float to the type that everything is calculated in."""
+Number = Callable[[float], Any]  #: From a float to the type that everything is calculated in.
 
 
 class PythonText(Language):

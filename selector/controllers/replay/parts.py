@@ -173,8 +173,8 @@ def places_m(model: ModelFile, rows: Rows) -> Array:
     return filled
 
 
+#: Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s.
 TIME_STEP_S = 0.125
-"""Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s."""
 
 
 class Execution(Protocol):
@@ -184,12 +184,11 @@ class Execution(Protocol):
         """What it gives row by row; `main` = what the first file gave, for those that go on with it."""
 
 
+#: Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
+#: the first file.
 Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]
-"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
-the first file."""
-
+#: Per output, the largest difference that its number type explains in such a run [µm].
 Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
-"""Per output, the largest difference that its number type explains in such a run [µm]."""
 
 
 def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers, _main: Answers) -> Array:

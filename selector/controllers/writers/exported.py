@@ -12,8 +12,7 @@ from selector.controllers.program.language import plain
 from selector.errors import InputError
 from selector.findings import Finding
 
-TEST_UM = 10.0
-"""Large enough for an indicator of 1 µm, too small to break anything."""
+TEST_UM = 10.0  #: Large enough for an indicator of 1 µm, too small to break anything.
 
 
 _UNLESS = (

@@ -19,9 +19,7 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
-LARGEST_LOSS_UM = 0.1
-"""What the drive's formula may leave of the model at most inside its valid ranges."""
-
+LARGEST_LOSS_UM = 0.1  #: What the drive's formula may leave of the model at most inside its valid ranges.
 _NEGLIGIBLE = 1e-12
 
 

@@ -144,8 +144,7 @@ def _spread(channels: Sequence[Channel], rise: Mapping[str, float]) -> list[Chan
     return [channel for channel in channels if channel.name in kept]
 
 
-MOST_NAMED = 8
-"""More lines in a panel than this are drawn thin, and named by hovering only."""
+MOST_NAMED = 8  #: More lines in a panel than this are drawn thin, and named by hovering only.
 
 _PANELS: tuple[tuple[str, tuple[str, ...], int], ...] = (
     ("displacement", ("displacement",), 170),

@@ -11,8 +11,7 @@ import numpy as np
 from selector.models.best_subsets._algebra import COUNT, DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
 
 DEPTH, WORK, EVALUATED, BOUNDED, VISITED = 0, 1, 2, 3, 4
-LANES = 8
-"""Columns reduced together: one vector of doubles on current processors."""
+LANES = 8  #: Columns reduced together: one vector of doubles on current processors.
 
 
 class Owners(NamedTuple):

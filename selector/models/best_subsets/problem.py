@@ -279,8 +279,7 @@ def require(holds: bool, found: str, expected: str) -> None:
         raise InputError(found, expected=expected, where="subset search", advice="correct this argument of the search")
 
 
-CHUNK_WORK = 30_000_000
-"""Multiplications between two looks at the clock: about 0.02 s; Ctrl-C waits no longer."""
+CHUNK_WORK = 30_000_000  #: Multiplications between two looks at the clock: about 0.02 s; Ctrl-C waits no longer.
 
 
 def relative_gap(best: float, bound: float) -> float:

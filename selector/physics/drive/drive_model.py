@@ -38,17 +38,13 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
+#: ``output`` of an axis in the model file → role of what its control puts out.
 OUTPUT_ROLES = {"current": "current", "voltage": "voltage", "force": "force", "number": "state"}
-"""``output`` of an axis in the model file → role of what its control puts out."""
-
+#: What is recorded of an axis: commanded position, position that the control sees, true position of the table,
+#: commanded minus true, what the control puts out, what is added to that behind it, both together, force of the screw
+#: on the table, force from outside.
 KINDS = ("command", "position", "table", "error", "output", "added", "total", "force", "load")
-"""What is recorded of an axis: commanded position, position that the control sees, true position of the table,
-commanded minus true, what the control puts out, what is added to that behind it, both together, force of the screw on
-the table, force from outside."""
-
-INPUTS = ("command", "added", "load")
-"""Those of `KINDS` that act on the axis."""
-
+INPUTS = ("command", "added", "load")  #: Those of `KINDS` that act on the axis.
 _UM = 1e6
 
 

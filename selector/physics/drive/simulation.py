@@ -219,8 +219,7 @@ def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
 
 
-_LARGE_SHARE = 2.0
-"""Shares of feed-forward above which it is worth a word: 1 is complete."""
+_LARGE_SHARE = 2.0  #: Shares of feed-forward above which it is worth a word: 1 is complete.
 
 
 def runaway(
@@ -261,9 +260,9 @@ def _named(axis: Axis, reference: Reference) -> str:
     return f" ({', '.join(acting)})" if acting else ", such as forces, and where and how fast it starts"
 
 
+#: Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
+#: period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120).
 PER_MODE = 0.2
-"""Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
-period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120)."""
 
 
 def advised_step_s(axis: Axis, period_s: float) -> float:

@@ -17,9 +17,7 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 
 FIRST_S = 3600.0
-PARALLEL = 0.02
-"""Part of the distance of two probes by which they may be off the line along one axis (about 1°)."""
-
+PARALLEL = 0.02  #: Part of the distance of two probes by which they may be off the line along one axis (about 1°).
 LEAST_DISTANCE_M = 1e-3
 Test = Literal["environment", "spindle", "axes", "unknown"]
 

@@ -28,12 +28,8 @@ from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
-FINALS = ("tool", "workpiece")
-"""Names of the finals, whatever members they are."""
-
-RELATIVE = "tool_workpiece"
-"""Motion of the tool against the workpiece, as a name beside those of `FINALS`."""
-
+FINALS = ("tool", "workpiece")  #: Names of the finals, whatever members they are.
+RELATIVE = "tool_workpiece"  #: Motion of the tool against the workpiece, as a name beside those of `FINALS`.
 _UM = 1e6
 
 

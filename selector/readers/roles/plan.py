@@ -18,8 +18,8 @@ from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
 from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
+#: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
 Ruling = Literal["header", "declared", "option", "each"]
-"""Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared."""
 
 
 @dataclass(frozen=True)

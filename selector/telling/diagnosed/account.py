@@ -65,8 +65,7 @@ _EVIDENCE = (
 _DETECTABLE = (
     "Dotted: the error that is left. What is smaller than a dot may be there without being seen in this record."
 )
-Drawings = Mapping[str, Sequence[Block]]
-"""Section of an account → its drawings; empty unless a page is made."""
+Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 
 
 def diagnosis_account(

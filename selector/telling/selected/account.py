@@ -386,6 +386,7 @@ def selection_account(
     )
 
 
+#: Finding → the part of the page that it concerns; others concern the recordings.
 _CONCERNS = {
     id_: part
     for part, ids in {
@@ -398,7 +399,6 @@ _CONCERNS = {
     }.items()
     for id_ in ids.split()
 }
-"""Finding → the part of the page that it concerns; others concern the recordings."""
 
 
 def _of_part(selection: Selection, part: str) -> list[Finding]:

@@ -32,9 +32,7 @@ _MICRO = 1e6
 MOST_RUNS = 4
 MOST_ROWS = 12
 MOST_POLES = 20
-_LEAST_LAG_SHARE = 0.05
-"""A lag that is this near to 1/Kp is said to come from the position gain."""
-
+_LEAST_LAG_SHARE = 0.05  #: A lag that is this near to 1/Kp is said to come from the position gain.
 _LEAST_SHARE = 1e-3
 
 _WHAT = {

@@ -37,11 +37,8 @@ _COMPARED = (
     "model."
 )
 
-Drawings = Mapping[str, Sequence[Block]]
-"""Section of an account → its drawings; empty unless a page is made."""
-
-Origins = tuple[tuple[str, float, str, str], ...]
-"""(name, value, unit, where it is from) of every number of a model."""
+Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
+Origins = tuple[tuple[str, float, str, str], ...]  #: (name, value, unit, where it is from) of every number of a model.
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 _HEAD = "Written by `selector diagnose --model`: the model with what the recordings say was left out."
+#: File → what its beginning holds if a diagnosis wrote it.
 _OURS = {
     "diagnosis.json": '"schema": "selector.diagnosis/1"',
     "report.html": "<title>What the simulation left out",
@@ -27,7 +28,6 @@ _OURS = {
     "improved.toml": "# Written by `selector diagnose",
     "study.toml": "[diagnose]",
 }
-"""File → what its beginning holds if a diagnosis wrote it."""
 
 
 def write_results(answer: Answer, folder: Path) -> list[str]:

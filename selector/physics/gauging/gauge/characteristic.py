@@ -17,10 +17,9 @@ from selector.physics.gauging.gauge.vibrating_contact import IRREGULAR_ROUNDS, S
 from selector.types import Vector
 
 POINTS = 60
-_FALLS = 1e-6
-"""A voltage that falls by less than this share of the largest one stands still."""
+_FALLS = 1e-6  #: A voltage that falls by less than this share of the largest one stands still.
+#: Two swings at one allowance are the same if their voltages differ by less than this share of the largest one.
 _SAME = 1e-3
-"""Two swings at one allowance are the same if their voltages differ by less than this share of the largest one."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,8 +147,7 @@ class LinearGauge(Checked):
     allowance_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6)] = 0.0
 
 
-FAR_M = 1.0
-"""A workpiece at this distance is out of reach."""
+FAR_M = 1.0  #: A workpiece at this distance is out of reach.
 STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
 
 

@@ -282,9 +282,7 @@ def _spreading(noise: Noise, filter_s: float, time_s: Vector) -> tuple[Vector, V
 
 
 _SIGMAS, _POINTS, _MOST_POINTS, _PER_WAVE, _PER_SIGMA = 9.0, 600, 6000, 12, 12
-NO_NOISE_UM = 1e-9
-"""Noise that is less than this moves no size."""
-
+NO_NOISE_UM = 1e-9  #: Noise that is less than this moves no size.
 _FAR = -30.0
 _FEW_SIGMAS, _SETTLED = 5.0, 5.0
 _STARTS = np.polynomial.hermite_e.hermegauss(5)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from selector.types import Vector
 
-UNKNOWN_UM = 1e4
-"""Standard deviation of a zero that nothing is known of [µm]."""
+UNKNOWN_UM = 1e4  #: Standard deviation of a zero that nothing is known of [µm].
 
 
 def _whitened_loop(

@@ -29,8 +29,7 @@ from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
 from selector.types import Vector
 
-NEAR = 1.7
-"""Neighbouring time constants below this ratio look like one in most records."""
+NEAR = 1.7  #: Neighbouring time constants below this ratio look like one in most records.
 
 
 def choice_findings(
@@ -247,22 +246,18 @@ def law_candidates(fit: Fit, data: ModeData) -> list[tuple[Fit, Vector]]:
 
 MOST_MODES = 7
 MOST_WITH_FILM = 5
-NO_WORSE = 0.01
-"""Mean squared errors that differ by less than this share are the same."""
+NO_WORSE = 0.01  #: Mean squared errors that differ by less than this share are the same.
+#: Heat that does not depend on the speed while the spindle turns is believed where it lowers the logarithm of the error
+#: at left-out speeds by this much: below the slowest tested speed it makes a large difference that no test shows.
 TURNING = 0.1
-"""Heat that does not depend on the speed while the spindle turns is believed where it lowers the logarithm of the error
-at left-out speeds by this much: below the slowest tested speed it makes a large difference that no test shows."""
-CERTAIN = 0.999
-"""Probability with which chance must not explain what a mode adds."""
-FAR_AHEAD = 0.3
-"""A film this much better in the logarithm of the error is not the law of the speed in disguise."""
+CERTAIN = 0.999  #: Probability with which chance must not explain what a mode adds.
+FAR_AHEAD = 0.3  #: A film this much better in the logarithm of the error is not the law of the speed in disguise.
+#: Time constants longer than the runs are accepted where they improve the logarithm of the error by this much.
 WORTH_A_GUESS = 0.2
-"""Time constants longer than the runs are accepted where they improve the logarithm of the error by this much."""
+#: A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
+#: did not begin at rest and cold.
 WARM_START = 3.0
-"""A run whose residuals are this much larger than the others', and become this much smaller with a start of its own,
-did not begin at rest and cold."""
-WARM_GAIN = 0.1
-"""Starts of their own are believed where they lower the logarithm of the held-out error by this much."""
+WARM_GAIN = 0.1  #: Starts of their own are believed where they lower the logarithm of the held-out error by this much.
 
 
 @dataclass(frozen=True)

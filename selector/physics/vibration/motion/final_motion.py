@@ -15,8 +15,7 @@ from selector.physics.vibration.structure.source import Excitation, Source
 from selector.physics.vibration.structure.structure import GROUND, Structure, known_place, receptances, unit_force
 from selector.types import ComplexMatrix, Vector
 
-TOLERANCE = 1e-6
-"""Largest difference between curve and response, as a share of the largest response in the range."""
+TOLERANCE = 1e-6  #: Largest difference between curve and response, as a share of the largest response in the range.
 _MOST_POINTS = 50_000
 _LEAST_POINTS = 9
 _LEAST_SHARE = 1e-4
