@@ -21,8 +21,8 @@ Origin = Literal["representatives", "all sensors", "formula"]
 PER_SIZE = 3
 CORRELATION_ROUNDING = 1e-9
 AS_RELEVANT = 0.01
+#: Terms up to which products and powers are chosen one by one; the search for more takes seconds a set.
 MOST_TERMS = 12
-"""Terms up to which products and powers are chosen one by one; the search for more takes seconds a set."""
 LINEAR = Shape()
 
 

@@ -15,20 +15,12 @@ from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
 
 LEAST_TAU_RATIO = 4.0
+#: Beyond this a lag says nothing that another term does not, and their difference explodes on another day.
 MAX_VIF = 2e3
-"""Beyond this a lag says nothing that another term does not, and their difference explodes on another day."""
-
-PROMISING = 40
-"""Sets on which a second time constant is tried."""
-
-SAFER = 2.0
-"""How many times the least risk among equal sets one may have and be taken for its smaller error."""
-
-ALIKE = 0.9
-"""Correlation from which two sensors with coefficients of opposite signs work against each other."""
-
-WORTH_SOME_TERMS = 10
-"""Sets of which products and powers are chosen one by one."""
+PROMISING = 40  #: Sets on which a second time constant is tried.
+SAFER = 2.0  #: How many times the least risk among equal sets one may have and be taken for its smaller error.
+ALIKE = 0.9  #: Correlation from which two sensors with coefficients of opposite signs work against each other.
+WORTH_SOME_TERMS = 10  #: Sets of which products and powers are chosen one by one.
 
 
 @dataclass(frozen=True)
@@ -67,11 +59,8 @@ class Choice:
         return tuple(found.values())
 
 
-Offer = Literal["linear", "polynomial", "memory"]
-"""How rich a model may be; each offer holds all that come before it."""
-
-Plan = tuple[Offer, int]
-"""An offer, and the most sensors that a set may have."""
+Offer = Literal["linear", "polynomial", "memory"]  #: How rich a model may be; each offer holds all that come before it.
+Plan = tuple[Offer, int]  #: An offer, and the most sensors that a set may have.
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
 
 NORMAL_95 = 1.96
+#: Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares.
 _DEPENDENT = 1e-12
-"""Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares."""
 
 
 @dataclass(frozen=True)

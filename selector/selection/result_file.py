@@ -22,9 +22,8 @@ from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+#: A number; NaN where JSON, which has none, says null.
 NumberOrNaN = Annotated[Number, WrapValidator(lambda value, number: float("nan") if value is None else number(value))]
-"""A number; NaN where JSON, which has none, says null."""
-
 Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
 ByName = dict[str, Number]

@@ -91,8 +91,7 @@ def _told(what: str, where: str, expected: str) -> Iterator[None]:
         ) from error
 
 
-ENTRY_POINT = "selector.effects"
-"""Group of the entry points: each names an `Effect`."""
+ENTRY_POINT = "selector.effects"  #: Group of the entry points: each names an `Effect`.
 _FAMILIES = ("data", "thermal", "drive", "vibration", "gauging", "flow")
 
 

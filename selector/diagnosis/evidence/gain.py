@@ -16,8 +16,7 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Vector
 
 _DRAWS = 400
-_FAR = 1.2
-"""Times the noise: unseen errors from which on there is a way to go."""
+_FAR = 1.2  #: Times the noise: unseen errors from which on there is a way to go.
 
 
 def fit_of(

@@ -21,10 +21,8 @@ from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 from selector.types import Matrix, Vector
 
-FARTHEST = 3.0
-"""Standard deviations of the nameplate that a parameter may go."""
-STEP = 0.1
-"""Step of a finite difference, in standard deviations of the nameplate."""
+FARTHEST = 3.0  #: Standard deviations of the nameplate that a parameter may go.
+STEP = 0.1  #: Step of a finite difference, in standard deviations of the nameplate.
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,35 +141,29 @@ def noise_of(fit: RefitProblem, slopes: "_Slopes", *, repeated: bool = False) ->
     return found
 
 
-_TOLD = 1e-3
-"""Of the largest singular value: directions of parameters that a response tells of."""
+_TOLD = 1e-3  #: Of the largest singular value: directions of parameters that a response tells of.
 Say = Callable[[int, int, str], None]
 _Start = tuple[Vector, "_Slopes"]
 
+#: Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth.
 NAMEPLATE = 0.2
-"""Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
+#: The least of it where a parameter may have either sign, as a share of its range: it may be near 0 by chance.
 _OF_RANGE = 0.005
-"""The least of it where a parameter may have either sign, as a share of its range: it may be near 0 by chance."""
+#: A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined.
 _UNDETERMINED = 0.8
-"""A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
-_SETTLED = 0.01
-"""Change of a parameter in nameplate units that is not followed."""
+_SETTLED = 0.01  #: Change of a parameter in nameplate units that is not followed.
 _STEPS, _HALVINGS = 20, 5
-_GAINS = 1e-4
-"""Share of the weighted sum of squares that a step has to gain to be worth another one."""
+_GAINS = 1e-4  #: Share of the weighted sum of squares that a step has to gain to be worth another one.
 _AS_FORETOLD = 0.5
-_ANEW = 3
-"""How often finite differences are taken anew at most."""
+_ANEW = 3  #: How often finite differences are taken anew at most.
 _USUAL_SLOPES = 2
-_NEAR = 0.1
-"""Way from where finite differences were taken, in nameplate units, within which they hold."""
+_NEAR = 0.1  #: Way from where finite differences were taken, in nameplate units, within which they hold.
 _MOST_DIRECTIONS = 8
-_AT_LIMIT = 0.9
-"""Share of the way to the limits from which on a parameter is at them."""
+_AT_LIMIT = 0.9  #: Share of the way to the limits from which on a parameter is at them.
+#: Starts that are drawn when a fit ran to its limits, and those of them that are followed to their ends.
 _DRAWS, _FOLLOWED = 24, 2
-"""Starts that are drawn when a fit ran to its limits, and those of them that are followed to their ends."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,9 @@ from selector.recording import Recording
 
 Mode = Literal["B", "C"]
 
+#: Sections with numbers that a control was set to, which nobody has to fit.
 _KNOWN = ("servo", "sensing", "thresholds", "relay")
-"""Sections with numbers that a control was set to, which nobody has to fit."""
-_INSEPARABLE = "area_m2"
-"""A film on an area cannot be told from a better one on a smaller area."""
+_INSEPARABLE = "area_m2"  #: A film on an area cannot be told from a better one on a smaller area.
 
 
 class Runnable(Protocol):

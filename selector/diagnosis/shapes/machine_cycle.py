@@ -14,14 +14,12 @@ from selector.diagnosis.shapes.signals import even_runs, filled
 from selector.types import Matrix, Vector
 
 Rows = NDArray[np.bool_] | NDArray[np.intp]
-_ALIKE = 0.9
-"""Correlation of a course with itself one cycle later; a machine that goes on warming repeats no closer."""
+_ALIKE = 0.9  #: Correlation of a course with itself one cycle later; a machine that goes on warming repeats no closer.
+#: Below it a course has turned into something else since: what comes back after is a cycle, and not the same slope.
 _APART = 0.5
-"""Below it a course has turned into something else since: what comes back after is a cycle, and not the same slope."""
 _FEWEST = 3
 _SHORTEST = 8
-_SAME = 0.01
-"""Of a period: runs whose cycles differ by less repeat the same cycle."""
+_SAME = 0.01  #: Of a period: runs whose cycles differ by less repeat the same cycle.
 
 
 @dataclass(frozen=True, eq=False)

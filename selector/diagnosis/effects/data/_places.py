@@ -13,8 +13,7 @@ from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
 _ALL_MOMENTS = 160
-_LEAST_ROWS = 8
-"""Rows of a run before and after a moment, without which nothing tells the two apart."""
+_LEAST_ROWS = 8  #: Rows of a run before and after a moment, without which nothing tells the two apart.
 
 
 @dataclass(frozen=True, eq=False)

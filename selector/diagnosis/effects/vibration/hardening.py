@@ -20,8 +20,8 @@ from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import filled, rate, slope, swept_hz
 from selector.types import Vector
 
+#: Stiffness that the cube adds at the swing of the simulation, over the linear one.
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
-"""Stiffness that the cube adds at the swing of the simulation, over the linear one."""
 _FREE = (0.0, np.inf)
 _ANY = (-np.inf, np.inf)
 

@@ -19,12 +19,11 @@ from selector.physics.thermal.modes.thermal_test import (
 from selector.types import Vector
 
 MOST_EXPONENTIALS = 3
+#: Exponentials closer than this are not told apart by noisy curves, and their amplitudes grow without bound.
 CLOSEST_RATIO = 1.5
-"""Exponentials closer than this are not told apart by noisy curves, and their amplitudes grow without bound."""
-_BEYOND = 0.005
-"""Speeds this fraction above the fastest tested one are still that speed, as for the modes."""
+_BEYOND = 0.005  #: Speeds this fraction above the fastest tested one are still that speed, as for the modes.
+#: A block counts as at most so many samples: what is left is then lack of fit, no smaller in a longer block.
 _MOST_COUNTED = 20.0
-"""A block counts as at most so many samples: what is left is then lack of fit, no smaller in a longer block."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,7 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Start, mod
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
 
-WORTH_TELLING = 0.3
-"""Share of the claimed error from which on a difference is worth a warning."""
+WORTH_TELLING = 0.3  #: Share of the claimed error from which on a difference is worth a warning.
 
 
 def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
