@@ -1,7 +1,5 @@
 """Files and folders that are written whole or not at all, and nothing is overwritten that was read."""
 
-from __future__ import annotations
-
 import errno
 import os
 import secrets
@@ -137,8 +135,8 @@ def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: st
         )
 
 
+#: Ending → what the beginning of a file holds that this program wrote.
 _OURS = {".json": '"schema": "selector.', ".html": 'name="generator" content="selector '}
-"""Ending → what the beginning of a file holds that this program wrote."""
 _BEGINNING_BYTES = 4000
 
 

@@ -1,7 +1,5 @@
 """CSV that a spreadsheet opens without running any of it, and that reads back to the same names."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

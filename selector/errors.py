@@ -17,8 +17,6 @@
 Every message says what was found, what was expected, where, and what to do next.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any
 

@@ -4,8 +4,6 @@ Nothing is computed here that `sensors`, `models` and `selection` do not compute
 scikit-learn wants them.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """From a model file to the folder of a control: the program, its proof on recordings, the commissioning sheet."""
 
-from __future__ import annotations
-
 import difflib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

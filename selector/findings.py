@@ -1,7 +1,5 @@
 """What the tool says to a person about data or models, as values."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -72,15 +70,14 @@ class Kind:
         return (self.level,) if isinstance(self.level, str) else self.level
 
 
-known_kinds: dict[str, Kind] = {}
-"""The kinds of all rooms that were imported, by id."""
+known_kinds: dict[str, Kind] = {}  #: The kinds of all rooms that were imported, by id.
 
 
 class Kinds(dict[str, Kind]):
     """The kinds of finding that one room of the package can make, by id."""
 
     @classmethod
-    def of(cls, table: str) -> Kinds:
+    def of(cls, table: str) -> "Kinds":
         r"""The kinds of a text: ``id [level, …] title``; more lines of it are indented, the advice stands behind →.
 
         >>> Kinds.of("gap [info, warning] the recording pauses\n    → Look at the logger.")["gap"].levels

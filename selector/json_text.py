@@ -1,7 +1,5 @@
 """Results as JSON text: numbers are finite, and other alphabets stay readable."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping

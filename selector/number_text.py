@@ -1,7 +1,5 @@
 """How a number is written for people, on the screen, in reports and in figures."""
 
-from __future__ import annotations
-
 import math
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

@@ -1,7 +1,5 @@
 """Labelled, unit-carrying, immutable recordings of one or more runs; a simulation is held in the same type."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,8 +13,7 @@ from numpy.typing import NDArray
 from selector.errors import RecordingError
 from selector.units import CANONICAL_UNITS, ROLES
 
-SENSOR_ROLES = ("temperature", "ambient")
-"""Roles that can be inputs of a thermal model without further options."""
+SENSOR_ROLES = ("temperature", "ambient")  #: Roles that can be inputs of a thermal model without further options.
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ class Recording:
         runs: Mapping[str, pd.DataFrame],
         channels: Iterable[Channel],
         provenance: Mapping[str, Any] | None = None,
-    ) -> Recording:
+    ) -> "Recording":
         """A recording from one table per run, each indexed by time [s]; a channel that a run lacks becomes NaN."""
         channels = tuple(channels)
         names = [channel.name for channel in channels]
@@ -185,7 +182,7 @@ class Recording:
         """(time_s, values) pieces of a run in order; here always one piece. `readers.ParquetSource` has many."""
         yield self.time_s(run), self.values(run, names)
 
-    def with_values(self, frame: pd.DataFrame) -> Recording:
+    def with_values(self, frame: pd.DataFrame) -> "Recording":
         """The same channels and provenance with another frame."""
         return dataclasses.replace(self, frame=frame)
 

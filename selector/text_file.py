@@ -1,7 +1,5 @@
 """A text file that somebody names: opened only if it is one, and read only as far as it may be long."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The only place where units are converted (pint underneath)."""
 
-from __future__ import annotations
-
 import functools
 import unicodedata
 from typing import Any
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 
 from selector.errors import UnitError
 
+#: The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them.
 CANONICAL_UNITS: dict[str, str] = {
     "temperature": "degC",
     "ambient": "degC",
@@ -31,7 +30,6 @@ CANONICAL_UNITS: dict[str, str] = {
     "amplitude": "um",
     "frequency": "Hz",
 }
-"""The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them."""
 
 ROLES: tuple[str, ...] = tuple(CANONICAL_UNITS)
 

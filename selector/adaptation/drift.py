@@ -2,7 +2,7 @@
 
 The displacement is ``m + offset + gain · m`` with ``m`` as the model has it. Offset and gain are random walks: what is
 not known of them grows with the time since the last touch-off. A control does the same, one touch after the other
-(`selector.controllers.program.adapting`).
+(`selector.controllers.program.statements`).
 """
 
 from __future__ import annotations
@@ -15,14 +15,11 @@ import numpy as np
 
 from selector.types import Array, Indices, Mask
 
+#: A reading so many standard deviations from what was expected is not believed before a second one agrees with it.
+#:
+#: Beyond the limit of the offset, farther than the teaching runs ever were, it takes a third one.
 GATE = 4.0
-"""A reading so many standard deviations from what was expected is not believed before a second one agrees with it.
-
-Beyond the limit of the offset, farther than the teaching runs ever were, it takes a third one.
-"""
-
-AGREEING = 0.5
-"""Two readings agree when they are so much nearer to each other than to what was expected."""
+AGREEING = 0.5  #: Two readings agree when they are so much nearer to each other than to what was expected.
 
 
 @dataclass(frozen=True)

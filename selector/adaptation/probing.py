@@ -1,7 +1,5 @@
 """When to probe so that the error stays within a limit, found by simulating each rate of probing on unseen runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,13 +8,11 @@ import numpy as np
 from selector.adaptation.drift import Course
 from selector.adaptation.judged import Judged, judged
 
-SHARE = 0.95
-"""Of the time that the error has to stay within the limit."""
-
+SHARE = 0.95  #: Of the time that the error has to stay within the limit.
 DAY_S = 86_400.0
+#: Periods of probing that a shop can keep, the rarest first; nobody probes more often than every five minutes.
 RATES_S = (86400.0, 43200.0, 28800.0, 21600.0, 14400.0, 10800.0, 7200.0, 5400.0, 3600.0, 2700.0, 1800.0, 1200.0, 900.0,
            600.0, 300.0)  # fmt: skip
-"""Periods of probing that a shop can keep, the rarest first; nobody probes more often than every five minutes."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """The result of `selector adapt`: kind, errors with and without touch-offs, when to probe, and what was found."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,8 +12,7 @@ from selector.findings import Finding, Where
 
 SCHEMA = "selector.adaptation/1"
 FEW_RUNS = 4
-HELD = (0.85, 0.95)
-"""Shares of unseen samples in 90 % intervals that are not worth a word."""
+HELD = (0.85, 0.95)  #: Shares of unseen samples in 90 % intervals that are not worth a word.
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,6 @@ distribution for any n as long as nothing changes, and a cumulative sum of these
 stays (Hawkins 1987; Siegmund 1985 for the mean number of runs between false alarms).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +14,10 @@ from scipy.stats import norm, t
 
 from selector.types import Array
 
-FEWEST_KNOWN = 3
-"""Fewer errors on unseen runs than these tell nothing of their spread."""
-
-SLACK = 0.5
-"""Half of the change that is found soonest, in standard deviations from run to run."""
-
+FEWEST_KNOWN = 3  #: Fewer errors on unseen runs than these tell nothing of their spread.
+SLACK = 0.5  #: Half of the change that is found soonest, in standard deviations from run to run.
+#: One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine.
 LARGEST_DEVIATE = 4.0
-"""One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine."""
 
 
 @dataclass(frozen=True)

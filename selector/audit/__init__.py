@@ -1,7 +1,5 @@
 """Whether patent CN1868666 agrees with itself and with our results: its printed numbers, checked one by one."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Whether what the patent prints follows from its own numbers and from one recording: grouping, models, effects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import partial

@@ -1,7 +1,5 @@
 """What patent CN1868666 prints, and one printed number against ours."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections.abc import Iterable
@@ -11,11 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+#: Lower bearing, intermediate gear, upper bearing, hydraulic unit, gearbox, main motor, and others without a name.
 SENSORS = tuple(f"T{k}" for k in range(1, 9))
-"""Lower bearing, intermediate gear, upper bearing, hydraulic unit, gearbox, main motor, and others without a name."""
-
-ENTRY_HALF_UNIT = 0.5e-4
-"""Correlations, R² and most coefficients are printed with four decimals."""
+ENTRY_HALF_UNIT = 0.5e-4  #: Correlations, R² and most coefficients are printed with four decimals.
 
 
 def _read_only(text: str) -> NDArray[np.float64]:
@@ -24,6 +20,7 @@ def _read_only(text: str) -> NDArray[np.float64]:
     return matrix
 
 
+#: R, the similarity matrix.
 SIMILARITY = _read_only("""
 1.0000 0.9968 0.9819 0.9984 0.9860 0.9761 0.9746 0.9968
 0.9968 1.0000 0.9832 0.9970 0.9884 0.9766 0.9755 0.9987
@@ -34,8 +31,8 @@ SIMILARITY = _read_only("""
 0.9746 0.9755 0.9988 0.9831 0.9960 0.9998 1.0000 0.9765
 0.9968 0.9987 0.9838 0.9966 0.9888 0.9779 0.9765 1.0000
 """)
-"""R, the similarity matrix."""
 
+#: t(R), the transitive closure.
 CLOSURE = _read_only("""
 1.0000 0.9970 0.9921 0.9984 0.9921 0.9921 0.9921 0.9970
 0.9970 1.0000 0.9921 0.9970 0.9921 0.9921 0.9921 0.9987
@@ -46,7 +43,6 @@ CLOSURE = _read_only("""
 0.9921 0.9921 0.9992 0.9921 0.9980 0.9998 1.0000 0.9921
 0.9970 0.9987 0.9921 0.9970 0.9921 0.9921 0.9921 1.0000
 """)
-"""t(R), the transitive closure."""
 
 LEVEL = 0.995
 CUT_ROWS = ("11010001", "11010001", "00101110", "11010001", "00101110", "00101110", "00101110", "11010001")

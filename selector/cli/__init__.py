@@ -1,7 +1,5 @@
 """The command line: read → call → write."""
 
-from __future__ import annotations
-
 import contextlib
 import inspect
 import os

@@ -1,7 +1,5 @@
 """`ballbar`: measured circles in, how round they are and which causes are behind them out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`demo` and `audit-patent`: the main job on the recordings that come with the program, and the patent they are of."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

@@ -1,16 +1,12 @@
 """`diagnose`: recordings and a simulation in; where they differ, which physics was left out, and the fit with it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
-from selector.cli.shared import showing
-from selector.cli.shared.diagnosed.answer import answered
-from selector.cli.shared.diagnosed.asked import Asked, asked_of, require_usable
+from selector.cli.shared import diagnosed, showing
 from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
@@ -37,7 +33,7 @@ def diagnose(
     *,
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
-    asked: Asked,
+    asked: diagnosed.Asked,
     out: Out = None,
     everything: Everything = False,
     as_json: AsJson = False,
@@ -51,32 +47,26 @@ def diagnose(
     console = showing.screen(as_json)
     opened = opened_study(from_study, source, context, accept_changes=accept_changes, console=console)
     if opened is not None:
-        source, asked = opened.source, asked_of(opened)
-    require_usable(asked)
+        source, asked = opened.source, diagnosed.asked_of(opened)
+    diagnosed.require_usable(asked)
     if out is not None:
         require_writable_folder(out, "--out")
-    from selector.cli.shared.diagnosed.files import (
-        earlier_answer,
-        require_replaceable,
-        write_diagnosis_study,
-        write_results,
-    )
     from selector.study.material import beside_recordings
 
     if out is not None:
-        require_replaceable(out, with_model=asked.model is not None)
+        diagnosed.require_replaceable(out, with_model=asked.model is not None)
     with progress_bar() as progress:
-        answer = answered(source, asked, progress)
+        answer = diagnosed.answered(source, asked, progress)
         found = answer.found
         if out is not None:
             progress("writing", 1.0)
-            require_replaceable(out, with_model=asked.model is not None)
-            with folder_written_whole(out, earlier_answer(out)) as folder:
-                written = write_results(answer, folder)
+            diagnosed.require_replaceable(out, with_model=asked.model is not None)
+            with folder_written_whole(out, diagnosed.earlier_answer(out)) as folder:
+                written = diagnosed.write_results(answer, folder)
                 results = hashes(folder)
                 with told_if_no_text(console):
                     read = (answer.recorded, answer.simulated)
-                    written += write_diagnosis_study(folder, out, source, asked, *read, opened)
+                    written += diagnosed.write_diagnosis_study(folder, out, source, asked, *read, opened)
     beside = beside_recordings(answer.recorded.findings)
     if as_json:
         showing.print_json(found.as_dict())

@@ -1,7 +1,5 @@
 """`export`: a model file becomes the program of a control, with its commissioning sheet and the proof of it."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from functools import partial
 from pathlib import Path

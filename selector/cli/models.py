@@ -1,7 +1,5 @@
 """`model show`, `model check` and `model card`: what a model file says, whether it keeps its word, how good it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

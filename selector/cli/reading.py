@@ -1,7 +1,5 @@
 """`describe` and `convert`: what is in these files, what was guessed, what is wrong, and the same in a plain form."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path

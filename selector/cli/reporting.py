@@ -116,8 +116,7 @@ def _selection_page(result: Result, say: Say) -> str:
 
 def _diagnosis_again(result: Result, say: Say) -> str | None:
     """The whole page of a diagnosis, made from its recordings; None where that cannot be."""
-    from selector.cli.shared.diagnosed.answer import answered
-    from selector.cli.shared.diagnosed.asked import asked_of
+    from selector.cli.shared.diagnosed import answered, asked_of
     from selector.telling.diagnosed.account import diagnosis_account
     from selector.telling.page import account_page
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import datetime
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,10 +15,9 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.asked.selection import Asked, Date, date_of
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
-from selector.cli.shared.source import Source, with_source
+from selector.cli.shared.source import Source, pairs, with_source
 from selector.cli.shared.studying import (
     AcceptChanges,
     OpenedStudy,
@@ -28,12 +29,182 @@ from selector.cli.shared.studying import (
     told_if_no_text,
     write_study_beside,
 )
+from selector.errors import OptionError
 
 if TYPE_CHECKING:
-    from selector.selection import Selection
-    from selector.selection.options import Options
+    from selector.selection import Options, Selection
     from selector.study.material import Material
     from selector.telling.account import Account
+
+
+_of_sensors = partial(typer.Option, rich_help_panel="Which sensors")
+_of_model = partial(typer.Option, rich_help_panel="Which model")
+
+Responses = Annotated[
+    list[str] | None,
+    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
+]
+Levels = Annotated[
+    list[str] | None,
+    _of_sensors("--lambda", metavar="λ|auto", help="Level of the cut, 0 to 1; repeat for one a round. Default: auto."),
+]
+Rounds = Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")]
+MaxSensors = Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")]
+Grouping = Annotated[
+    str,
+    _of_sensors(
+        "--grouping",
+        metavar="closure|cmeans",
+        help="Groups by cuts of the closure, or by fuzzy c-means: a sensor between two groups is seen as such.",
+    ),
+]
+Absolute = Annotated[
+    bool,
+    _of_sensors(
+        "--absolute-similarity", help="Group by |r|: a sensor and its mirror image stand together.", metavar=""
+    ),
+]
+Must = Annotated[list[str] | None, _of_sensors("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.")]
+Never = Annotated[
+    list[str] | None, _of_sensors("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.")
+]
+Cost = Annotated[
+    list[str] | None, _of_sensors("--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.")
+]
+Tolerance = Annotated[
+    float | None,
+    _of_sensors(
+        "--tolerance",
+        metavar="ΔR²",
+        help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest that "
+        "predicts unseen runs as well as the best, within one standard error.",
+    ),
+]
+Within = Annotated[
+    float | None,
+    _of_sensors(
+        "--within",
+        metavar="µm",
+        help="Sets whose unseen error is within this of the best are equal, and the cheapest is taken. Default: one "
+        "standard error, or the noise of the gauge up to a tenth of the error.",
+    ),
+]
+Target = Annotated[
+    float | None,
+    _of_sensors("--target", metavar="µm", help="Take the cheapest set whose error on unseen runs is at most this."),
+]
+Degree = Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")]
+Interactions = Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")]
+Memory = Annotated[bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")]
+Formula = Annotated[
+    str | None,
+    _of_model(
+        "--formula",
+        metavar="TEXT",
+        help='This model and no other, proved like any: "Z ~ T1 + T3 + T1:T3"; I(T1**2) is a square.',
+    ),
+]
+Reference = Annotated[
+    str,
+    _of_model(
+        "--reference", metavar="rise|absolute", help="Readings as differences to the start of the run, or as they are."
+    ),
+]
+Ridge = Annotated[
+    bool, _of_model("--ridge", help="Shrink coefficients as far as unseen runs profit; shows the cost.", metavar="")
+]
+Conditions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")]
+Date = Annotated[
+    str | None,
+    typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
+]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The options of `select`, one field an option, named as in `selector.selection.Options`."""
+
+    responses: Responses = None
+    level: Levels = None
+    rounds: Rounds = 1
+    max_sensors: MaxSensors = 5
+    grouping: Grouping = "closure"
+    absolute_similarity: Absolute = False
+    must: Must = None
+    never: Never = None
+    cost: Cost = None
+    tolerance: Tolerance = None
+    degree: Degree = 1
+    interactions: Interactions = False
+    memory: Memory = False
+    reference: Reference = "rise"
+    ridge: Ridge = False
+    conditions: Conditions = None
+    seed: Seed = 0
+    formula: Formula = None
+    within: Within = None
+    target: Target = None
+
+    def options(self) -> Options:
+        """The same as options of a selection.
+
+        Raises OptionError: one cannot be used.
+        """
+        from selector.selection import Options
+
+        read = {
+            "responses": tuple(self.responses or ()),
+            "level": _levels(self.level),
+            "rounds": self.rounds if self.rounds < 1 else max(self.rounds, len(self.level or ())),
+            "must": tuple(self.must or ()),
+            "never": tuple(self.never or ()),
+            "cost": {name: _number(text, f"--cost {name}") for name, text in pairs(self.cost, "--cost").items()},
+            "conditions": pairs(self.conditions, "--condition"),
+        }
+        return Options(**vars(self) | read)
+
+
+def date_of(text: str | None) -> str | None:
+    """A date as it is written into the files.
+
+    Raises OptionError: it is none.
+    """
+    if text is None:
+        return None
+    try:
+        return datetime.date.fromisoformat(text).isoformat()
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a date as YYYY-MM-DD", where="--date", advice="e.g. --date 2026-11-20"
+        ) from None
+
+
+def _levels(given: list[str] | None) -> float | tuple[float, ...] | None:
+    given = [text.strip().lower() for text in given or ()]
+    if not given or given == ["auto"]:
+        return None
+    if "auto" in given:
+        raise OptionError(
+            ", ".join(given), expected="auto alone, or numbers", where="--lambda", advice="use one or the other"
+        )
+    levels = tuple(_number(text, "--lambda") for text in given)
+    return levels[0] if len(levels) == 1 else levels
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise OptionError(
+            repr(text), expected="a number with a decimal point", where=where, advice="e.g. 0.995 or 2"
+        ) from None
+
 
 Out = Annotated[
     Path | None,

@@ -1,7 +1,5 @@
 """`workbench`: the local web page of a study."""
 
-from __future__ import annotations
-
 import webbrowser
 from pathlib import Path
 from typing import Annotated

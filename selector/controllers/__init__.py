@@ -1,6 +1,7 @@
 """From the model to the control: the model file, what it means, how it reads, what it does on other recordings."""
 
 from selector.controllers.application import Accuracy, Application, apply_model, write_predictions
+from selector.controllers.closed_values import CheckVector, GuardVector
 from selector.controllers.evaluator import (
     Evaluator,
     evaluate,
@@ -32,7 +33,6 @@ from selector.controllers.model_file import (
     write_model,
 )
 from selector.controllers.self_check import check_vectors, model_findings, sealed, usable_model
-from selector.controllers.vector_block import CheckVector, GuardVector
 
 __all__ = [
     "Accuracy",

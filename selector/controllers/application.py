@@ -1,7 +1,5 @@
 """An exported model on other recordings: what it predicts, how well, and where it must not be believed."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -29,9 +27,8 @@ from selector.recording import SENSOR_ROLES, Recording, RunSource
 from selector.types import Array, Mask
 
 SLIGHT_SHARE = 0.01
+#: Shorter and less (of the width of the range) than both: noise at the edge, worth a note but no warning.
 SLIGHT_EXCESS = 0.05
-"""Shorter and less (of the width of the range) than both: noise at the edge, worth a note but no warning."""
-
 MISSING_SHARE = 0.05
 LAST_SAMPLES = 20
 
@@ -196,11 +193,9 @@ def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
     return dataclasses.replace(finding, action="none", suggestion=suggestion)
 
 
-FAR = 3.0
-"""Ratio of two sampling periods from which they are no longer alike."""
-
+FAR = 3.0  #: Ratio of two sampling periods from which they are no longer alike.
+#: Ratios of units of time that are taken for each other: min and s, s and ms, h and s, d and min …
 _UNITS_OF_TIME = (60.0, 1000.0, 3600.0, 1440.0, 60_000.0, 86_400.0, 1e6)
-"""Ratios of units of time that are taken for each other: min and s, s and ms, h and s, d and min …"""
 _NEAR = 0.03
 
 
@@ -273,7 +268,7 @@ class Accuracy:
     n_samples: int
 
     @classmethod
-    def of(cls, predicted_um: Array, recorded_um: Array) -> Accuracy:
+    def of(cls, predicted_um: Array, recorded_um: Array) -> "Accuracy":
         """The accuracy of predictions, over the samples where both are known."""
         both = np.isfinite(predicted_um) & np.isfinite(recorded_um)
         if not both.any():

@@ -1,7 +1,5 @@
 """What a model file means, sample by sample and in blocks to the last bit, and as a person would write it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -14,8 +12,7 @@ from selector.controllers.model_file import Input, Output, State, Term
 from selector.errors import RecordingError
 from selector.types import Array
 
-BLOCK_SAMPLES = 8192
-"""Samples worked on at a time: the values of 37 inputs stay in the processor's cache."""
+BLOCK_SAMPLES = 8192  #: Samples worked on at a time: the values of 37 inputs stay in the processor's cache.
 
 
 class Equations(Protocol):
@@ -254,9 +251,7 @@ def _unusable(found: str, expected: str) -> RecordingError:
 
 
 Powers = tuple[tuple[str, int], ...]
-Polynomial = tuple[float, dict[Powers, float]]
-"""Intercept, and coefficient per product of powers; () is never a key."""
-
+Polynomial = tuple[float, dict[Powers, float]]  #: Intercept, and coefficient per product of powers; () is never a key.
 SIGNIFICANT_DIGITS = 5
 
 # A coefficient that contributes less than this share of the largest contribution is left from cancelling rounding

@@ -1,7 +1,5 @@
 """The findings about model files and programs: how much each matters, what it means and what to do about it."""
 
-from __future__ import annotations
-
 from selector.findings import Kinds
 
 SENSOR_LOOKS_BROKEN = "sensor-looks-broken"

@@ -1,7 +1,5 @@
 """From a model on recordings to the courses that an adaptation learns from, and from what it learnt to a model file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
@@ -9,16 +7,16 @@ import numpy as np
 from selector.adaptation.drift import AGREEING, GATE, Course
 from selector.adaptation.finding_table import FINDINGS
 from selector.adaptation.result import Adaptation
-from selector.controllers.adaptation_block import Adaptation as Block
-from selector.controllers.adaptation_block import OutputAdaptation
 from selector.controllers.application import Application, displacement_of, displacement_starts
+from selector.controllers.closed_values import Adaptation as Block
+from selector.controllers.closed_values import OutputAdaptation
 from selector.controllers.model_file import ModelFile
 from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where
 from selector.recording import Recording
 
+#: Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time.
 Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
-"""Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time."""
 
 
 def adaptation_courses(

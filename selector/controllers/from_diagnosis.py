@@ -1,7 +1,5 @@
 """From a diagnosis to a model file: a correction of the simulation by readings and their lags, for the control."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -26,8 +24,7 @@ _ABSOLUTE = ("spindle_speed",)
 _MOST_TERMS = 6
 _GRID = 14
 _EXACT = 0.002
-WORST = 0.05
-"""Share of the size of a correction by which its terms may miss it."""
+WORST = 0.05  #: Share of the size of a correction by which its terms may miss it.
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +34,7 @@ class _Fit:
     terms: tuple[tuple[str, float], ...]
     coefficients: Vector
     missed: float
-    is_whole: bool = True
-    """Whether the recalibration of the simulation is in it."""
+    is_whole: bool = True  #: Whether the recalibration of the simulation is in it.
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,7 +1,5 @@
 """From a selection to the model file that a control is given."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
@@ -32,8 +30,8 @@ from selector.selection.fitting import Recipe
 
 RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
+#: Beyond what was recorded: a colder or warmer hall is no fault, an input of 0 that nobody has written is one.
 READING_MARGIN_K = 15.0
-"""Beyond what was recorded: a colder or warmer hall is no fault, an input of 0 that nobody has written is one."""
 
 
 def model_file_of(

@@ -1,7 +1,5 @@
 """`selector.model/1`: everything that a control needs to know about a model, as closed, checked values, and on disk."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping
@@ -18,11 +16,13 @@ from pydantic import (
 )
 
 from selector.atomic_file import write_whole
-from selector.controllers.adaptation_block import Adaptation
 from selector.controllers.closed_values import (
+    Adaptation,
+    CheckVector,
     Closed,
     ContradictionError,
     Date,
+    GuardVector,
     KeyPath,
     Name,
     NonNegative,
@@ -34,9 +34,9 @@ from selector.controllers.closed_values import (
     Sign,
     Text,
     refuse,
+    without,
 )
 from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
-from selector.controllers.vector_block import CheckVector, GuardVector, without
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS
@@ -183,7 +183,7 @@ class Fallback(Closed):
     outputs: tuple[Output, ...] = Field(min_length=1, max_length=32, fail_fast=True)
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> Fallback:
+    def _hangs_together(self) -> "Fallback":
         _check_equations(self.inputs, self.states, self.outputs)
         for i, item in enumerate(self.inputs):
             if item.name in self.without:
@@ -243,7 +243,7 @@ class ModelFile(Closed):
     digest: Sha256 | None = Field(default=None, description="SHA-256 of the other fields: JSON with sorted keys")
 
     @model_validator(mode="after")
-    def _hangs_together(self) -> ModelFile:
+    def _hangs_together(self) -> "ModelFile":
         _check_equations(self.inputs, self.states, self.outputs)
         outputs = [item.name for item in self.outputs]
         _check_guard(self, outputs)
@@ -393,8 +393,7 @@ def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -
         refuse(path, told, "exactly " + (", ".join(sorted(wanted)) or "no entry"))
 
 
-LARGEST_FILE_BYTES = 16_000_000
-"""A model of 37 sensors with all pair products and 37 fallbacks takes half of it."""
+LARGEST_FILE_BYTES = 16_000_000  #: A model of 37 sensors with all pair products and 37 fallbacks takes half of it.
 
 _EXPECTED = {
     "model_type": "an object",

@@ -1,7 +1,5 @@
 """Does a model file keep its word? Vectors of model, fallbacks and guard made and recomputed, settings sensible."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from selector.controllers.closed_values import CheckVector, GuardVector
 from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import LONGEST_S, decided_limits
@@ -24,14 +23,12 @@ from selector.controllers.model_file import (
     read_model,
     with_digest,
 )
-from selector.controllers.vector_block import CheckVector, GuardVector
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
 from selector.types import Array
 
 DAY_S = 86_400.0
-COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0
-"""What a working machine can have anywhere."""
+COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have anywhere.
 
 
 def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
@@ -150,10 +147,9 @@ def _never(model: ModelFile) -> Iterator[Finding]:
             )
 
 
+#: Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
+#: another order passes, and 1e-7 µm at 100 µm, far below what any control resolves.
 TOLERANCE = 1e-9
-"""Relative to the largest contribution to an output: 1e6 times the rounding of float64, so that a program that adds in
-another order passes, and 1e-7 µm at 100 µm, far below what any control resolves."""
-
 STEP_S = 60.0
 CORNERS_OF_ALL_UP_TO = 5
 RAMP_SAMPLES = 25

@@ -26,20 +26,12 @@ from selector.findings import Finding
 
 WORTH_A_WARNING_UM = 0.01
 
-SINGLE, DOUBLE = 2.0**-24, 2.0**-53
-"""Unit roundoff of IEEE 754 binary32 and binary64."""
-
-CALLS_PER_S = 100
-"""The clock of a memory is a sum of so many times of calls: every one is rounded."""
-
-WARMEST_START_DEGC = 60.0
-"""A start reading is taken for no warmer where the model file has no limits of readings."""
-
+SINGLE, DOUBLE = 2.0**-24, 2.0**-53  #: Unit roundoff of IEEE 754 binary32 and binary64.
+CALLS_PER_S = 100  #: The clock of a memory is a sum of so many times of calls: every one is rounded.
+WARMEST_START_DEGC = 60.0  #: A start reading is taken for no warmer where the model file has no limits of readings.
 _LARGEST_SINGLE, _SMALLEST_SINGLE = 3.4e38, 2.0**-149
-_OF_RESTART = 128.0
-"""Roundings of the gain over a standstill: a quotient, squared four times."""
-_OF_BOUND = 1.0 + 1e-6
-"""The bound itself is computed in binary64."""
+_OF_RESTART = 128.0  #: Roundings of the gain over a standstill: a quotient, squared four times.
+_OF_BOUND = 1.0 + 1e-6  #: The bound itself is computed in binary64.
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,6 @@ float64 (1e400), integers beyond 2**53. Writing is deterministic: field order as
 of plain values on one line.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence
@@ -15,15 +13,12 @@ from typing import Any
 
 from selector.errors import ModelFileError
 
+#: Integers above it are not exact in a float64, so a control and a PC could read different numbers.
 LARGEST_INTEGER = 2**53
-"""Integers above it are not exact in a float64, so a control and a PC could read different numbers."""
-
+#: Entries of one array or object. A hostile file of 16 MB can hold millions, each of which would cost an error.
 LARGEST_COLLECTION = 10_000
-"""Entries of one array or object. A hostile file of 16 MB can hold millions, each of which would cost an error."""
-
+#: Values in one document: 37 sensors with all pair products, two outputs and 37 fallbacks need about 320 000.
 LARGEST_DOCUMENT = 500_000
-"""Values in one document: 37 sensors with all pair products, two outputs and 37 fallbacks need about 320 000."""
-
 SHOWN_CHARACTERS = 80
 
 

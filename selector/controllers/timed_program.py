@@ -1,7 +1,5 @@
 """Timed corrections of a duty cycle as an NC subprogram, for a control that counts the time itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

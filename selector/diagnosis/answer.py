@@ -1,7 +1,5 @@
 """What a diagnosis says, as values: verdict, where, which effects, what the fit gained, the correction."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -22,8 +20,7 @@ _OF_EFFECT = (
     "id", "channel", "channels", "place", "statement", "parameters", "confidence", "p_value", "share", "suspected",
     "cannot_be_told_from", "experiment",
 )  # fmt: skip
-_LEAST_GAIN = 0.1
-"""Of the simulated course: of less than that no delay can be told."""
+_LEAST_GAIN = 0.1  #: Of the simulated course: of less than that no delay can be told.
 
 
 @dataclass(frozen=True)

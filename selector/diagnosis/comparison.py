@@ -1,7 +1,5 @@
 """What is compared: recorded and simulated courses on one clock, run by run, and which rows are kept for the proof."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -85,7 +83,7 @@ class Comparison:
         """Recorded minus simulated [unit of the response], shape (n_rows,); NaN where one of them is missing."""
         return self.recorded[response] - self.simulated[response]
 
-    def only(self, kept: Mask) -> Comparison:
+    def only(self, kept: Mask) -> "Comparison":
         """The comparison with some of its rows; runs without any are gone."""
         counts = {run: count for run, rows in self.rows_of_runs() if (count := int(kept[rows].sum()))}
         return replace(

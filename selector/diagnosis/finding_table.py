@@ -1,7 +1,5 @@
 """The findings of a diagnosis: how much each matters, what it means and what to do about it."""
 
-from __future__ import annotations
-
 from selector.findings import Kinds
 from selector.quality.finding_table import FINDINGS as QUALITY
 

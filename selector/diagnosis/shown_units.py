@@ -1,7 +1,5 @@
 """Units and small numbers as people write them: µm where a machine moves by µm, a very small p as a bound."""
 
-from __future__ import annotations
-
 import re
 
 _WORDS = {r"\bum\b": "µm", r"\bdegC\b": "°C", r"\bdegF\b": "°F", r"\^2": "²", r"\^3": "³"}

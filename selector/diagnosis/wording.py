@@ -1,7 +1,5 @@
 """A diagnosis in sentences: what was left out, where, how sure that is, what it is worth, and what to do now."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a comparison to an answer: recalibrate, estimate the noise, search, decide, show."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -41,27 +39,22 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
 from selector.types import Vector
 
+#: Of the share of the mismatch that the largest effect explains: what explains less is not named beside it.
 _TRIFLE = 0.02
-"""Of the share of the mismatch that the largest effect explains: what explains less is not named beside it."""
-_LEAST = 0.005
-"""Of the mismatch: what is smaller is not named unless held-out rows bear it out."""
+_LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
 _MOST = 0.5
 _HARM = 1.05
-_SUSPECTED = 0.5
-"""What is left of a confidence that another programme does not bear out."""
+_SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
+#: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
+#: missing if structure is left beside them.
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
-"""Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
-missing if structure is left beside them."""
+#: Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
-"""Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it."""
-_MANY = 3
-"""Names from which on any smooth misfit may have been put together from them."""
-_DOUBTFUL = 0.45
-"""Weight below which an effect is no name where structure is left that nothing explains."""
+_MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
+_DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
 
-Progress = Callable[[int, int, str], None]
-"""Told how far the work is: steps done, steps in all, what is done now."""
+Progress = Callable[[int, int, str], None]  #: Told how far the work is: steps done, steps in all, what is done now.
 
 
 def diagnosis(
@@ -139,7 +132,7 @@ class _State:
         steps = len(self.comparison.responses) + 3
         self.asked.say(done % steps, steps, text)
 
-    def narrowed(self, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> _State:
+    def narrowed(self, rest: Comparison, put_back: Callable[[Diagnosis], Diagnosis]) -> "_State":
         """Only a rest of the comparison is looked at from here on."""
         return replace(self, comparison=rest, left_out=(*self.left_out, put_back))
 

@@ -1,7 +1,5 @@
 """What touch-offs leave of the error of a run, beside what the model alone leaves."""
 
-from __future__ import annotations
-
 import plotly.graph_objects as go
 
 from selector.adaptation.judged import JudgedRun

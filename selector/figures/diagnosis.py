@@ -1,7 +1,5 @@
 """Pictures of a diagnosis: where recording and simulation part, fit, evidence, the run that would tell."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

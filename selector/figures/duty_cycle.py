@@ -1,7 +1,5 @@
 """A duty cycle: its speeds, the displacement that is predicted, and what the corrections leave of it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

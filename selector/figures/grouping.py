@@ -1,7 +1,5 @@
 """Pictures of the grouping: at which λ groups merge, who moves with whom, and what every λ would give."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Displacement against temperature, run by run, and where a model was learnt."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -145,10 +143,9 @@ def _panel_text(runs: Sequence[LoopShown], widest: _Widest, j: int) -> str:
 
 POINTS = 1500
 MOST_PAIRS = 6
+#: Distances in standard deviations of the inputs: up to the first a sample is inside, but for noise; beyond the second
+#: one it is far outside. With many inputs hardly a sample is inside: no two days are alike in all of them.
 INSIDE, FAR = 0.1, 1.0
-"""Distances in standard deviations of the inputs: up to the first a sample is inside, but for noise; beyond the second
-one it is far outside. With many inputs hardly a sample is inside: no two days are alike in all of them."""
-
 _VALIDITY_PANEL_PX = 290
 
 

@@ -1,7 +1,5 @@
 """Pictures of the model: how sure its coefficients are, and what a broken sensor does to it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Courses over one time axis, in panels one above the other, with the names of the lines at their ends."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -19,15 +17,14 @@ _GAP_PX = 16
 _LABEL_PX = 17
 _BOTTOM_PX = 44
 _MARGIN_RIGHT_PX = 150
+#: Letters of a name at the end of a line, the width of one, and what stands beside it.
 _LONGEST_NAME, _LETTER_PX, _BESIDE_PX = 24, 7.3, 14
-"""Letters of a name at the end of a line, the width of one, and what stands beside it."""
-
 _ROOM = 0.08
 _FEWEST_TICKS = 5  #: At most so many: with steps of 1, 2 or 5 an axis then has two at least.
 
 _NARROW = 0.01
+#: Share of the time axis below which a stretch is a few pixels wide and needs a stronger shade to be seen.
 _SPAN_OPACITY, _NARROW_OPACITY = 0.15, 0.6
-"""Share of the time axis below which a stretch is a few pixels wide and needs a stronger shade to be seen."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """The machine with its sensors: where they sit, which of them move together, which are kept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any

@@ -1,7 +1,5 @@
 """What unseen runs say: the error of every run without and with the model, of sets of sensors, and the courses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The visual language of every figure: colours by role, one template, labels, axes, changes."""
 
-from __future__ import annotations
-
 import html
 import math
 import textwrap
@@ -171,8 +169,8 @@ def words(drawn: go.Figure, text: str, x: Any, y: Any, colour: Any = INK, size: 
     drawn.add_annotation(text=text, x=x, y=y, showarrow=False, font={"color": colour, "size": size}, **more)
 
 
+#: Where what is said of a line stands: to the right of the picture.
 BESIDE: Mapping[str, Any] = {"x": 1.0, "xref": "paper", "xanchor": "left", "xshift": 6, "yanchor": "middle"}
-"""Where what is said of a line stands: to the right of the picture."""
 
 
 def title_text(drawn: go.Figure) -> str:
@@ -250,8 +248,8 @@ def time_unit(longest_s: float) -> tuple[str, float]:
     return ("min", 60.0) if longest_s >= 120 else ("s", 1.0)
 
 
+#: Path in the figure, e.g. ("data", 0, "x") → the value that stands there now.
 Changes = Mapping[tuple[str | int, ...], Any]
-"""Path in the figure, e.g. ("data", 0, "x") → the value that stands there now."""
 
 
 def changed(drawn: go.Figure, changes: Changes) -> go.Figure:

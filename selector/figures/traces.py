@@ -1,7 +1,5 @@
 """Courses measured and predicted side by side, run by run, and what an exported program does over a run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """FLEET.toml: which machines, what is asked of them, and where the answers lie."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The study of one machine of a fleet: recordings and options in, an answer out, whatever goes wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile
@@ -30,8 +28,7 @@ from selector.study.inputs import sha256_of
 from selector.study.material import material_of
 from selector.study.study_file import Study
 
-DONE_FILE = "done.json"
-"""Stands in the folder of an answer when all others do; without it the study is done again."""
+DONE_FILE = "done.json"  #: Stands in the folder of an answer when all others do; without it the study is done again.
 
 
 class _Document(BaseModel):

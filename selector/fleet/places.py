@@ -1,7 +1,5 @@
 """Where recordings lie: folders, patterns, and URLs of anything that fsspec reaches."""
 
-from __future__ import annotations
-
 import glob
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A fleet is done: which study when, what is tried again, and what is kept of it."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -19,13 +17,12 @@ from selector.json_text import json_text
 
 RESULT_FILE = "fleet.json"
 TRIES = 2
-GRACE_S = 10.0
-"""A study gives itself up at its limit, between two steps; so much later its worker is ended."""
+GRACE_S = 10.0  #: A study gives itself up at its limit, between two steps; so much later its worker is ended.
 _LOOK_S = 0.25
 _WRITE_S = 5.0
 
+#: Called after every study: machine, answer, studies that have ended, all studies.
 Told = Callable[[str, Answer, int, int], None]
-"""Called after every study: machine, answer, studies that have ended, all studies."""
 
 
 class FleetAnswer(BaseModel):
@@ -40,7 +37,7 @@ class FleetAnswer(BaseModel):
     machines: dict[str, Answer]
 
     @classmethod
-    def of(cls, answers: dict[str, Answer]) -> FleetAnswer:
+    def of(cls, answers: dict[str, Answer]) -> "FleetAnswer":
         """The answers, counted."""
         counts = Counter(one.status for one in answers.values())
         return cls(done=counts["done"], reused=counts["reused"], failed=counts["failed"], machines=answers)

@@ -1,7 +1,5 @@
 """Are the models of a fleet still true? Each is applied to the recordings that came after it was made."""
 
-from __future__ import annotations
-
 import json
 import math
 import tempfile
@@ -26,8 +24,8 @@ from selector.study.asked import overrides_of
 from selector.study.inputs import sha256_of
 from selector.study.study_file import Study
 
+#: Of a machine, in the mean, as long as nothing changes: eight years with a recording a day.
 RUNS_BETWEEN_ALARMS = 3000.0
-"""Of a machine, in the mean, as long as nothing changes: eight years with a recording a day."""
 
 
 class _Part(BaseModel):

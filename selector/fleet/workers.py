@@ -1,7 +1,5 @@
 """Who does the studies of a fleet: processes of this computer, or a cluster of Dask."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import multiprocessing
@@ -19,8 +17,7 @@ from selector.errors import OptionError
 from selector.fleet.machine_study import Answer, Task, answered
 
 _BIRTHS, _BIRTH_WAIT_S = 5, 0.2
-NO_WORKER_S = 60.0
-"""So long a cluster may be without any worker before the fleet gives up."""
+NO_WORKER_S = 60.0  #: So long a cluster may be without any worker before the fleet gives up.
 
 
 class Workers(Protocol):

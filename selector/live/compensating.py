@@ -1,7 +1,5 @@
 """The guarded model as a process beside the control: read, compute, write, read back, at its period."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import math
@@ -21,9 +19,7 @@ from selector.live.journal import Journal, write_status
 from selector.live.links import Clock, FileLink, LostError, Sample, Supervised, supervised_links
 from selector.units import CANONICAL_UNITS, convert, unit_for_role
 
-REAL_PRECISION = 1e-6
-"""Relative: what a control that keeps a REAL (binary32) may show of an LREAL."""
-
+REAL_PRECISION = 1e-6  #: Relative: what a control that keeps a REAL (binary32) may show of an LREAL.
 CLOCK_JUMP_S = 2.0
 STATUS_EVERY_S = 10.0
 HEARTBEATS = 32768  #: An INT of a PLC holds every count below it.

@@ -1,7 +1,5 @@
 """LinuxCNC's HAL through ``halcmd``: pins and parameters (with a dot in the name) and signals (without)."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """IO.toml: which servers there are, what is read and written where, and how the control shows that it lives."""
 
-from __future__ import annotations
-
 import math
 import os
 import stat
@@ -66,8 +64,7 @@ class Place(Table):
     address: Name
 
 
-TIMES = ("time", "source_time", "received")
-"""Columns of the lake, which are no names for channels."""
+TIMES = ("time", "source_time", "received")  #: Columns of the lake, which are no names for channels.
 
 
 class LiveChannel(Place):
@@ -95,7 +92,7 @@ class Control(Table):
     alive: Name | None = None
     heartbeat: Place | None = None
 
-    def without_heartbeat(self) -> Control:
+    def without_heartbeat(self) -> "Control":
         """For who only reads."""
         return self.model_copy(update={"heartbeat": None})
 

@@ -1,7 +1,5 @@
 """What a process beside the control leaves for people and monitors: journal, metrics, one page, what it keeps."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """What every server is to the loop: numbers with their quality in, numbers out, lost and found again."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import csv
@@ -15,17 +13,12 @@ from typing import Any, Protocol
 from selector.errors import OptionError
 from selector.live.io_file import Connection, IoFile
 
-LARGEST = 1e30
-"""A larger number from a server is none."""
-
+LARGEST = 1e30  #: A larger number from a server is none.
 LONGEST_OPENING_S = 10.0
 LONGEST_RETRY_S = 10.0
 
-Tell = Callable[..., None]
-"""``tell(event, **what)``: how anything is reported to the journal."""
-
-History = dict[str, list[tuple[float, float]]]
-"""Address → (source time [s since 1970], value), the oldest first."""
+Tell = Callable[..., None]  #: ``tell(event, **what)``: how anything is reported to the journal.
+History = dict[str, list[tuple[float, float]]]  #: Address → (source time [s since 1970], value), the oldest first.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """MQTT by aiomqtt: the last message of a topic in, confirmed messages out, what was retained is not believed."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

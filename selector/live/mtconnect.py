@@ -1,7 +1,5 @@
 """MTConnect agents: the current values of data items, and what is still in the buffer of the agent."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Iterable, Mapping

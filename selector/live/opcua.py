@@ -1,7 +1,5 @@
 """OPC UA by asyncua: numbers with status codes in, numbers of the declared type out, history where it is kept."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import math

@@ -310,9 +310,9 @@ def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> Array:
 
 START_SAMPLES = 15
 NOISE_SAMPLES = 30
+#: Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
+#: sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7).
 SMALL_BEND = 0.7
-"""Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
-sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7)."""
 
 
 def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:

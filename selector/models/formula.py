@@ -1,7 +1,5 @@
 """A model in Wilkinson's notation, ``Z ~ T1 + T3 + T1:T3``, read as terms; nothing in it is evaluated."""
 
-from __future__ import annotations
-
 import functools
 import re
 from dataclasses import dataclass
@@ -16,9 +14,8 @@ from selector.errors import OptionError
 from selector.models.design import MAX_DEGREE, Term
 
 LONGEST = 4000
+#: A run of some hundred samples teaches no more coefficients; a formula beyond is a slip, such as ``(…)**3``.
 MOST_TERMS = 100
-"""A run of some hundred samples teaches no more coefficients; a formula beyond is a slip, such as ``(…)**3``."""
-
 WHERE = "--formula"
 EXAMPLE = 'e.g. "Z ~ T1 + T3 + T1:T3"'
 _POWER = re.compile(r"^(?:I\()?\s*(?P<name>`[^`]+`|[^\s`*^()]+)\s*(?:\*\*|\^)\s*(?P<power>\d+)\s*\)?$")

@@ -24,8 +24,8 @@ from selector.types import Array, Indices
 if TYPE_CHECKING:
     from statsmodels.regression.linear_model import RegressionResultsWrapper
 
+#: Unit columns that are nearer than this to depending on each other are taken to do so: what is left is noise.
 _RANK = 1e-12
-"""Unit columns that are nearer than this to depending on each other are taken to do so: what is left is noise."""
 
 
 @dataclass(frozen=True)

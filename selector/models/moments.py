@@ -1,7 +1,5 @@
 """Cross-products of regression columns, run by run and in short stretches; the proof on unseen runs by them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -42,7 +40,7 @@ class Moments:
         """Samples in each fold, shape (n_folds,)."""
         return self.products[:, 0, 0]
 
-    def only(self, folds: Sequence[int]) -> Moments:
+    def only(self, folds: Sequence[int]) -> "Moments":
         """The moments of some folds; a fold may stand several times, as in a bootstrap over runs."""
         if list(folds) == list(range(len(self.folds))):
             return self
@@ -198,8 +196,7 @@ def squared_error(product: Array, columns: Sequence[int], responses: Sequence[in
 
 
 PER_BANDWIDTH = 4
-MOST_BYTES = 64_000_000
-"""Longer batches are taken rather than more memory than this."""
+MOST_BYTES = 64_000_000  #: Longer batches are taken rather than more memory than this.
 
 
 @dataclass(frozen=True)
@@ -309,8 +306,7 @@ def _batches_add(products: Array, first: int, rows: Array, length: int) -> None:
         products[(first + len(rows) - 1) // length] += rest.T @ rest
 
 
-Grouping = tuple[tuple[int, ...], ...]
-"""Folds (positions in `Moments.folds`) that are left out together."""
+Grouping = tuple[tuple[int, ...], ...]  #: Folds (positions in `Moments.folds`) that are left out together.
 
 
 @dataclass(frozen=True)
@@ -370,7 +366,7 @@ class LeaveOneOut:
     n_columns: int
 
     @classmethod
-    def of(cls, m: Moments, grouping: Grouping) -> LeaveOneOut:
+    def of(cls, m: Moments, grouping: Grouping) -> "LeaveOneOut":
         """From the moments of all folds."""
         left_out = np.array([m.products[list(group)].sum(axis=0) for group in grouping])
         return cls(m.products.sum(axis=0) - left_out, left_out, m.n_columns)
@@ -405,8 +401,7 @@ def response_power(m: Moments) -> Array:
     return np.asarray(np.maximum(total[at, at] / n - (total[0, at] / n) ** 2, 1e-300))
 
 
-WORTH_OF_A_SENSOR = 0.05
-"""Root mean square errors that are nearer to each other than this share count as equal."""
+WORTH_OF_A_SENSOR = 0.05  #: Root mean square errors that are nearer to each other than this share count as equal.
 MOST_ABOVE_BEST = 0.10
 
 

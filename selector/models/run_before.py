@@ -1,7 +1,5 @@
 """Which run went before which, as far as their clocks tell: the heat of the one is in the memory of the next."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -9,11 +7,8 @@ from datetime import UTC, datetime
 from selector.recording import RunSource
 from selector.types import Array
 
-Before = tuple[str, float]
-"""The run before a run, and how much later than that one it starts [s]."""
-
-MEMORY_REACH = 5.0
-"""Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth."""
+Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
+MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth.
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

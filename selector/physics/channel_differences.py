@@ -1,7 +1,5 @@
 """A simulation beside the recordings that drove it: its channels under their names, and how far they are apart."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
@@ -10,8 +8,8 @@ import numpy as np
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
+#: Spread below which a recorded course is level, as a share of its size: nothing that a difference is a share of.
 _LEVEL = 1e-9
-"""Spread below which a recorded course is level, as a share of its size: nothing that a difference is a share of."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """Numbers that cannot be: refused with their name and place."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ A field says it once, as in ``mass_kg: Annotated[float, limited(1e-6, 1e6), Unit
 parameters, their bounds, warnings about slips and the reference page come from there.
 """
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import math

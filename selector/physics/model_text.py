@@ -1,7 +1,5 @@
 """What does a model file say: TOML text → checked values, or an error that names the key; the same for all kinds."""
 
-from __future__ import annotations
-
 import difflib
 import json
 import re
@@ -17,14 +15,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 
-MOST_SAMPLES = 2_000_000
-"""Samples of one run, and steps of the calculation where they are as long as the samples."""
-
-NO_SUCH_KIND = "no_such_kind"
-"""Type of the problem where a table has none of the kinds that it may have."""
-
-_MARK = "\x1f"
-"""No name and no key of a file may hold it, so that it tells choices from keys."""
+MOST_SAMPLES = 2_000_000  #: Samples of one run, and steps of the calculation where they are as long as the samples.
+NO_SUCH_KIND = "no_such_kind"  #: Type of the problem where a table has none of the kinds that it may have.
+_MARK = "\x1f"  #: No name and no key of a file may hold it, so that it tells choices from keys.
 
 
 def choice_tag(name: str) -> str:
@@ -148,23 +141,19 @@ def expected_text(problem: Mapping[str, Any]) -> str:
     return said.removeprefix("a valid ")
 
 
-LARGEST_FILE_BYTES = 4_000_000
-"""A thermal network of the largest size that is allowed takes a tenth of it."""
-
+LARGEST_FILE_BYTES = 4_000_000  #: A thermal network of the largest size that is allowed takes a tenth of it.
 Key = tuple[str | int, ...]
+#: (key, found, expected, advice) of what does not fit together in a file whose values are valid one by one.
 Contradiction = tuple[Key, str, str, str]
-"""(key, found, expected, advice) of what does not fit together in a file whose values are valid one by one."""
-
 File = TypeVar("File", bound=Entry)
 
 _MOST_PARTS = 32
 _MOST_NAMED = 8
 _PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+#: A value alone: its key belongs before it.
 _VALUE = re.compile(r"""[-+]?(?:[\d.]+(?:e[-+]?\d+)?|inf|nan)|'[^']*'|\[[^\]]*\]""")
-"""A value alone: its key belongs before it."""
-
+#: Reading a dotted key takes a time that grows with the square of its parts.
 _LONG_KEY = re.compile(rf"(?:{_PART}[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
-"""Reading a dotted key takes a time that grows with the square of its parts."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Which section of a model file describes a value, which value does a section describe, and how is one written."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import re
@@ -16,9 +14,7 @@ from selector.errors import InputError
 from selector.physics.model_fields import Limits
 from selector.physics.model_text import Contradiction, Entry, Key, limited
 
-LARGEST = 1e15
-"""Beyond it no number of a machine lies, in whatever unit."""
-
+LARGEST = 1e15  #: Beyond it no number of a machine lies, in whatever unit.
 _MOST_VALUES = 10_000
 
 Value = TypeVar("Value")
@@ -138,8 +134,7 @@ def _large_enough(value: float, *, least: float) -> float:
     return value
 
 
-_DEEPEST = 3
-"""Parts of a header; tables further inside are written in a line."""
+_DEEPEST = 3  #: Parts of a header; tables further inside are written in a line.
 
 
 def model_file_text(values: Mapping[str, Any], *, head: str = "") -> str:

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from selector.types import Vector
 
 Progress = Callable[[int, int, str], None]
+#: Key of a model file → (time_s, values) of the column of a recording beside it that it refers to.
 Columns = Mapping[str, tuple["Vector", "Vector"]]
-"""Key of a model file → (time_s, values) of the column of a recording beside it that it refers to."""
 
 
 def _unheard(step: int, total: int, text: str) -> None:

@@ -5,8 +5,6 @@ a frozen stretch is not reported again as a step. Nothing is dropped in silence:
 what the findings name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples that are no measurements: codes of broken sensors, values that cannot be, channels that stand still."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -28,21 +26,19 @@ from selector.quality.survey import (
 )
 from selector.units import convert
 
+#: Values that loggers, transmitters and bus couplers put in place of a reading: the end of a Pt100 or thermocouple
+#: table (-200, 850, 1372), the end of a 16-, 24- or 32-bit number in steps of 1, 0.1 or 0.01, rows of nines.
 _CODES = (
     -127.0, -200.0, 200.0, -250.0, -270.0, 327.67, -327.68, 655.35, 850.0, -850.0, 999.0, 999.9, -999.0, -999.9,
     1372.0, 2000.0, 3276.7, -3276.8, 6553.5, 7999.0, 8888.0, -8888.0, 9999.0, -9999.0, 9999.9, -9999.9, 32767.0,
     -32767.0, -32768.0, 32768.0, 65535.0, 65536.0, 99999.0, -99999.0, 999999.0, -999999.0, 1e6, -1e6, 1e7, -1e7,
     8388607.0, -8388608.0, 2147483647.0, -2147483648.0,
 )  # fmt: skip
-"""Values that loggers, transmitters and bus couplers put in place of a reading: the end of a Pt100 or thermocouple
-table (-200, 850, 1372), the end of a 16-, 24- or 32-bit number in steps of 1, 0.1 or 0.01, rows of nines."""
 
+#: Codes that could be readings: an open input, the power-on value of a DS18B20. Only believed after a clear jump.
 _SOFT_CODES = (0.0, 85.0)
-"""Codes that could be readings: an open input, the power-on value of a DS18B20. Only believed after a clear jump."""
-
+#: Beyond these, a temperature on or around a machine tool is not one [°C].
 PLAUSIBLE = {"temperature": (-60.0, 250.0), "ambient": (-60.0, 80.0)}
-"""Beyond these, a temperature on or around a machine tool is not one [°C]."""
-
 _MEASURED = ("temperature", "ambient", "displacement", "size", "amplitude")
 _FAR = {"degC": 50.0, "um": 200.0}  #: A code stands at least this far from every reading of its run.
 _SOFT_FAR = 8.0  #: The same for codes that could be readings [K]; no solid part of a machine cools or warms that fast.
@@ -227,11 +223,11 @@ def _explains(unit: Finding, other: Finding) -> bool:
     return bool(low <= (other.evidence["value"] - offset) / gain <= high)
 
 
+#: -log of the probability (7e-13) below which standing still cannot be chance; a recording has some 1e6 samples.
 _SURE = 28.0
-"""-log of the probability (7e-13) below which standing still cannot be chance; a recording has some 1e6 samples."""
 _PER_TRY = 4.0  #: What each further stretch that is counted at a rail must add to the evidence on its own.
+#: Noise over resolution; a trend without noise looks like at most 0.62 in the second differences.
 _ABOVE_ROUNDING = 0.75
-"""Noise over resolution; a trend without noise looks like at most 0.62 in the second differences."""
 _LEAST = 10  #: Samples that must agree at least.
 
 

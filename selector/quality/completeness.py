@@ -1,7 +1,5 @@
 """Whether a recording is complete: samples, values, runs that are no copies, and time without gaps and leaps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 import numpy as np
@@ -24,8 +22,8 @@ from selector.quality.survey import (
 
 _SHORT = 20
 _FEW_LEVELS = 8
+#: A resolution like this is a warning; a finer one with few values only means that the channel hardly moves.
 _COARSE = {"degC": 0.5, "um": 5.0}
-"""A resolution like this is a warning; a finer one with few values only means that the channel hardly moves."""
 _WARM_K = 4.0
 _WARM_UM = 10.0
 

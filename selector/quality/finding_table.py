@@ -1,7 +1,5 @@
 """The findings about what is wrong with a recording: how much each matters, what it means and what to do about it."""
 
-from __future__ import annotations
-
 from selector.findings import Kinds
 
 CLOCK_JUMP = "clock-jump"

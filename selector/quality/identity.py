@@ -1,7 +1,5 @@
 """Whether every channel is itself: no copy of another one, and not in another one's place in some run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -14,11 +12,10 @@ from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 
 _ALIKE = 1.0 - 2e-4  #: Correlation of block means from which two channels are compared sample by sample.
 _LEAST = {"degC": 0.6, "um": 4.0}  #: A mismatch below this does not prove a swap [K, µm].
+#: By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places.
 _TIMES, _TIMES_ALONE = 2.5, 5.0
-"""By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places."""
-
+#: Other runs from which it is first judged what mismatch is usual; a pair that passes is judged on all of them.
 _REFERENCES = 10
-"""Other runs from which it is first judged what mismatch is usual; a pair that passes is judged on all of them."""
 
 
 def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:

@@ -1,7 +1,5 @@
 """Where a measured channel jumps: for a few samples (spike), or for good (step), and what else changes then."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -26,11 +24,11 @@ from selector.quality.survey import (
 
 _NEAR_PERIODS = 2.5  #: A cause and its effect are this close [sampling periods].
 _KINK_PERIODS = 1.2  #: So close to a jump two lines must meet to be bent by the same event; kinks are frequent.
+#: Samples on each side from which the slopes beside a kink are taken, and among which it is placed.
 _COINCIDENCE_REACH, _SEARCHED = 20, 6
-"""Samples on each side from which the slopes beside a kink are taken, and among which it is placed."""
 _BY_CHANCE = 1e-3  #: How often noise alone may look like a kink in any of the other channels.
+#: A kink explains a jump when it amounts to this share of it after so many sampling periods.
 _CARRIED, _OF_JUMP = 2.0, 1.0 / 3.0
-"""A kink explains a jump when it amounts to this share of it after so many sampling periods."""
 _FOLLOWED = 0.2  #: Share of a command's changes that a channel must follow at once for the command to be a cause, ...
 _MUCH = 0.35  #: ... by this share of the jump in question.
 
@@ -178,8 +176,8 @@ def _kinks(survey: Survey, run: str, columns: list[int], at: float) -> list[tupl
     return [(columns[k], float(turn[k]) / period) for k in np.flatnonzero(found)]
 
 
+#: A jump is looked at when it exceeds so many standard deviations of single differences (6e-7 in normal noise).
 _SHARP = 5.0
-"""A jump is looked at when it exceeds so many standard deviations of single differences (6e-7 in normal noise)."""
 _CLEAR = 6.0  #: A step is believed when it exceeds so many standard errors of the levels on its two sides.
 _SMALLEST = {"degC": 0.5, "um": 4.0}  #: Smaller jumps do no harm to a thermal model [K, µm].
 _STEPS = 3.5  #: A jump spans more than so many steps of the resolution.
@@ -187,8 +185,8 @@ _LONGEST_SPIKE = 3
 _BRIEF_S = 25.0  #: From the first to the last sample of a spike; a burst of coolant on a thin sensor is longer.
 _REACH = 12  #: Samples on each side from which the levels beside a jump are taken.
 _MOST = 400  #: Jumps looked at per channel and run; a channel with more is not a measurement with jumps in it.
+#: Share of a jump that other differences nearby may reach; a lag of one sampling period leaves 0.37 for the next.
 _REST = 0.35
-"""Share of a jump that other differences nearby may reach; a lag of one sampling period leaves 0.37 for the next."""
 
 
 @dataclass(frozen=True)

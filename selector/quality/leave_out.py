@@ -1,7 +1,5 @@
 """What the findings leave out of a recording, also of one that is read piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 

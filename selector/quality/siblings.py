@@ -4,8 +4,6 @@ Works on means over blocks of samples, so noise and resolution matter little and
 of the runs. Every run is centred: only movement counts, not the level of the day.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 
@@ -19,8 +17,8 @@ from selector.quality.survey import Floats, Survey, difference, duration, moment
 
 _BLOCKS = 240
 _PRESENT = 0.9  #: A channel takes part in a run when so many of its blocks hold a sample; the rest is interpolated.
+#: What a block mean may be off without being wrong [K, µm]: keeps weights of near-identical siblings small.
 _RIDGE = {"degC": 0.05, "um": 0.5}
-"""What a block mean may be off without being wrong [K, µm]: keeps weights of near-identical siblings small."""
 _SAME = 1e-7  #: 1 - correlation below which a sibling is a copy, from which nothing can be learned.
 
 
@@ -173,15 +171,15 @@ def block_means(survey: Survey, run: str, columns: Sequence[int]) -> tuple[Float
     return means, np.r_[time[borders[:-1]], time[-1]]
 
 
+#: The siblings may go beyond their range in the other runs by this share of it: further, the relation is a guess.
 _BEYOND = 0.25
-"""The siblings may go beyond their range in the other runs by this share of it: further, the relation is a guess."""
+#: When another channel is off by more than so many times what is usual for it, the run is one of another kind.
 _OTHERS_QUIET = 1.5
-"""When another channel is off by more than so many times what is usual for it, the run is one of another kind."""
 _TESTED = 0.5  #: The channel must have followed its siblings over a movement of this share of the departure at least.
+#: A run in which a channel starts so far from its place among the others does not start like the other runs [K].
 _WARM_K = 2.0
-"""A run in which a channel starts so far from its place among the others does not start like the other runs [K]."""
+#: A place with a source of heat of its own, a tank or a pump, may leave the others by as much when it is used [K].
 _OWN_SOURCE_K = 3.0
-"""A place with a source of heat of its own, a tank or a pump, may leave the others by as much when it is used [K]."""
 _SHARE = 0.1  #: A switch or flow may be on for this share of the run more or less than in any of the other runs.
 
 
@@ -250,11 +248,11 @@ def _name(relations: Relations, i: int) -> str:
 
 
 _LEAST_K = 1.5  #: A departure below this is within what lags and duty do to a linear relation [K].
+#: A departure is a fault when it exceeds so many times the largest one of the channel in the other runs, ...
 _TIMES_USUAL = 3.5
-"""A departure is a fault when it exceeds so many times the largest one of the channel in the other runs, ..."""
+#: ... and this excess is so many times that of every other channel in the same run, none of which is beyond this
+#: limit when measured without the suspect: a new regime parts many.
 _TIMES_OTHERS, _OTHERS_USUAL = 1.8, 2.2
-"""... and this excess is so many times that of every other channel in the same run, none of which is beyond this
-limit when measured without the suspect: a new regime parts many."""
 _LEAST_OTHERS = 3  #: Other runs from which it can be known what is usual, well enough to leave something out.
 _SUSPECTS = 6
 _WELL_KNOWN = 0.3  #: The relation must have held in the other runs to within this share of the channel's movement.

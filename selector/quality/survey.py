@@ -1,7 +1,5 @@
 """What the channels of a recording look like, run by run: level, resolution, noise; and how a finding says it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -22,8 +20,8 @@ COMMAND_ROLES = tuple(_COMMANDS.split())  #: Roles whose change is a reason for 
 
 IMPLAUSIBLE = 1e12  #: No role has values of this size in its canonical unit; larger ones would only overflow.
 
+#: Samples per block in which the noise is estimated: enough for a mean, short enough for changing conditions.
 _NOISE_BLOCK = 48
-"""Samples per block in which the noise is estimated: enough for a mean, short enough for changing conditions."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Channels that are recorded in another unit than the one they are declared in."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -49,14 +47,14 @@ _LENGTH = (
     Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"', "mil"),
     Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"', "m"),
 )
+#: Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27.
 _OFF_K = 12.0
-"""Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27."""
 _NEAR_K = 8.0  #: A level that is right again agrees this well with the other runs or channels at the start [K].
+#: Cold channels of a machine start within this [K]; a hot part does so, seen through a mistake, by chance only.
 _SAME_START_K = 1.0
-"""Cold channels of a machine start within this [K]; a hot part does so, seen through a mistake, by chance only."""
 _ROOM_C = (0.0, 50.0)  #: Where a machine starts [°C]; what starts elsewhere is no reference.
+#: Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it.
 _ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
-"""Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it."""
 
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:

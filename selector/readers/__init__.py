@@ -1,7 +1,5 @@
 """Files → Recording. One file a format; what was inferred is always told and can be overridden."""
 
-from __future__ import annotations
-
 from selector.readers.machine_file import Machine, machine, machine_text
 from selector.readers.reading import ChannelInfo, Reading, RunInfo, guessed_clock, machine_of, read
 from selector.readers.stream import ParquetSource, is_large, stream_parquet

@@ -1,7 +1,5 @@
 """Ball-bar files → measured circles: a table with the angle and the deviation of the bar, or with two positions."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -52,8 +50,7 @@ _FEED = re.compile(r"feed|vorschub|подача|进给", re.IGNORECASE)
 _SAID = re.compile(r"^[\W_]*(?P<name>[^\W\d_][^:=;,\t]*?)\s*[:=;,\t]+\s*(?P<value>[^\s;,\t].*?)[\s;,\t]*$")
 _AMOUNT = re.compile(r"(?P<number>\d+(?:[.,]\d+)?)\s*(?P<unit>[^\s\d;,]+)?")
 _LENGTH_SHARE = 0.5
-_BACK_RAD = np.radians(10.0)
-"""An angle that turns back by more belongs to another circle."""
+_BACK_RAD = np.radians(10.0)  #: An angle that turns back by more belongs to another circle.
 
 
 @dataclass(frozen=True)

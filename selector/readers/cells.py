@@ -1,7 +1,5 @@
 """What a cell says, where names, units and samples are in a sheet of cells, and a column of them → numbers, or text."""
 
-from __future__ import annotations
-
 import functools
 import re
 import unicodedata
@@ -35,16 +33,16 @@ _BREAK = (
 )
 MISSING_WORDS = frozenset(_MISSING.split())  #: Words that mean "no value", after trimming and lower case.
 
+#: Words that loggers write for a broken or saturated sensor, after trimming and lower case.
 BREAK_WORDS = frozenset(_BREAK.split())
-"""Words that loggers write for a broken or saturated sensor, after trimming and lower case."""
 
+#: Words of two-valued columns.
 BOOLEAN_WORDS = {
     "on": 1.0, "off": 0.0, "true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "ein": 1.0, "aus": 0.0, "an": 1.0,
     "ja": 1.0, "nein": 0.0, "wahr": 1.0, "falsch": 0.0, "вкл": 1.0, "выкл": 0.0, "да": 1.0, "开": 1.0, "关": 0.0,
     "是": 1.0, "否": 0.0, "auf": 1.0, "zu": 0.0, "closed": 0.0, "running": 1.0, "stopped": 0.0, "start": 1.0,
     "stop": 0.0, "オン": 1.0, "オフ": 0.0, "active": 1.0, "inactive": 0.0, "run": 1.0, "high": 1.0, "low": 0.0,
 }  # fmt: skip
-"""Words of two-valued columns."""
 
 _POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d{1,4})?")
 _COMMA = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eEdD][+-]?\d{1,4})?")

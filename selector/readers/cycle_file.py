@@ -1,6 +1,8 @@
-"""Cycle file → times and speeds of a duty cycle; strict, because a wrong cell would be a wrong prediction."""
+"""What a prediction reads: the duty cycle, and the displacements of heating and cooling tests.
 
-from __future__ import annotations
+The cycle file is read strictly, because a wrong cell would be a wrong prediction; of the tests no faults are used, and
+no units that nobody said.
+"""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -9,20 +11,23 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.errors import ReadError
+from selector.errors import OptionError, ReadError
+from selector.findings import Finding
+from selector.quality import inspect, without_faults
+from selector.quality.finding_table import RUN_STARTS_WARM
 from selector.readers.cells import is_time_name
 from selector.readers.clock.stamps import time_unit
+from selector.readers.reading import Reading
 from selector.readers.roles.names import name_and_unit, printable_name, role_guess
 from selector.readers.text.encodings import decoded
 from selector.readers.text.lines import cells_of
+from selector.recording import Recording
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
 MOST_BYTES = 20_000_000
 MOST_ROWS = 10_000
-LONGEST_LINE = 4_000
-"""Longer lines are no rows of a duty cycle; patterns for names and units take long on long text."""
-
+LONGEST_LINE = 4_000  #: Longer lines are no rows of a duty cycle; patterns for names and units take long on long text.
 _SEPARATORS = (";", "\t", "|", ",", " ")
 _NUMBER = re.compile(r"[+-]?(\d+([.]\d*)?|[.]\d+)([eE][+-]?\d+)?")
 _EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
@@ -226,3 +231,64 @@ def _check(time: Vector, speed: Vector, lines: Sequence[int], name: str) -> None
 
 def _error(found: str, expected: str, where: str, advice: str) -> ReadError:
     return ReadError(found, expected=expected, where=where, advice=advice)
+
+
+#: Names of a spindle speed that say its unit, r/min.
+_SPEED_UNIT = re.compile(r"rpm|(1|r|u|rev|об)\s*/\s*min|min\s*(\^?-1|⁻¹)|об/мин", re.IGNORECASE)
+
+
+def heating_tests(
+    reading: Reading, response: Sequence[str] = ()
+) -> tuple[Recording, tuple[str, ...], tuple[Finding, ...]]:
+    """The recording without the faults of speed and displacements, which these are, and what was found.
+
+    `response` are the displacements or temperatures to be predicted; default: all displacements there are. Faults of
+    temperatures around the machine are left out, too.
+
+    Raises OptionError: There is no displacement, one is faulty in every run, or a unit was guessed.
+    """
+    recording = reading.recording
+    responses = tuple(dict.fromkeys(response)) if response else recording.with_role("displacement")
+    speeds = recording.with_role("spindle_speed")
+    if not responses:
+        raise OptionError(
+            "no displacement in the recordings", expected="a channel with the role displacement",
+            where="the recordings", advice="give the channel of the gauge that role in the machine file",
+        )  # fmt: skip
+    used = {name for name in (*responses, *speeds) if name in recording.names}
+    _require_units(reading, used)
+    # where a displacement starts is its zero here, and it may have moved on within the first samples
+    halls = set(recording.with_role("ambient"))
+    faults = [fault for fault in inspect(recording, used | halls) if fault.id != RUN_STARTS_WARM]
+    clean = without_faults(recording, faults)
+    gone = sorted(used - set(clean.names))
+    if gone:
+        why = next((fault.statement for fault in faults if fault.where.channel == gone[0]), "it is faulty in every run")
+        raise OptionError(
+            f"{gone[0]} is left out of every run: {why}", expected="readings without a fault",
+            where="the recordings", advice="look at the findings of `selector describe`, and correct the files",
+        )  # fmt: skip
+    return clean, responses, (*reading.findings, *faults)
+
+
+def _require_units(reading: Reading, used: set[str]) -> None:
+    """A displacement in the wrong unit becomes a wrong correction, a time in the wrong unit a late one: no guessing."""
+    if "unit" in reading.reading["time"]["guessed"]:
+        raise OptionError(
+            f"no unit of the time (column {', '.join(map(repr, reading.reading['time']['columns']))})",
+            expected="a unit that the file or the machine file says", where="the recordings",
+            advice='write unit = "s" (or "min", ...) under [time] in the machine file, or give --time-unit',
+        )  # fmt: skip
+    choices = {"spindle_speed": ("rpm", "1/s"), "displacement": ("um", "mm")}
+    for channel in reading.channels:
+        if channel.name not in used or channel.role not in choices or "unit" not in channel.guessed:
+            continue
+        named = any(_SPEED_UNIT.search(name) for name in (channel.name, str(channel.column)))
+        if channel.role == "displacement" or not named:
+            unit, other = choices[channel.role]
+            raise OptionError(
+                f"no unit of {channel.name} (taken for {channel.unit_in_file})",
+                expected="a unit that the file or the machine file says", where="the recordings",
+                advice=f'write unit = "{unit}" (or "{other}") under [channels.{channel.name}], or give --unit '
+                f"{channel.name}={unit}",
+            )  # fmt: skip

@@ -1,7 +1,5 @@
 """Which files are recordings, and in which format each of them is."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Callable, Sequence
@@ -35,12 +33,12 @@ _ENDINGS = (
     ".h5 .hdf5 .hdf .tdms .mdf .mf4 .mf3"
 )
 _EXTENSIONS = frozenset(_ENDINGS.split())
+#: Names of text that lies beside recordings and is none.
 _DOCUMENT = re.compile(
     r"((read[ _-]?me|licen[cs]e|lies[ _-]?mich)([ _.-].*)?|"
     r"copying|notice|source|origin|citation|authors|changelog|notes)\.(txt|dat|asc)",
     re.IGNORECASE,
 )
-"""Names of text that lies beside recordings and is none."""
 _FOREIGN = (
     (b"\x1f\x8b", "a gzip archive", "unpack it first"),
     (b"BZh", "a bzip2 archive", "unpack it first"),

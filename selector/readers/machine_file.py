@@ -1,7 +1,5 @@
 """machine.toml: what the user says about the machine, the time column and the channels."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Files → a Recording, with everything that was found and guessed on the way, and its description."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables with a clock → runs: samples in order of time, and what was noticed, each with its place in the run."""
 
-from __future__ import annotations
-
 import datetime
 from collections import Counter
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Recordings in Parquet that do not fit into memory: read piece by piece, only the columns that are asked for."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -120,7 +118,7 @@ class ParquetSource:
             raise damaged(timed.file.name, error) from error
         self._tell(run, clock)
 
-    def _tell(self, run: str, clock: _Ticker) -> None:
+    def _tell(self, run: str, clock: "_Ticker") -> None:
         for kind, count, statement in (
             (MISSING_STAMPS, clock.missing, "have no time"),
             (REPEATED_STAMPS, clock.repeated, "have the stamp of the row before"),

@@ -1,7 +1,5 @@
 """What a format reader hands on: a table as it stands in the file, before clock, roles and units."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,9 +14,8 @@ from selector.findings import Finding
 from selector.readers.finding_table import FINDINGS
 from selector.types import Indices, Vector
 
+#: A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round.
 MAX_COLUMNS = 10_000
-"""A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round."""
-
 MAX_CELLS = 600_000_000  #: Cells (8 bytes each) beyond which a file is not read into memory at once: 4.8 GB.
 
 

@@ -1,7 +1,5 @@
 """Touch-off file → what the probe found when; strict, because a wrong cell would move the correction."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass

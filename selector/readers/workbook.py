@@ -1,7 +1,5 @@
 """Excel and OpenDocument workbooks → tables; cached values only, none that unpack to too much."""
 
-from __future__ import annotations
-
 import copy
 import datetime
 import io
@@ -29,9 +27,8 @@ from selector.readers.tables import Column, Overrides, Table, checked_size, chec
 
 MAX_ROWS = 1_048_576
 MAX_COLUMNS = 16_384
+#: Cells of the rectangle from A1 to the last cell; the parser makes room for all of them, empty or not.
 MAX_CELLS = 50_000_000
-"""Cells of the rectangle from A1 to the last cell; the parser makes room for all of them, empty or not."""
-
 _CHUNK_BYTES = 1 << 20
 _LONGEST_TAG = 1 << 16
 _XLSX = re.compile(
@@ -141,8 +138,8 @@ def _check(rows: int, columns: int, where: str) -> None:
 
 
 MAX_UNPACKED_BYTES = 1_500_000_000  #: Size of the unpacked parts of a workbook beyond which it is taken for a zip bomb.
+#: An xlsx unpacks to 5 to 20 times its size, an ods to 20 to 175 times where most of its columns never change.
 _MOST_TIMES, _MOST_TIMES_ODS, _ALWAYS_BYTES = 60, 200, 30_000_000
-"""An xlsx unpacks to 5 to 20 times its size, an ods to 20 to 175 times where most of its columns never change."""
 
 
 def read_excel(path: Path, data: bytes, overrides: Overrides) -> list[Table]:

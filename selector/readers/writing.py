@@ -1,7 +1,5 @@
 """Writing clean recordings and machine files: whole or not at all, and never over an input."""
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """Which sets of sensors deserve a closer look: groups, representatives, and exact best subsets."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +22,8 @@ Origin = Literal["representatives", "all sensors", "formula"]
 PER_SIZE = 3
 CORRELATION_ROUNDING = 1e-9
 AS_RELEVANT = 0.01
+#: Terms up to which products and powers are chosen one by one; the search for more takes seconds a set.
 MOST_TERMS = 12
-"""Terms up to which products and powers are chosen one by one; the search for more takes seconds a set."""
 LINEAR = Shape()
 
 

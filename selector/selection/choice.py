@@ -1,7 +1,5 @@
 """The choice of sensors and shape, on some folds only: the same function for the result and inside every fold."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,20 +15,12 @@ from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
 
 LEAST_TAU_RATIO = 4.0
+#: Beyond this a lag says nothing that another term does not, and their difference explodes on another day.
 MAX_VIF = 2e3
-"""Beyond this a lag says nothing that another term does not, and their difference explodes on another day."""
-
-PROMISING = 40
-"""Sets on which a second time constant is tried."""
-
-SAFER = 2.0
-"""How many times the least risk among equal sets one may have and be taken for its smaller error."""
-
-ALIKE = 0.9
-"""Correlation from which two sensors with coefficients of opposite signs work against each other."""
-
-WORTH_SOME_TERMS = 10
-"""Sets of which products and powers are chosen one by one."""
+PROMISING = 40  #: Sets on which a second time constant is tried.
+SAFER = 2.0  #: How many times the least risk among equal sets one may have and be taken for its smaller error.
+ALIKE = 0.9  #: Correlation from which two sensors with coefficients of opposite signs work against each other.
+WORTH_SOME_TERMS = 10  #: Sets of which products and powers are chosen one by one.
 
 
 @dataclass(frozen=True)
@@ -69,11 +59,8 @@ class Choice:
         return tuple(found.values())
 
 
-Offer = Literal["linear", "polynomial", "memory"]
-"""How rich a model may be; each offer holds all that come before it."""
-
-Plan = tuple[Offer, int]
-"""An offer, and the most sensors that a set may have."""
+Offer = Literal["linear", "polynomial", "memory"]  #: How rich a model may be; each offer holds all that come before it.
+Plan = tuple[Offer, int]  #: An offer, and the most sensors that a set may have.
 
 
 @dataclass(frozen=True)
@@ -84,7 +71,7 @@ class Tested:
     trials: tuple[Trial, ...]
     bench: Bench
 
-    def aimed_at(self, target_um: float | None) -> Tested:
+    def aimed_at(self, target_um: float | None) -> "Tested":
         """The same with another target."""
         return replace(self, question=replace(self.question, options=replace(self.question.options, target=target_um)))
 

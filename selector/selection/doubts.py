@@ -1,7 +1,5 @@
 """What a careful engineer would doubt about a selection, said as findings."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -24,26 +22,22 @@ from selector.sensors.fuzzy import between_finding
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
 
-PROMISED_FACTOR = 1.5
-"""An error that is known better than to this factor is told without a doubt."""
-
+PROMISED_FACTOR = 1.5  #: An error that is known better than to this factor is told without a doubt.
+#: Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
+#: begin cold, the same with memory, and runs that begin warm from other work (`benchmarks/bench_honesty.py`).
 SPREAD, SPREAD_WITH_MEMORY, SPREAD_WARM = 0.45, 0.8, 1.0
-"""Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
-begin cold, the same with memory, and runs that begin warm from other work (`benchmarks/bench_honesty.py`)."""
-
+#: Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise.
 STARTS_APART, START_NOISE_K = 0.1, 0.15
-"""Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise."""
-
 MIN_RUNS = 6
 MIN_LENGTH = 2
 MAX_REGIMES = 5
 MOST_MEANS = 120
 FALSE_ALARM = 0.01
 N_PERMUTATIONS = 999
+#: Parameters that a split counts as: its level, its place, and one for the search of the place (as in the modified BIC
+#: of Zhang and Siegmund, 2007). With 2, four in ten clear regimes were cut once more; with 3 it is one in eight, and a
+#: single change of two deviations among 18 runs is found in 70 instead of 53 %.
 PENALTY = 3.0
-"""Parameters that a split counts as: its level, its place, and one for the search of the place (as in the modified BIC
-of Zhang and Siegmund, 2007). With 2, four in ten clear regimes were cut once more; with 3 it is one in eight, and a
-single change of two deviations among 18 runs is found in 70 instead of 53 %."""
 
 
 def regime_findings(selection: Selection) -> Iterator[Finding]:

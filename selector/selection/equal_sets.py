@@ -1,7 +1,5 @@
 """Every set of sensors that is about as good as the best of its size: for whoever has to mount them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -15,9 +13,7 @@ from selector.models.moments import WORTH_OF_A_SENSOR, LeaveOneOut
 from selector.selection.library import Bench, Shape
 from selector.selection.options import Question
 
-MOST_SETS = 500_000
-"""Sets that are looked at, one by one; a second for 37 sensors by four, six for more."""
-
+MOST_SETS = 500_000  #: Sets that are looked at, one by one; a second for 37 sensors by four, six for more.
 MOST_LISTED = 500
 CHUNK = 20_000
 ROUNDING = 1e-6

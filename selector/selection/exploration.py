@@ -1,7 +1,5 @@
 """A study to be explored: the recordings read once, then every λ and every set of sensors at once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,8 +25,8 @@ from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
 
 NORMAL_95 = 1.96
+#: Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares.
 _DEPENDENT = 1e-12
-"""Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares."""
 
 
 @dataclass(frozen=True)
@@ -265,7 +263,9 @@ class Exploration:
     findings: tuple[Finding, ...]  #: Why sensors and runs were left out
 
     @classmethod
-    def of(cls, source: RunSource, options: Options | None = None, *, progress: Progress | None = None) -> Exploration:
+    def of(
+        cls, source: RunSource, options: Options | None = None, *, progress: Progress | None = None
+    ) -> "Exploration":
         """Read the recordings.
 
         Sensors in `options.never` are read too, so that they can be allowed later; terms other than linear ones are
@@ -311,7 +311,7 @@ class Exploration:
         never: Sequence[str] | None = None,
         cost: Mapping[str, float] | None = None,
         max_sensors: int | None = None,
-    ) -> Exploration:
+    ) -> "Exploration":
         """The same recordings with other wishes; what is None stays.
 
         Raises OptionError: a sensor is unknown, in both lists, none is left, or more must be kept than a set may hold.

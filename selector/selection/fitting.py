@@ -1,7 +1,5 @@
 """From a choice to coefficients: the final fit, fits without each sensor, and what the fit has met."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,11 +15,10 @@ from selector.selection.choice import Trial
 from selector.selection.library import Shape
 from selector.selection.options import Question
 
+#: Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to these.
 MAX_ROWS = 200_000
-"""Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to these."""
-
+#: How far, in the logarithm, a time constant may move off the grid point that unseen data chose: half a step.
 TAU_REACH = 0.25
-"""How far, in the logarithm, a time constant may move off the grid point that unseen data chose: half a step."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class Recipe:
     terms: tuple[Term, ...]
 
     @classmethod
-    def of(cls, question: Question, datum: Datum, sensors: tuple[str, ...], shape: Shape) -> Recipe:
+    def of(cls, question: Question, datum: Datum, sensors: tuple[str, ...], shape: Shape) -> "Recipe":
         """The recipe for a set of sensors and a shape."""
         speeds = question.speeds if shape.speed_taus_s else ()
         design = Design((*sensors, *speeds), question.responses, datum, shape.lags(sensors, question.speeds))
@@ -211,15 +208,12 @@ def _without(question: Question, recipe: Recipe, name: str) -> Recipe | None:
     return Recipe.of(replace(question, speeds=speeds), recipe.design.datum, sensors, shape)
 
 
+#: Samples of one run, evenly spaced; the extremes of every variable and displacement are kept beside them.
 READING_POINTS = 300
-"""Samples of one run, evenly spaced; the extremes of every variable and displacement are kept beside them."""
-
 MOST_RUNS = 20
+#: Samples of all runs of which the distance to the other runs is computed: each costs about a millisecond.
 MOST_JUDGED = 1200
-"""Samples of all runs of which the distance to the other runs is computed: each costs about a millisecond."""
-
-DIGITS = 4
-"""Decimals [K, °C, rpm, µm, s]: they are for pictures, and results hold them as text."""
+DIGITS = 4  #: Decimals [K, °C, rpm, µm, s]: they are for pictures, and results hold them as text.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Shapes of a model, and the cross-products of every term that the shapes under test may need."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -108,7 +106,7 @@ class Bench:
     power: NDArray[np.float64]  #: (n_responses,): Variance of each response [µm²]
 
     @classmethod
-    def of(cls, library: Library, folds: Sequence[int]) -> Bench:
+    def of(cls, library: Library, folds: Sequence[int]) -> "Bench":
         """The bench for these folds."""
         part = library.moments.only(folds)
         return cls(library, part.whole, LeaveOneOut.of(part, inner_grouping(part)), response_power(part))

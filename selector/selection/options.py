@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 MAX_ROUNDS = 20
 _LARGEST_SEED = 2**53
+#: Representatives that a search over products is made of; more are first thinned by the linear search.
 MAX_CANDIDATES = 12
-"""Representatives that a search over products is made of; more are first thinned by the linear search."""
 
 
 Kind = Literal["closure", "cmeans"]
@@ -316,5 +316,4 @@ def _whole(option: str, value: int, least: int) -> None:
         )
 
 
-Progress = Callable[[str, float], None]
-"""Called with what is being done and the share that is done."""
+Progress = Callable[[str, float], None]  #: Called with what is being done and the share that is done.

@@ -1,7 +1,5 @@
 """The proof: every part of the recording predicted by a procedure that has not seen it, and which parts those are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -27,12 +25,10 @@ from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Question
 from selector.selection.result import Proof, RunProof, Trace
 
+#: Of one part that was left out; with many parts fewer, so that all have `MOST_TRACE_POINTS` at most.
 TRACE_POINTS = 1500
-"""Of one part that was left out; with many parts fewer, so that all have `MOST_TRACE_POINTS` at most."""
-
 MOST_TRACE_POINTS = 120_000
-TRACE_DIGITS = 4
-"""Decimals of traces [µm, s]: they are for pictures, and results hold them as text."""
+TRACE_DIGITS = 4  #: Decimals of traces [µm, s]: they are for pictures, and results hold them as text.
 
 
 def left_out_errors(
@@ -88,7 +84,7 @@ def left_out_errors(
 
 
 def beside_the_comparison(
-    folds: Folds, surveyed: Sequence[str], design: Design
+    folds: "Folds", surveyed: Sequence[str], design: Design
 ) -> tuple[list[Part], dict[str, tuple[str, ...]]]:
     """(runs that prove the model though the choice never saw them, runs that cannot and what they lack).
 
@@ -175,13 +171,12 @@ def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> He
     return HeldOut(np.array(rows), loo.left_out[:, 0, 0])
 
 
+#: Beyond so many runs, whole runs are left out in groups: a choice is made without each group, and again inside.
 MOST_FOLDS = 30
-"""Beyond so many runs, whole runs are left out in groups: a choice is made without each group, and again inside."""
-
 BLOCKS_OF_A_SINGLE_RUN = 8
 BLOCKS_OF_FEW_RUNS = 5
+#: Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare.
 FEWEST_SAMPLES = 4
-"""Samples that a choice needs to tell any two sensors apart: two coefficients, an error, and one to spare."""
 
 
 class Folds:

@@ -1,7 +1,5 @@
 """Reasons in plain words: which combinations were compared, why these sensors, why not the others."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

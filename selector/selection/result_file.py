@@ -1,7 +1,5 @@
 """A selection again from its JSON form (`selector.selection/1`): all that its report shows, and how that is written."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -25,9 +23,8 @@ from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+#: A number; NaN where JSON, which has none, says null.
 NumberOrNaN = Annotated[Number, WrapValidator(lambda value, number: float("nan") if value is None else number(value))]
-"""A number; NaN where JSON, which has none, says null."""
-
 Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
 ByName = dict[str, Number]

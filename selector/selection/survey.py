@@ -1,7 +1,5 @@
 """What there is to work with: length and period of every run, and which sensors can be candidates at all."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,11 +21,9 @@ from selector.sensors.finding_table import CONSTANT_SENSOR
 FEW_MISSING = 0.01
 MOST_MISSING = 0.5
 ENOUGH_COMPLETE = 0.5
+#: What is left of a sensor beyond the others must be of the size of its noise before it can be done without.
 REPLACEABLE_R2 = 0.998
-"""What is left of a sensor beyond the others must be of the size of its noise before it can be done without."""
-
-Reasons = dict[str, tuple[str, str, str]]
-"""Sensor → (finding id, why it cannot be used, advice)."""
+Reasons = dict[str, tuple[str, str, str]]  #: Sensor → (finding id, why it cannot be used, advice).
 
 
 def usable_sensors(
@@ -166,8 +162,7 @@ def _samples_lost(name: str, share: float, likeness: float) -> Finding:
     )
 
 
-MOST_CREDIBLE = 1e12
-"""Beyond this a reading is broken whatever its unit, and its squares would drown all others."""
+MOST_CREDIBLE = 1e12  #: Beyond this a reading is broken whatever its unit, and its squares would drown all others.
 
 
 @dataclass(frozen=True)

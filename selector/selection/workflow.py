@@ -1,7 +1,5 @@
 """The main job: recordings in, sensors, models and proof out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -38,11 +36,10 @@ from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.finding_table import CONSTANT_SENSOR
 
+#: Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days.
 WORTH_A_RICHER_MODEL = 1.02
-"""Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days."""
 LEVELS = {"error": 0, "warning": 1, "info": 2}
-AIMS = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5, 0.4)
-"""Shares of a target, see `_aimed`."""
+AIMS = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5, 0.4)  #: Shares of a target, see `_aimed`.
 NO_RIDGE = (0.0, float("nan"), float("nan"))
 
 
@@ -192,8 +189,8 @@ def select(
     return replace(selection, findings=tuple(everything))
 
 
+#: Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,).
 Errors = Mapping[Plan, NDArray[np.float64]]
-"""Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,)."""
 
 
 def _best_plan(

@@ -1,7 +1,5 @@
 """How far a sensor belongs to a group: fuzzy c-means on the similarity."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

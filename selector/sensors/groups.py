@@ -1,7 +1,5 @@
 """Which sensors hang together through others (max–min closure), and the groups at every level λ."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -198,7 +196,7 @@ def f_of_scatter(total: float, within: float, n_sensors: int, n_groups: int) -> 
 CHAIN_RATIO = 2.0  #: How many times farther apart than λ allows to neighbours the ends of a chain are.
 
 
-def chaining_findings(similarity: ArrayLike, partition: Partition) -> tuple[Finding, ...]:
+def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Finding, ...]:
     """A finding `chaining` for every group that hangs together only through links.
 
     Said of a group whose least similar pair lies further apart than `CHAIN_RATIO` times what λ allows to neighbours,
@@ -252,7 +250,7 @@ def _path(chain: ClosureChain, i: int, j: int) -> list[int]:
     return up[: up.index(down[-1])] + down[::-1]
 
 
-def _same_size(similarity: NDArray[np.float64], partition: Partition) -> None:
+def _same_size(similarity: NDArray[np.float64], partition: "Partition") -> None:
     if len(partition.labels) != len(similarity):
         raise InputError(
             f"a partition of {len(partition.labels)} sensors and a similarity of {len(similarity)}",

@@ -1,7 +1,5 @@
 """Which sensor stands for its group, round after round."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """How alike the sensors are: correlation similarity, and the sensors that it cannot compare."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,13 +10,11 @@ from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.sensors.finding_table import FINDINGS
 
+#: A sensor is numerically constant when its standard deviation is at most this share of its magnitude: of the 16
+#: digits of a float64, fewer than 7 would be left to correlate, and no thermometer resolves that finely.
 CONSTANT_TOLERANCE = 1e-9
-"""A sensor is numerically constant when its standard deviation is at most this share of its magnitude: of the 16
-digits of a float64, fewer than 7 would be left to correlate, and no thermometer resolves that finely."""
-
+#: Two sensors are duplicates up to scale when |r| is this close to 1: unit conversion and summation stay below it.
 DUPLICATE_TOLERANCE = 1e-12
-"""Two sensors are duplicates up to scale when |r| is this close to 1: unit conversion and summation stay below it."""
-
 ANTICORRELATED_LIMIT = -0.9  #: Sensors whose correlation is at or below this are reported as anti-correlated.
 
 # Sums over 1e7 samples lose at most 1e7 * 2**-53 = 1e-9 of s_i s_j; beyond ten times that it is not a rounding error.

@@ -1,7 +1,5 @@
 """A model applied to recordings as they were read: what is compared, and what is told of it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping

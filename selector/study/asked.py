@@ -1,7 +1,5 @@
 """What a study asks, as the values that the reader, the selection and the diagnosis take, and back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Where the files of a study lie, and whether they are still what they were."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """What does a study work on: recordings without their faults, in memory or read piece by piece."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

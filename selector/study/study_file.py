@@ -1,7 +1,5 @@
 """study.toml as values and on disk: the recordings by reference, how they are read, what is asked."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar

@@ -1,7 +1,5 @@
 """Results → what people read: accounts as data, and pages that open without a network."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

@@ -1,7 +1,5 @@
 """What is told of an adaptation: how often to probe, what that leaves of the error, and what was learnt."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -24,11 +22,9 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
-MOST_DRAWN = 6
-"""Runs of a response that are drawn, the worst ones."""
-
+MOST_DRAWN = 6  #: Runs of a response that are drawn, the worst ones.
 _WORDS = {"none": "nothing", "offset": "an offset", "offset+gain": "an offset and a gain"}
 
 

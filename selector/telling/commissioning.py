@@ -1,7 +1,5 @@
 """The sheet that goes to the machine with an exported program: wiring, sign test, limits, restart, proof."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

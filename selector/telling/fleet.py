@@ -1,7 +1,5 @@
 """What is told of a fleet: every machine in a row, the worst first, and which sensors are chosen how often."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 """What a model is, where it comes from and how far it may be trusted, under the headings of ISO/TR 16907, clause 12."""
 
-from __future__ import annotations
-
-from selector.controllers.adaptation_block import Adaptation
+from selector.controllers.closed_values import Adaptation
 from selector.controllers.evaluator import formula_text, legend_text
 from selector.controllers.model_file import Input, ModelFile, equations_sha256, model_sha256
 from selector.controllers.self_check import model_findings

@@ -1,7 +1,5 @@
 """Numbers, spans and places as a person reads them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """One HTML file: text, tables, figures and the program that draws them, with nothing to load from anywhere."""
 
-from __future__ import annotations
-
 import base64
 import functools
 import hashlib
@@ -146,8 +144,8 @@ def one_page(pages: Sequence[str], title: str) -> str:
     return rendered("several.html", {"title": title, "version": __version__, "parts": parts})
 
 
+#: Where a place has its name, and what leads there.
 _PLACE = re.compile(r'(<[^<>]*?(?: id="| href="#))')
-"""Where a place has its name, and what leads there."""
 
 
 @functools.cache

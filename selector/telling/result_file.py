@@ -1,7 +1,5 @@
 """Results on disk, read with suspicion: which kind they are, and their content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +13,8 @@ from selector.text_file import text_of
 
 LARGEST_FILE_BYTES = 128_000_000
 MOST_VALUES = 5_000_000
+#: Results that a folder may hold, the one that is shown first.
 NAMES = ("selection.json", "diagnosis.json", "prediction.json", "model.json")
-"""Results that a folder may hold, the one that is shown first."""
 
 SCHEMAS = {
     "selector.selection/1": "selection",

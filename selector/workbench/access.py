@@ -1,7 +1,5 @@
 """Who may talk to the workbench, in which form, and what is answered to a request that may not be."""
 
-from __future__ import annotations
-
 import functools
 import hmac
 import logging
@@ -28,11 +26,11 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
 }
 
+#: For pages that a command wrote: they run in an origin of their own, whoever opens them, and load nothing.
 RESULT_POLICY = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; "
     "script-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 )
-"""For pages that a command wrote: they run in an origin of their own, whoever opens them, and load nothing."""
 
 
 @dataclass(frozen=True)

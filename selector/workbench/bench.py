@@ -3,8 +3,6 @@
 Pages read it and change it; none of them keeps a state of its own. It may be used by several threads.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import threading

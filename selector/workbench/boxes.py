@@ -1,7 +1,5 @@
 """Fields of a page that decide options of the same names: what stands in them, and what is read from them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

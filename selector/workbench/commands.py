@@ -1,7 +1,5 @@
 """Which command line does the same as a page: words after ``selector``, and the text that a person copies."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import subprocess
@@ -16,8 +14,8 @@ from selector.selection import Options
 from selector.study import DiagnoseSection
 from selector.workbench.study_folder import CYCLE
 
+#: Folders of the answers in the study folder.
 SELECTION, DIAGNOSIS, PREDICTION, SIMULATED, BALL_BAR = "selection", "diagnosis", "prediction", "simulated", "ballbar"
-"""Folders of the answers in the study folder."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ class Export:
     slew_um_per_s: Mapping[str, float] = field(default_factory=dict)
     inverted: tuple[str, ...] = ()  #: Outputs whose axis the control counts the other way
 
-    def of(self, outputs: Sequence[str]) -> Export:
+    def of(self, outputs: Sequence[str]) -> "Export":
         """What is asked of these outputs; another model has others."""
         return replace(
             self,

@@ -1,7 +1,5 @@
 """The duty cycle of a prediction: its steps as they are typed, and its file in the study folder."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Studies that come with the package, to be opened on the first page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from selector.shipped import shipped

@@ -4,8 +4,6 @@ So a result of the workbench is the result of the command that is shown, byte by
 ended; and what it writes is written whole or not at all, because that is how the command line writes.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """What pages show at this moment without a command: work in a thread, and the λ or the set that is looked at."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

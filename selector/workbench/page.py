@@ -1,7 +1,5 @@
 """The page as a whole: its frame with tabs, status line and command, and the routes beside it."""
 
-from __future__ import annotations
-
 import datetime
 import mimetypes
 from pathlib import Path
@@ -23,9 +21,8 @@ from selector.workbench.commands import command_words
 from selector.workbench.pages import ball_bar, diagnosis, export, prediction, recordings, selection, sensors, simulation
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
+#: The tabs, from left to right. What a page is: see `selector.workbench.pages`.
 PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, export, prediction, simulation, diagnosis, ball_bar)
-"""The tabs, from left to right. What a page is: see `selector.workbench.pages`."""
-
 _LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
 
 _LOOK_MS = 700

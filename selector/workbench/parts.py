@@ -1,7 +1,5 @@
 """What pages are made of: small components that look alike everywhere, and the names that the frame gives them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,15 +24,15 @@ from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
 from selector.workbench.typed import in_words_of_fields
 
+#: Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change.
 REVISION = "revision"
-"""Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change."""
 
+#: How figures behave.
 GRAPH: Any = {
     "displaylogo": False,
     "modeBarButtonsToRemove": ["lasso2d", "select2d"],
     "toImageButtonOptions": {"scale": 2},
 }
-"""How figures behave."""
 
 _MOST_SEEN = 6
 _Read = TypeVar("_Read")

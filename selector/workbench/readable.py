@@ -1,7 +1,5 @@
 """What is read from the recordings on the bench, as far as they can be read, and what the user corrects of it."""
 
-from __future__ import annotations
-
 import codecs
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence

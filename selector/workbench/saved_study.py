@@ -1,7 +1,5 @@
 """What was asked: the study file of a study folder, and whether answers in it were asked as the form asks now."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How is the page served: by this computer to this computer only, until Ctrl-C."""
 
-from __future__ import annotations
-
 import logging
 import os
 import signal
@@ -59,7 +57,7 @@ def serve(
                 own.rmdir()
 
 
-def _serve_until_stopped(server: Served, when_ready: Callable[[str, Path], None]) -> None:
+def _serve_until_stopped(server: "Served", when_ready: Callable[[str, Path], None]) -> None:
     # the thread that a Ctrl-C interrupts waits here; the server runs in another
     over = threading.Event()
     ends = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]

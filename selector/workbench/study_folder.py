@@ -1,7 +1,5 @@
 """Where the files of a study are: one folder, safe names in it, and no way out of it."""
 
-from __future__ import annotations
-
 import os
 import re
 import secrets
@@ -19,8 +17,8 @@ UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES)
 CYCLE = "cycle.csv"  #: The duty cycle of a prediction
 MOST_UPLOADED_BYTES = 200_000_000
 
+#: File systems take 255 bytes, Windows 260 characters with all folders; a number may be added.
 _LONGEST_NAME, _LONGEST_NAME_BYTES = 121, 200
-"""File systems take 255 bytes, Windows 260 characters with all folders; a number may be added."""
 _PIECE_BYTES = 1 << 20
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 

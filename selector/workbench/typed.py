@@ -1,13 +1,12 @@
 """What a person typed into a field: numbers with either decimal mark, and what is said of them in the fields' words."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator
 
 from selector.errors import OptionError
 
+#: Option of the command line → title of the field that does the same.
 FIELDS = {
     "--encoding": "Encoding", "--separator": "Separator", "--decimal": "Decimal mark", "--header-row": "Row of names",
     "--sheet": "Sheet", "--time-column": "Time column", "--time-unit": "Unit of time", "--date-order": "Order of dates",
@@ -26,7 +25,6 @@ FIELDS = {
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
     "--sign-verified": "The sign test was passed", "--tested": "Target and SHA-256 of the tested program",
 }  # fmt: skip
-"""Option of the command line → title of the field that does the same."""
 
 _LEAST = 1e-6
 _AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"

@@ -9,7 +9,7 @@ import pytest
 from statsmodels.tsa.statespace.structural import UnobservedComponents
 
 from selector.adaptation.drift import Course, Drift, Touches, known_before, tracked
-from selector.adaptation.learning import learnt_drift
+from selector.adaptation.judged import learnt_drift
 from tests.adaptation.machines import NOTHING, machines, walking
 
 WIDE = 1e9  # no reading is far from what is expected

@@ -97,7 +97,7 @@ def test_computing_modules_import_no_drawing():
 
 def test_only_the_command_knows_the_exam():
     knowing = {relative(path) for path in PACKAGE.rglob("*.py") if "proving_ground" in imported_packages(path)}
-    assert knowing == {"selector/cli/proving.py", "selector/cli/shared/proof_cases.py"}
+    assert knowing == {"selector/cli/proving.py"}
 
 
 def test_every_imported_package_is_declared():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.cli import exit_status
-from selector.cli.shared.diagnosed.model import _told
+from selector.cli.shared.diagnosed import _told
 from selector.physics.model_values import model_file_text
 from tests.diagnosis.ablated import AXIS, axis_recording, axis_without
 from tests.patience import wait_for
@@ -79,7 +79,7 @@ def test_what_is_no_model_is_refused(folder, capsys, options, words):
 
 
 def test_a_stderr_that_is_no_terminal_is_told_how_far_it_has_come(capsys, monkeypatch):
-    monkeypatch.setattr("selector.cli.shared.diagnosed.model._LINE_S", 0.01)
+    monkeypatch.setattr("selector.cli.shared.diagnosed._LINE_S", 0.01)
     seen = []
     with _told(lambda *said: seen.append(said)) as say:
         say(1, 4, "fitting")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.controllers import Fallback, Guard, Input, ModelFile, Output, OutputLimits, PositionPart, State, Term
-from selector.controllers.adaptation_block import Adaptation, OutputAdaptation
+from selector.controllers.closed_values import Adaptation, OutputAdaptation
 from selector.controllers.replay.parts import Rows
 
 BAD = np.array([np.nan, np.inf, -np.inf, 850.0, -9999.0, 1e300, -1e300, 1e10, 99.0, -60.0, 5e-324])

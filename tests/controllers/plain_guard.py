@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from selector.controllers.adaptation_block import Adaptation, OutputAdaptation
+from selector.controllers.closed_values import Adaptation, OutputAdaptation
 from selector.controllers.evaluator import Equations, axes_of, polynomial
 from selector.controllers.guard.decided import (
     ANCHOR_S,

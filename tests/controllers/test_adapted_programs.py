@@ -9,7 +9,7 @@ import pytest
 
 from selector.adaptation.drift import Course, Drift, Touches, tracked
 from selector.controllers import Input, ModelFile, Output, OutputLimits, Term, model_text, parsed_model
-from selector.controllers.adaptation_block import Adaptation, OutputAdaptation
+from selector.controllers.closed_values import Adaptation, OutputAdaptation
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import Mode, TouchCode
 from selector.controllers.guard.guarded_model import GuardedModel

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from selector.cli.shared.diagnosed.answer import correction_told
-from selector.cli.shared.diagnosed.files import write_correction
+from selector.cli.shared.diagnosed import correction_told, write_correction
 from selector.controllers import evaluate, parsed_model
 from selector.diagnosis.answer import recalibration_of
 from selector.diagnosis.effects.catalogue import effect_of

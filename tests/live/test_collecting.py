@@ -14,9 +14,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from selector.cli import exit_status
-from selector.live.collecting import Collection
+from selector.live.collecting import Collection, gap_rows
 from selector.live.io_file import read_io
-from selector.live.lake import gap_rows
 from selector.live.links import FastClock, Sample
 from selector.readers import read
 

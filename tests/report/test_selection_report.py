@@ -19,11 +19,11 @@ from selector.findings import Finding, Where
 from selector.models.design import design_matrix
 from selector.number_text import number_text
 from selector.telling.numbers import beside_text, given_text, listed, p_text, place_text, span_text, uncertain_text
+from selector.telling.origin import label_of
 from selector.telling.page import account_page
 from selector.telling.selected.account import selection_account, write_report
 from selector.telling.selected.advice import advice, rmse_error_um
 from selector.telling.selected.formula import coefficient_rows, formula_text
-from selector.telling.wording import label_of
 from tests.report import studies
 
 DESCRIPTION = {

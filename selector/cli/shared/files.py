@@ -1,7 +1,5 @@
 """Where do files go: into a folder that is named, and that holds nothing which is read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -5,8 +5,6 @@ A program that runs `selector` sets ``SELECTOR_PROGRESS=lines`` and reads from s
 lines of stderr are messages for people. A line comes when `doing` changes, and else ten times a second at most.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

@@ -9,8 +9,6 @@
 ====  ==========================================================================
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import signal
@@ -28,8 +26,7 @@ from selector.errors import CancelledError, InputError, OptionError, ReadError
 
 DONE, DEFECT, UNUSABLE, STOPPED, PIPE_CLOSED = 0, 1, 2, 130, 141
 
-_stopped = ["stopped. Nothing was written."]
-"""What is said after a Ctrl-C: the last of these."""
+_stopped = ["stopped. Nothing was written."]  #: What is said after a Ctrl-C: the last of these.
 
 
 def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int:
@@ -135,6 +132,7 @@ def _as_input_error(error: Exception) -> InputError | None:
     return None
 
 
+#: Extra of `pyproject.toml` → the modules that come with it.
 EXTRAS = {
     "workbench": "dash flask werkzeug",
     "formats": "nptdms asammdf h5py",
@@ -145,7 +143,6 @@ EXTRAS = {
     "fleet": "fsspec distributed",
     "prove": "joblib sklearn",
 }
-"""Extra of `pyproject.toml` → the modules that come with it."""
 
 
 def _is_usage_error(error: Exception) -> bool:

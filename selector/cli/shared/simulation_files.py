@@ -169,9 +169,8 @@ def write_simulation(
         write_recording(recording, at, drafts[machine_path], f"{name}{LABEL}")
 
 
+#: Behind the name of the machine in the machine file of a simulation; by it an own file is known again.
 LABEL = " (SIMULATED)"
-"""Behind the name of the machine in the machine file of a simulation; by it an own file is known again."""
-
 _DRAFTS = re.compile(r"\.[0-9a-f]{16}\.part(?:[/\\]|$)")
 _NO_PLACE_FOR_FILES = ("dev", "proc", "sys")
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 _TIME_UNIT = "--simulation-time-unit"
 _UNITS_S = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+#: Part by which a simulated run may be longer or shorter than the recorded one when its unit of time is told by it.
 _SAME_SPAN = 0.03
-"""Part by which a simulated run may be longer or shorter than the recorded one when its unit of time is told by it."""
 
 
 def driving_recordings(kind: SimulationKind, file: Any, inputs: Sequence[Path], machine: Path | None) -> Reading:

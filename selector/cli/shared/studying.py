@@ -22,9 +22,8 @@ if TYPE_CHECKING:
     from selector.study import DiagnoseSection, InputFile, Study
 
 STUDY = "--study"
+#: What may be said together with a study; all else is in it.
 BESIDE_STUDY = frozenset({"from_study", "accept_changes", "out", "everything", "as_json"})
-"""What may be said together with a study; all else is in it."""
-
 _of_study = partial(typer.Option, rich_help_panel="Do a study again")
 
 StudyPath = Annotated[

@@ -1,7 +1,5 @@
 """What a guarded program says, the numbers that are the same everywhere, and limits and sign of the correction."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -14,49 +12,33 @@ from selector.controllers.model_file import ModelFile, Output, OutputLimits, wit
 from selector.errors import OptionError
 from selector.findings import Finding
 
-LARGEST_NUMBER = 1e9
-"""What is beyond it, in whatever unit, is no reading, no position and no correction."""
-
+LARGEST_NUMBER = 1e9  #: What is beyond it, in whatever unit, is no reading, no position and no correction.
+#: Clocks stop there: what is added to a larger one is lost in single precision. A longer time between calls is none.
 LONGEST_S = 1e6
-"""Clocks stop there: what is added to a larger one is lost in single precision. A longer time between calls is none."""
-
+#: Of time since the last call, for the slew limit: a program that was held up does not catch up in one jump.
 LONGEST_STEP_S = 10.0
-"""Of time since the last call, for the slew limit: a program that was held up does not catch up in one jump."""
-
+#: Readings are looked at so often at most: filled every millisecond, memory of hours stands still in binary32.
 SAMPLE_S = 1.0
-"""Readings are looked at so often at most: filled every millisecond, memory of hours stands still in binary32."""
-
-ANCHOR_S = 60.0
-"""The rate of a reading is judged over a minute, so that noise and resolution are no jumps."""
-
+ANCHOR_S = 60.0  #: The rate of a reading is judged over a minute, so that noise and resolution are no jumps.
+#: Of the time that a reading has to be good, one sample counts for this part at most: one wrong time proves nothing.
 LEAST_GOOD_SAMPLES = 6
-"""Of the time that a reading has to be good, one sample counts for this part at most: one wrong time proves nothing."""
-
-TEST_S = 600.0
-"""A sign test that goes on for longer, its way not counted, was forgotten: the correction goes to zero."""
-
+TEST_S = 600.0  #: A sign test that goes on for longer, its way not counted, was forgotten: the correction goes to zero.
+#: A changed reading is believed again when it could have got there within this time; what jumped further never is.
 FORGIVEN_S = 600.0
-"""A changed reading is believed again when it could have got there within this time; what jumped further never is."""
-
+#: Over a standstill a memory is filled in 2^4 equal steps: one step would keep a fifth of it where 2 % are left.
 GAP_STEPS_LOG2 = 4
-"""Over a standstill a memory is filled in 2^4 equal steps: one step would keep a fifth of it where 2 % are left."""
 
 
-RANGE_SLACK = 1e-9
-"""Of the width of a valid range: the rounding of a difference of two readings is not an excess."""
-
-CODE_SLACK = 1e-6
-"""Relative: break codes pass through float32 (6e-8) and decimal text on their way into a recording."""
+RANGE_SLACK = 1e-9  #: Of the width of a valid range: the rounding of a difference of two readings is not an excess.
+CODE_SLACK = 1e-6  #: Relative: break codes pass through float32 (6e-8) and decimal text on their way into a recording.
 
 
 class SensorCode(IntEnum):
     """State of one sensor; up to LIMITED its reading is used."""
 
     OK = 0
-    LIMITED = 1
-    """Beyond what the model has seen, used as if at the end of its valid range."""
-    RECOVERING = 2
-    """Good again, but not yet for long enough."""
+    LIMITED = 1  #: Beyond what the model has seen, used as if at the end of its valid range.
+    RECOVERING = 2  #: Good again, but not yet for long enough.
     MISSING = 3
     BREAK_CODE = 4
     OUT_OF_LIMITS = 5
@@ -68,15 +50,12 @@ class SensorCode(IntEnum):
 class Mode(IntEnum):
     """What the correction follows; FALLBACK + k: the k-th fallback model (from 0)."""
 
-    OFF = 0
-    """The axis is not ready: no correction, at once."""
+    OFF = 0  #: The axis is not ready: no correction, at once.
     MODEL = 1
     HOLD = 2
     RAMP_TO_ZERO = 3
-    SWITCHED_OFF = 4
-    """The operator does not want the correction, or has forgotten a test value: ramped to zero."""
-    TEST = 5
-    """A value is commanded by hand, for the sign test: the program goes there, its other outputs to zero."""
+    SWITCHED_OFF = 4  #: The operator does not want the correction, or has forgotten a test value: ramped to zero.
+    TEST = 5  #: A value is commanded by hand, for the sign test: the program goes there, its other outputs to zero.
     FALLBACK = 10
 
 
@@ -85,14 +64,12 @@ class TouchCode(IntEnum):
 
     NONE = 0
     BELIEVED = 1
-    DOUBTED = 2
-    """Too far from what was expected; a second one that agrees with it is believed."""
-    UNUSED = 3
-    """It came when the model was not in force."""
+    DOUBTED = 2  #: Too far from what was expected; a second one that agrees with it is believed.
+    UNUSED = 3  #: It came when the model was not in force.
 
 
+#: As HEIDENHAIN's controls follow an external correction: below what a finishing cut shows.
 CAUTIOUS_SLEW_UM_PER_S = 1.0
-"""As HEIDENHAIN's controls follow an external correction: below what a finishing cut shows."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """A model behind its guard, call by call: the statements that every exported program is printed from, executed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from copy import copy
@@ -112,7 +110,7 @@ class GuardedModel:
         with np.errstate(over="ignore"):
             self._block.is_restart, self._block.standstill_s = True, self._number(standstill_s)
 
-    def again(self) -> GuardedModel:
+    def again(self) -> "GuardedModel":
         """The same model in a control that has never run and kept nothing."""
         other = copy(self)
         other._block = type(self._block)()

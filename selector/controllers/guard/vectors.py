@@ -1,23 +1,20 @@
 """Test vectors of what runs when something fails: every path of the guard, as calls with what they must give."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from selector.controllers.closed_values import GuardVector
 from selector.controllers.guard.decided import DecidedLimits, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Input, ModelFile
-from selector.controllers.vector_block import GuardVector
 
 START_DEGC = 20.0
 MINUTE_S = 60.0
 MOST_FALLBACKS, MOST_TESTS = 12, 40
 NO_READING = 1e30
 _DECIMALS = 6
-_JUST = 0.01
-"""Of the width of a range: so far on either side of a limit it is probed."""
+_JUST = 0.01  #: Of the width of a range: so far on either side of a limit it is probed.
 
 
 @dataclass
@@ -45,7 +42,7 @@ class _Calls:
         readings = {item.name: _reading(item, share + wiggle) for item in self.model.inputs} | dict(of or {})
         self.of.append((round(dt_s, 3), readings, test_um or {}, off_s, is_ready, is_wanted))
 
-    def begun(self) -> _Calls:
+    def begun(self) -> "_Calls":
         """Good for as long as it takes to be believed."""
         for _ in range(8):
             self.call(0.3, max(10.0, math.ceil(self.model.guard.recover_after_s / 6.0)))

@@ -1,15 +1,12 @@
 """A program as Python: the text that is exported, and statements executed in any number type."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
 from selector.controllers.program.language import Language, Program, Variable
 
-Number = Callable[[float], Any]
-"""From a float to the type that everything is calculated in."""
+Number = Callable[[float], Any]  #: From a float to the type that everything is calculated in.
 
 
 class PythonText(Language):

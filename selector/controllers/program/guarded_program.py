@@ -1,7 +1,5 @@
 """The guard and the model as a program: what `GuardedModel` executes and every writer prints."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from selector.controllers.evaluator import Equations, axes_of
@@ -16,9 +14,8 @@ from selector.controllers.guard.decided import (
     valid_positions_m,
 )
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.adapting import AdaptedOutput
 from selector.controllers.program.language import Expression, Flag, Program, Variable, Writing, is_code
-from selector.controllers.program.statements import NO_READING, SlewedCorrection, WatchedSensor
+from selector.controllers.program.statements import NO_READING, AdaptedOutput, SlewedCorrection, WatchedSensor
 from selector.controllers.program.steps import is_number, remembered
 
 

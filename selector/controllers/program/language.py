@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Kind = Literal["real", "flag", "code"]
+#: Outputs are kept from call to call, too; what is retained outlives a restart of the control.
 Place = Literal["input", "output", "kept", "retained", "temporary"]
-"""Outputs are kept from call to call, too; what is retained outlives a restart of the control."""
 
 
 def _joined(sign: str) -> Callable[[Expression, Expression | float], Operation]:

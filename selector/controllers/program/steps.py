@@ -1,7 +1,5 @@
 """Steps that sensors and outputs of a guarded program share: a number or none, memory, polynomial, slew limit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from selector.controllers.guard.decided import GAP_STEPS_LOG2, LARGEST_NUMBER

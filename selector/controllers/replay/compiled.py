@@ -1,7 +1,5 @@
 """Generated C, compiled by the system's compiler or, for LinuxCNC, by halcompile, and the generated Python module."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import shutil

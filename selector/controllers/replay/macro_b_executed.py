@@ -4,8 +4,6 @@ A block of another form, too long, with a lower-case letter or with brackets dee
 program that runs here is inside the subset.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import operator

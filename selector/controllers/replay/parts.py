@@ -1,7 +1,5 @@
 """What a program is called with and gives; what executes each written file of an export, and what it has to give."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -82,14 +80,14 @@ class Answers:
     axes: Indices  #: (n_rows, n_axes): Codes of the positions; 0 where a control has none
 
     @classmethod
-    def empty(cls, n_rows: int, n_outputs: int, n_inputs: int, n_axes: int) -> Answers:
+    def empty(cls, n_rows: int, n_outputs: int, n_inputs: int, n_axes: int) -> "Answers":
         """Zeros, to be filled."""
         real = np.zeros((3, n_rows, n_outputs))
         codes = np.zeros((n_rows, 1 + n_inputs + n_axes), dtype=np.int64)
         return cls(real[0], real[1], real[2], codes[:, 0], codes[:, 1 : 1 + n_inputs], codes[:, 1 + n_inputs :])
 
     @classmethod
-    def of_outputs(cls, columns: Mapping[str, NDArray[Any]], model: ModelFile) -> Answers:
+    def of_outputs(cls, columns: Mapping[str, NDArray[Any]], model: ModelFile) -> "Answers":
         """From the outputs of a guarded program by their names; the slope is 0 where it has none."""
         n_rows, n_axes = len(columns["mode"]), len(axes_of(model))
         found = cls.empty(n_rows, len(model.outputs), len(model.inputs), n_axes)
@@ -175,8 +173,8 @@ def places_m(model: ModelFile, rows: Rows) -> Array:
     return filled
 
 
+#: Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s.
 TIME_STEP_S = 0.125
-"""Calls are replayed at whole eighths of a second: ms are whole, and binary32 counts them exactly up to 10^6 s."""
 
 
 class Execution(Protocol):
@@ -186,12 +184,11 @@ class Execution(Protocol):
         """What it gives row by row; `main` = what the first file gave, for those that go on with it."""
 
 
+#: Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
+#: the first file.
 Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]
-"""Corrections that a file has to give, of shape (n_rows, n_outputs) [µm], from the answers of the whole guard and of
-the first file."""
-
+#: Per output, the largest difference that its number type explains in such a run [µm].
 Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
-"""Per output, the largest difference that its number type explains in such a run [µm]."""
 
 
 def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers, _main: Answers) -> Array:

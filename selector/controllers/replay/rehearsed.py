@@ -1,7 +1,5 @@
 """Faults rehearsed on recorded readings: what an exported program leaves, follows and notices when something fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,11 +15,8 @@ from selector.types import Array, Indices
 
 OUTAGE_S = 600.0
 CLOCK_S = 3600.0
-NOISE_SHARE, JUMP_SHARE = 0.1, 0.5
-"""Of the width of a sensor's valid range."""
-MOST_ROWS = 2500
-"""Of a longer run every second, third … sample is taken."""
-
+NOISE_SHARE, JUMP_SHARE = 0.1, 0.5  #: Of the width of a sensor's valid range.
+MOST_ROWS = 2500  #: Of a longer run every second, third … sample is taken.
 KINDS = ("dead", "stuck", "jumping", "noisy", "power cycle", "clock forward", "clock back", "stopped and resumed")
 
 

@@ -1,7 +1,5 @@
 """Recorded runs through the written files and through the reference, and what a person has to know of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

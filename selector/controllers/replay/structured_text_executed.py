@@ -4,8 +4,6 @@ A parser of IEC 61131-3 reads the text, and its syntax tree becomes a Python cla
 text was printed from is used.
 """
 
-from __future__ import annotations
-
 import importlib
 import re
 from collections.abc import Iterator, Mapping
@@ -346,9 +344,8 @@ def temp_comp_answers(model: ModelFile, rows: Rows, files: Mapping[str, str], ma
     return Answers(line, main.k0_um, main.slope_um_per_m, main.mode, main.sensors, main.axes)
 
 
+#: Half of the last digit: of the reference temperature [K], of x0 [m], of a factor, as a share of it.
 HALF_K, HALF_M, HALF_DIGIT = 0.5e-4, 0.5e-7, 5e-6
-"""Half of the last digit: of the reference temperature [K], of x0 [m], of a factor, as a share of it."""
-
 _NUMBER = r"([+-]? ?[0-9.]+(?:e[+-]?[0-9]+)?)"
 _BLOCK = re.compile(
     rf"P-0-0402 .*?{_NUMBER} (?:degC|K)$\s+P-0-0406 .*?factor +{_NUMBER} um/.*?$\s+"

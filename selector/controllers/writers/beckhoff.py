@@ -5,8 +5,6 @@ The axis list switches it on with a reference position and nothing to correct; w
 (as in the examples of infosys.beckhoff.com/content/1033/tf5200_tool_data/104785803.html).
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from fractions import Fraction
@@ -21,9 +19,7 @@ ADS_TABLE = "temp_comp_ads.txt"
 ADS_PORT = 551
 ADS_INDEX_GROUP = 0x120300
 ADS_ACTIVE, ADS_ACTUAL_OFFSET, ADS_COEFFICIENT = 0x41, 0x42, 0x43
-SMOOTHING_CYCLES = 10
-"""P-AXIS-00275: a step of the offset is spread over so many interpolation cycles; 0 < n < 20."""
-
+SMOOTHING_CYCLES = 10  #: P-AXIS-00275: a step of the offset is spread over so many interpolation cycles; 0 < n < 20.
 TENTHS_PER_UM, TENTHS_PER_M, UM_PER_MM = 10, 10**7, 1000
 _LARGEST_SGN32 = 2**31 - 1
 _LINE = re.compile(r"lr_param\.temp_comp(_\w+)?\s+(-?\d+)\s*(#.*)?")

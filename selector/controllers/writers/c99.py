@@ -1,7 +1,5 @@
 """Plain C99 without any library: a header and a source file, in double or single precision."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

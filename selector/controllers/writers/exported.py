@@ -1,7 +1,5 @@
 """What a writer gives for one control: files with a head, a sign test, or a refusal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,8 +12,7 @@ from selector.controllers.program.language import plain
 from selector.errors import InputError
 from selector.findings import Finding
 
-TEST_UM = 10.0
-"""Large enough for an indicator of 1 µm, too small to break anything."""
+TEST_UM = 10.0  #: Large enough for an indicator of 1 µm, too small to break anything.
 
 
 _UNLESS = (

@@ -1,7 +1,5 @@
 """FANUC custom macro B: a subprogram that computes the correction and writes it to the external work offset."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,8 +36,8 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
+#: Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm.
 SIGNIFICANT_DIGITS = 12
-"""Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm."""
 
 
 def literal(value: float) -> str:
@@ -125,15 +123,9 @@ def findings_of_macro(model: ModelFile, left_out: Sequence[str]) -> Iterator[Fin
             )
 
 
-ABSOLUTE_OR_NOT, INCH_OR_MM = 4003, 4006
-"""Modal information: G90 or G91 of group 03, G20 or G21 of group 06."""
-
-_INCH, _MM = (20, 70), (21, 71)
-"""What group 06 has; 70 and 71 in G-code system C of lathes."""
-
-_GROUP_3, _UNITS = 31, 32
-"""Local variables."""
-
+ABSOLUTE_OR_NOT, INCH_OR_MM = 4003, 4006  #: Modal information: G90 or G91 of group 03, G20 or G21 of group 06.
+_INCH, _MM = (20, 70), (21, 71)  #: What group 06 has; 70 and 71 in G-code system C of lathes.
+_GROUP_3, _UNITS = 31, 32  #: Local variables.
 _WRITE, _NO_UNIT, _NO_UVW = 20, 890, 891
 
 
@@ -169,22 +161,17 @@ def offset_written(corrections: Mapping[str, int]) -> Iterator[str]:
 
 FILE = "O9100.nc"
 PROGRAM = 9100
-TIME = 100
-"""Common variable with the time of the readings [s]; the readings follow it."""
-
+TIME = 100  #: Common variable with the time of the readings [s]; the readings follow it.
 LAST_VOLATILE, FIRST_KEPT, LAST_KEPT = 199, 500, 999
 LINEAR_AXES = "XYZUVW"
 
+#: Between two calls; after a longer one the control was off, or might have been, and readings have to be good anew.
 LONGEST_PAUSE_S = 600.0
-"""Between two calls; after a longer one the control was off, or might have been, and readings have to be good anew."""
-
 _MODEL, _LAST_CALL, STATUS = range(FIRST_KEPT, FIRST_KEPT + 3)
 _FIRST_LABEL, _LAST_LABEL = 1000, 9999
 _BEGUN, _CALLED, _END = 10, 11, 900
-_NO_READING = literal(1e10)
-"""Beyond what any reading can be."""
-_PART = 33
-"""Local variable for part of a long product."""
+_NO_READING = literal(1e10)  #: Beyond what any reading can be.
+_PART = 33  #: Local variable for part of a long product.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 
@@ -17,15 +15,11 @@ from selector.findings import Finding
 
 NAME = "thermcorr"
 
-COUNTS_PER_UM = 10
-"""``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm."""
-
+COUNTS_PER_UM = 10  #: ``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm.
+#: So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then.
 READY_PERIODS = 10
-"""So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then."""
-
+#: What an input for a reading has while nothing is wired to it: no reading, and so the sensor is missing.
 UNWIRED = 1e30
-"""What an input for a reading has while nothing is wired to it: no reading, and so the sensor is missing."""
-
 _LINEAR_AXES, _AXES = "xyzuvw", "xyzabcuvw"
 _HAL_TYPES = {"real": "float", "flag": "bit", "code": "s32"}
 

@@ -1,7 +1,5 @@
 """A Python module without any import, for edge computers and for controls that run Python."""
 
-from __future__ import annotations
-
 from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import PythonText

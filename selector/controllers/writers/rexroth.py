@@ -6,8 +6,6 @@ A correction value is measured position − actual position, so that it has the 
 correction of the axis. Units, and the parameters of T and x0, are to be looked up in the manual.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,9 +19,7 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
-LARGEST_LOSS_UM = 0.1
-"""What the drive's formula may leave of the model at most inside its valid ranges."""
-
+LARGEST_LOSS_UM = 0.1  #: What the drive's formula may leave of the model at most inside its valid ranges.
 _NEGLIGIBLE = 1e-12
 
 

@@ -4,8 +4,6 @@ The NC adds a straight line per axis, dK = K0 + tan(beta) (P - P0): K0, tan(beta
 and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no LREAL.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 
 from selector.controllers.finding_table import FINDINGS
@@ -30,22 +28,19 @@ from selector.findings import Finding
 BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
 SETTING_DATA = "thermal_to_sd.scl"
 SETTINGS = "sinumerik_settings.csv"
+#: Default of MD32760 $MA_COMP_ADD_VELO_FACTOR: share of the axis velocity, and largest slope [mm/mm].
 ADD_VELO_FACTOR = 0.01
-"""Default of MD32760 $MA_COMP_ADD_VELO_FACTOR: share of the axis velocity, and largest slope [mm/mm]."""
-VELOCITY_MM_PER_MIN = 10_000.0
-"""MD32000 $MA_MAX_AX_VELO of the manual's worked example."""
-IPO_S = 0.012
-"""Interpolation cycle of the manual's worked example."""
-
+VELOCITY_MM_PER_MIN = 10_000.0  #: MD32000 $MA_MAX_AX_VELO of the manual's worked example.
+IPO_S = 0.012  #: Interpolation cycle of the manual's worked example.
 MM_PER_UM, MM_PER_MM_PER_UM_PER_M, MM_PER_M = 0.001, 1e-6, 1000.0
 # an instance data block is retentive as a whole
 _SECTIONS: Mapping[Place, str] = {**SECTIONS, "retained": "VAR"}
 
 
+#: Largest change of the compensation in one interpolation cycle; what is more waits for the next cycles.
 STEP_MM = VELOCITY_MM_PER_MIN * ADD_VELO_FACTOR / 60.0 * IPO_S
-"""Largest change of the compensation in one interpolation cycle; what is more waits for the next cycles."""
+#: Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity.
 LARGEST_SLOPE = STEP_MM / (VELOCITY_MM_PER_MIN / 60.0 * IPO_S)
-"""Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity."""
 
 
 def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:

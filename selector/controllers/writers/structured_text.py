@@ -1,7 +1,5 @@
 """Structured Text of IEC 61131-3: one function block, in LREAL or REAL, also as a file of a TwinCAT 3 PLC project."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import uuid
@@ -30,10 +28,10 @@ from selector.errors import OptionError
 RealType = Literal["LREAL", "REAL"]
 NAME = "thermal_correction"
 BLOCK = "FB_ThermalCorrection"
-LONGEST_NAME = 24
-"""Characters: more are refused by STEP 7 before TIA Portal."""
+LONGEST_NAME = 24  #: Characters: more are refused by STEP 7 before TIA Portal.
 LONGEST_LINE = 120
 
+#: Place of a variable → what opens its declarations.
 SECTIONS: Mapping[Place, str] = {
     "input": "VAR_INPUT",
     "output": "VAR_OUTPUT",
@@ -41,7 +39,6 @@ SECTIONS: Mapping[Place, str] = {
     "kept": "VAR",
     "temporary": "VAR_TEMP",
 }
-"""Place of a variable → what opens its declarations."""
 
 _WORDS = """
 ABS ABSTRACT ACOS ACTION ADD ADR AND AND_THEN ANY ANY_NUM ANY_REAL ARRAY ASIN AT ATAN ATAN2 AUTHOR BEGIN BLOCK_DB

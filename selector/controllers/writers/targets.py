@@ -1,7 +1,5 @@
 """Every control that a model can be exported to, and how its program is executed for the proof."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which effects are known: those shipped, and those that other packages bring by an entry point."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Iterator
@@ -93,8 +91,7 @@ def _told(what: str, where: str, expected: str) -> Iterator[None]:
         ) from error
 
 
-ENTRY_POINT = "selector.effects"
-"""Group of the entry points: each names an `Effect`."""
+ENTRY_POINT = "selector.effects"  #: Group of the entry points: each names an `Effect`.
 _FAMILIES = ("data", "thermal", "drive", "vibration", "gauging", "flow")
 
 

@@ -1,7 +1,5 @@
 """What an effect of the catalogue is: its physics, the shapes it can take in a residual, how a fit of it is read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import wraps
@@ -27,7 +25,7 @@ class Quantity:
     low: float | None = None
     high: float | None = None
 
-    def with_real_interval(self) -> Quantity:
+    def with_real_interval(self) -> "Quantity":
         """The same without an interval that has no width."""
         return Quantity(self.value, self.unit) if self.low is not None and self.low == self.high else self
 

@@ -1,7 +1,5 @@
 """Whether a named effect holds on rows that it was not fitted to, and which faults stand in those rows alone."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -16,16 +14,13 @@ from selector.diagnosis.evidence.search import Search, numbers, search, without
 from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
 
+#: Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
+#:
+#: A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever
+#: the course: there what is left grows by what was taken for the effect.
 _SEEN = 10.0
-"""Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
-
-A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever the
-course: there what is left grows by what was taken for the effect.
-"""
-_OFF, _SURELY = 0.25, 4.0
-"""Part by which sizes differ that are another, and standard errors by which they are surely."""
-_RUINED = 1.5
-"""Times the held-out error without an effect from which on it is another thing that was taken for it."""
+_OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
+_RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
 @dataclass(frozen=True)
@@ -103,8 +98,8 @@ def _growth(comparison: Comparison, found: Search, id: str, response: str) -> fl
     return float(np.sqrt(after / min(before))) if 0.0 < min(before) < after - given else 0.0
 
 
+#: What is left in the held-out rows, in units of what is left in the fitted rows, if a fault explains all.
 _AS_QUIET = 1.3
-"""What is left in the held-out rows, in units of what is left in the fitted rows, if a fault explains all."""
 
 
 def held_out_faults(

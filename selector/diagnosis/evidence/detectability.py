@@ -1,7 +1,5 @@
 """Which size of an effect would this record have shown? What is smaller may be there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -19,8 +17,7 @@ from selector.diagnosis.evidence.testing import evidence_of, members_of, prices_
 from selector.diagnosis.wording import amount
 from selector.types import Vector
 
-_LEFT = 1e-3
-"""Of the norm of a course: what recalibration leaves less of is not seen."""
+_LEFT = 1e-3  #: Of the norm of a course: what recalibration leaves less of is not seen.
 _CHANCE = 0.9
 
 

@@ -7,8 +7,6 @@ one with a Gaussian prior (M. C. Kennedy, A. O'Hagan, Bayesian calibration of co
 waves over the simulated response and its memories (A. Rahimi, B. Recht, NIPS 20, 2007), of unknown size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
@@ -26,23 +24,19 @@ from selector.diagnosis.shapes.signals import filled, lagged
 from selector.types import Matrix, Vector
 
 _WAVES = 96
-_MEMORIES = (0.01, 0.05, 0.25)
-"""Time constants of what the misfit remembers, in parts of the longest run."""
+_MEMORIES = (0.01, 0.05, 0.25)  #: Time constants of what the misfit remembers, in parts of the longest run.
+#: The same beside effects of heat: a misfit that remembers for long is what `thermal.memory` means.
 _BRIEFLY = _MEMORIES[:1]
-"""The same beside effects of heat: a misfit that remembers for long is what `thermal.memory` means."""
-_LENGTHS = 0.7
-"""Half the logarithm by which the lengths of the waves differ, in standard deviations of the state."""
+_LENGTHS = 0.7  #: Half the logarithm by which the lengths of the waves differ, in standard deviations of the state.
+#: Root mean square of the misfit in parts of that of the mismatch; as likely as not there is none.
 _SIZES = np.geomspace(1e-3, 2.0, 14)
-"""Root mean square of the misfit in parts of that of the mismatch; as likely as not there is none."""
-_KEPT = 0.4
-"""Of its evidence: a name that keeps less says little more than that something is wrong."""
-_KEPT_BESIDE = 0.8
-"""The same where another name was no more than that."""
+_KEPT = 0.4  #: Of its evidence: a name that keeps less says little more than that something is wrong.
+_KEPT_BESIDE = 0.8  #: The same where another name was no more than that.
+#: Logarithm of how much likelier a name makes the record, a misfit beside it, from which it stands whatever share it
+#: keeps, if a response needs no misfit beside it: what is a function of the state, as memory is, keeps little of much.
 _DECISIVE = 20.0
-"""Logarithm of how much likelier a name makes the record, a misfit beside it, from which it stands whatever share it
-keeps, if a response needs no misfit beside it: what is a function of the state, as memory is, keeps little of much."""
+#: Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too.
 _LEFT = 0.1
-"""Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too."""
 
 
 def beside_discrepancy(comparison: Comparison, found: Search) -> Search:

@@ -1,7 +1,5 @@
 """Which responses froze beyond doubt, and a diagnosis without those stretches."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

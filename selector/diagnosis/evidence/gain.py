@@ -1,7 +1,5 @@
 """What the improved model gains: errors on fitted and on held-out rows, beside the noise and beside placebos."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,8 +16,7 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Vector
 
 _DRAWS = 400
-_FAR = 1.2
-"""Times the noise: unseen errors from which on there is a way to go."""
+_FAR = 1.2  #: Times the noise: unseen errors from which on there is a way to go.
 
 
 def fit_of(

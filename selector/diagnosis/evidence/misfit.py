@@ -1,7 +1,5 @@
 """How much of what is left is structure that is nobody's, or strays, and what evidence counts for beside it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -17,8 +15,8 @@ _SHAPES = 240
 _SHIFTS = 12
 _DRAWS = 60
 _FEWEST_ROWS = 24
+#: Times the largest of the draws of noise, which are of white noise, while what is left is so only about.
 _BEYOND = 1.2
-"""Times the largest of the draws of noise, which are of white noise, while what is left is so only about."""
 
 
 def misfit(bench: Bench, named: Sequence[int], *, seed: int) -> float:
@@ -103,10 +101,9 @@ def tempered(bench: Bench, times: float) -> Bench:
     return calm if bench.pseudo_target is None else replace(calm, pseudo_target=bench.pseudo_target / size)
 
 
+#: Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal.
 _BEND = 1.345
-"""Robust standard deviations beyond which a reading counts no more: 95 % efficient where the noise is normal."""
-_WORTH = 0.9
-"""Share of the noise's variance that must be saved; of normal noise nothing is."""
+_WORTH = 0.9  #: Share of the noise's variance that must be saved; of normal noise nothing is.
 
 
 def with_pseudo_target(bench: Bench, chosen: Sequence[int]) -> Bench:

@@ -1,7 +1,5 @@
 """Sums of products of whitened columns, block by block: all that tests of the candidates need of the samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,8 +10,8 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
 Indices = NDArray[np.intp]
+#: Share of a column that must be left after projection; below it the column is the others' and cannot be tested.
 _LEFT = 1e-5
-"""Share of a column that must be left after projection; below it the column is the others' and cannot be tested."""
 
 
 @dataclass(frozen=True, eq=False)

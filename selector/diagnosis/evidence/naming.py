@@ -1,7 +1,5 @@
 """How a supported effect is named: course, share, parameters with intervals, confidence; whether it is large enough."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
@@ -25,12 +23,9 @@ from selector.diagnosis.shapes.signals import rise
 from selector.findings import Finding, Where
 from selector.types import Vector
 
-_FALL = 3.84
-"""Of the gain, at the ends of a 95 % interval: χ² of one parameter."""
-_OF_A_STEP = 0.25
-"""Of the grid: how far off the top of a parabola through three of its points may be, in logarithms."""
-_LAG = "tau_s"
-"""Ends the names of parameters that stand on a grid of time constants, even in its logarithm."""
+_FALL = 3.84  #: Of the gain, at the ends of a 95 % interval: χ² of one parameter.
+_OF_A_STEP = 0.25  #: Of the grid: how far off the top of a parabola through three of its points may be, in logarithms.
+_LAG = "tau_s"  #: Ends the names of parameters that stand on a grid of time constants, even in its logarithm.
 
 
 def shape_intervals(
@@ -98,16 +93,14 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
     return float(grid[number]) if number < len(grid) else float("inf")
 
 
-_UNCHECKED = 0.9
-"""What is left of a confidence that nothing held out could bear out."""
+_UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
+#: How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows: the more it
+#: surely carries, the more.
 _HALF, _CARRIED = 0.5, 0.6
-"""How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows: the more it
-surely carries, the more."""
+#: Weights, and how often names of such a weight are right: 102 names of real recordings and a development seed.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.8, 0.95, 0.99)
-"""Weights, and how often names of such a weight are right: 102 names of real recordings and a development seed."""
 _FAR_ABOVE = 4.0
-_INPUT_FAULT = 0.9
-"""Confidence of a fault that a channel's own course shows and nothing else explains."""
+_INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
 
 def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
@@ -283,18 +276,15 @@ def input_fault_effect(comparison: Comparison, fault: InputFault) -> NamedEffect
 
 
 _MOST = 0.4
-_LITTLE = 0.015
-"""Of the movement of what is recorded: a mismatch that is practically none, however significant it is."""
-_NOTHING = 0.001
-"""The same where what is left is noise, for all that is seen."""
+_LITTLE = 0.015  #: Of the movement of what is recorded: a mismatch that is practically none, however significant it is.
+_NOTHING = 0.001  #: The same where what is left is noise, for all that is seen.
+#: Of the movement: structure, and all that recalibration leaves, that are little beside what it puts right; what that
+#: leaves of the error.
 _LITTLE_BESIDE, _ALL_LEFT, _MUCH_SMALLER = 0.04, 0.1, 0.8
-"""Of the movement: structure, and all that recalibration leaves, that are little beside what it puts right; what that
-leaves of the error."""
 _LISTED = 0.01
-_SEEN_ONLY = 0.5
-"""Confidence of what is only seen, too, at most."""
+_SEEN_ONLY = 0.5  #: Confidence of what is only seen, too, at most.
+#: Times the pure error of repeats: a simulation that leaves no more is as good as a recording of the machine itself.
 _AS_REPEATED = 1.2
-"""Times the pure error of repeats: a simulation that leaves no more is as good as a recording of the machine itself."""
 
 
 def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:

@@ -1,7 +1,5 @@
 """What the noise of a channel looks like, and the filter that makes it white."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,8 +10,8 @@ from selector.diagnosis.comparison import Comparison
 from selector.types import Mask, Matrix, Vector
 
 _LONGEST_ORDER = 12
+#: A gap of more sampling periods than this starts a new stretch: what was before says little about what comes.
 _GAP_PERIODS = 3.5
-"""A gap of more sampling periods than this starts a new stretch: what was before says little about what comes."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """What the simulation's own offset, gain and delay explain, and whether the recording or the simulation is at fault."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -15,8 +13,7 @@ from selector.diagnosis.evidence.testing import tail_probability
 from selector.types import Vector
 
 _DRAWS = 400
-_FLOOR = 0.02
-"""Share of the mean square that recalibration has to take away to be worth a word."""
+_FLOOR = 0.02  #: Share of the mean square that recalibration has to take away to be worth a word.
 
 
 @dataclass(frozen=True)
@@ -68,8 +65,8 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
 
 _FORCES = ("force", "current", "voltage")
 _NEUTRAL = {"gain": 1.0, "offset": 0.0, "delay": 0.0}
+#: Standard errors from which a quantity is off, up to which it is right, and from which two of them differ.
 _OFF, _RIGHT, _APART = 6.0, 3.0, 4.0
-"""Standard errors from which a quantity is off, up to which it is right, and from which two of them differ."""
 
 
 def whole_record_names(comparison: Comparison, again: Mapping[str, Recalibrated]) -> dict[str, dict[str, str]]:

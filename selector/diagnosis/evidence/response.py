@@ -26,10 +26,9 @@ _BLOCKS = 24
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 _ROUNDS = 4
 _MOST_SAMPLES = 2.0
+#: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
 _AT_ONCE = 32
-"""Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory."""
-OF_MODEL = "model: "
-"""Begins the name of a column that is a parameter of a simulation that can be run again."""
+OF_MODEL = "model: "  #: Begins the name of a column that is a parameter of a simulation that can be run again.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """Which effects are supported: forward, one by one, all tested again after each, so that proxies collapse."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,38 +17,31 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.types import Matrix, Vector
 
 Benches = Mapping[str, Bench]
-_ENOUGH = 0.65
-"""Weight from which an effect, or a set, is told from all others."""
-Named = dict[str, dict[str, int]]
-"""Effect id → response → number of the candidate."""
+_ENOUGH = 0.65  #: Weight from which an effect, or a set, is told from all others.
+Named = dict[str, dict[str, int]]  #: Effect id → response → number of the candidate.
 _MOST = 5
-_FINEST = 0.02
-"""Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself."""
+_FINEST = 0.02  #: Steps of the reading: what never moves it as far cannot be read from it, but by the rounding itself.
 _NEARLY = 0.6
-_LEAP = 0.5
-"""Of a fault's size: a reading that changes by as much from one sample to the next is not slow."""
+_LEAP = 0.5  #: Of a fault's size: a reading that changes by as much from one sample to the next is not slow.
+#: Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong.
 _THE_SAME = 0.9
-"""Canonical correlation of courses from which two effects stand together, where laws are all somewhat wrong."""
-_RIVAL = 0.2
-"""An effect of less than this share of the weight of the named one is told from it."""
+_RIVAL = 0.2  #: An effect of less than this share of the weight of the named one is told from it.
+#: What gains less than this share of the clearest named effect may be what its shape does not fit exactly.
 _TRIFLE = 0.1
-"""What gains less than this share of the clearest named effect may be what its shape does not fit exactly."""
 _TENTH = 0.1
+#: Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows.
 MOST_OF_IT = 0.75
-"""Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows."""
-_AS_GOOD = 0.6
-"""Of the fall of the unseen error by the named effect: what another one makes of it is about as good."""
+_AS_GOOD = 0.6  #: Of the fall of the unseen error by the named effect: what another one makes of it is about as good.
 _CLEARLY_BETTER = 1.1
 _MOST_ALIKE = 3
 _MOST_REFUSED = 8
 _MOST_LIBERAL = 8
-_SLOW = 0.3
-"""Sum of the noise filter's coefficients from which it may have taken an effect for noise."""
+_SLOW = 0.3  #: Sum of the noise filter's coefficients from which it may have taken an effect for noise.
 _CLEAR = 5.0
+#: Of what comes back with the cycle: of a repeated course that is no effect, the catalogue leaves more.
 _MOST_LEFT = 0.4
-"""Of what comes back with the cycle: of a repeated course that is no effect, the catalogue leaves more."""
+#: Shares by which the cycle that comes back may be longer than the one that was read off the simulation.
 _LENGTHS = tuple(np.linspace(-1e-3, 1e-3, 21))
-"""Shares by which the cycle that comes back may be longer than the one that was read off the simulation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +98,7 @@ class Search:
     wrong: frozenset[str] = frozenset()  #: Responses whose simulation is off as no effect is
     doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside
 
-    def only(self, ids: set[str]) -> Search:
+    def only(self, ids: set[str]) -> "Search":
         """The search with only some of the effects named."""
         return replace(self, named={id_: of for id_, of in self.named.items() if id_ in ids})
 

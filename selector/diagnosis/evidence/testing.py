@@ -1,7 +1,5 @@
 """How strongly one response, or several together, ask for every candidate, and what noise alone would have shown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -19,11 +17,11 @@ from selector.types import Matrix, Vector
 
 _DRAWS = 400
 _SHORT = 10
+#: At most this many blocks with a sign each, none shorter than `_SHORT` rows: white noise needs no longer ones.
 _SIGNED = 150
-"""At most this many blocks with a sign each, none shorter than `_SHORT` rows: white noise needs no longer ones."""
 _CONTRAST = 0.4
+#: Of a coefficient, in units of the gain: that of a size that before was known to a factor of about three.
 _PRICE = 2.0
-"""Of a coefficient, in units of the gain: that of a size that before was known to a factor of about three."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """How recording and simulation are brought together: runs by name, one clock, and which rows are compared."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -19,10 +17,9 @@ from selector.recording import Recording
 from selector.types import Mask, Matrix, Vector
 
 Rows = NDArray[np.intp]
-_SEEN = 0.1
-"""Of the usual change from reading to reading: lines that cut off less do not matter."""
+_SEEN = 0.1  #: Of the usual change from reading to reading: lines that cut off less do not matter.
+#: Recorded steps in a simulated one from which a line between two simulated values may be no longer the simulation.
 _COARSE = 1.6
-"""Recorded steps in a simulated one from which a line between two simulated values may be no longer the simulation."""
 
 
 def comparable_rows(at_s: Vector, stamps_s: Vector, recorded: Sequence[Vector], simulated: Sequence[Vector]) -> Rows:
@@ -80,16 +77,12 @@ def told(run: str, rows: Rows, at_s: Vector, stamps_s: Vector) -> Finding:
     )
 
 
-_PART = 0.8
-"""Share of a run below which it is said that the rest of it is not compared."""
-_LEAST = 0.1
-"""Share below which a simulation is not of this run: another unit of time or another programme."""
+_PART = 0.8  #: Share of a run below which it is said that the rest of it is not compared.
+_LEAST = 0.1  #: Share below which a simulation is not of this run: another unit of time or another programme.
 
 
-_TIME_UNITS = (60.0, 1e3, 3600.0, 6e4, 3.6e6)
-"""How many times longer a run is in another unit of time."""
-_SAME = 0.03
-"""Part by which runs may differ that are the same in another unit."""
+_TIME_UNITS = (60.0, 1e3, 3600.0, 6e4, 3.6e6)  #: How many times longer a run is in another unit of time.
+_SAME = 0.03  #: Part by which runs may differ that are the same in another unit.
 
 
 def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> None:
@@ -150,20 +143,16 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     ]
 
 
-LAST_PART = 0.3
-"""Share of a single run that is held out."""
+LAST_PART = 0.3  #: Share of a single run that is held out.
+#: Roles whose values hold until the next sample; all others are read between samples along a line.
 _HELD_ROLES = ("state",)
-"""Roles whose values hold until the next sample; all others are read between samples along a line."""
+#: Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely.
 _HOLE = 4.0
-"""Steps of the simulation beyond which missing values are a hole, not a channel that is written more rarely."""
-_ON_GRID = 0.95
-"""Share of the readings that stand on a common grid, when they have a resolution."""
-_FEWEST, _NEXT = 4, 3.5
-"""Neighbouring levels that are compared, and how many steps they are apart at most."""
-_ROUNDED_OFF = 0.2
-"""Of a step: by how much rounding of what is written may move a level."""
+_ON_GRID = 0.95  #: Share of the readings that stand on a common grid, when they have a resolution.
+_FEWEST, _NEXT = 4, 3.5  #: Neighbouring levels that are compared, and how many steps they are apart at most.
+_ROUNDED_OFF = 0.2  #: Of a step: by how much rounding of what is written may move a level.
+#: Part of a run by which clocks that cover the same span may differ before they are taken to have other zeros.
 _OTHER_ZERO = 0.05
-"""Part of a run by which clocks that cover the same span may differ before they are taken to have other zeros."""
 
 
 def comparison_of(

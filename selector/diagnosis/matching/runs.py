@@ -1,7 +1,5 @@
 """Which runs repeat one programme, how well the machine does so, and whether runs stand under each other's names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -17,8 +15,7 @@ from selector.types import Vector
 
 _MOST = 15
 _SAME_LENGTH = 1.05
-_ALIKE = 0.1
-"""Of its root mean square: by how much a simulated course or an input differs between repeats at most."""
+_ALIKE = 0.1  #: Of its root mean square: by how much a simulated course or an input differs between repeats at most.
 
 
 def repeats(comparison: Comparison, response: str) -> tuple[tuple[slice, slice], ...]:
@@ -53,18 +50,12 @@ def rms(values: Vector) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
-_CERTAIN = 10.0
-"""How many times smaller the residual variance of every exchanged run has to become to leave no doubt."""
-_LIKELY = 3.0
-"""And to be worth a warning."""
-_LEAST = 40
-"""Samples of a run to be compared."""
-_LOOKED_AT = 400
-"""Samples of a run that are enough to tell one programme from another."""
-_COVERED = 0.9
-"""Share of the samples that another run's simulation has to reach."""
-_NOT_THAT = 1e3
-"""Logarithm of a residual that no assignment chooses."""
+_CERTAIN = 10.0  #: How many times smaller the residual variance of every exchanged run has to become to leave no doubt.
+_LIKELY = 3.0  #: And to be worth a warning.
+_LEAST = 40  #: Samples of a run to be compared.
+_LOOKED_AT = 400  #: Samples of a run that are enough to tell one programme from another.
+_COVERED = 0.9  #: Share of the samples that another run's simulation has to reach.
+_NOT_THAT = 1e3  #: Logarithm of a residual that no assignment chooses.
 
 
 def exchanged_runs(comparison: Comparison) -> tuple[Finding, ...]:

@@ -1,7 +1,5 @@
 """Which readings are computed with, and what makes a comparison no basis for an answer."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -22,14 +20,12 @@ from selector.quality.wrong_units import wrong_temperature_units
 from selector.recording import Recording
 from selector.types import Mask, Vector
 
-LARGEST = 1e30
-"""Beyond this a number is no reading in any unit, and its fourth power may be no number at all."""
+LARGEST = 1e30  #: Beyond this a number is no reading in any unit, and its fourth power may be no number at all.
+#: Sampling periods between two readings of a response from which on it was read more rarely than the rest.
 SELDOM = 3.5
-"""Sampling periods between two readings of a response from which on it was read more rarely than the rest."""
+#: Beyond this other responses lose too much when all are compared at the readings of the one that was read seldom.
 _MOST_ROWS_BETWEEN = 12.0
-"""Beyond this other responses lose too much when all are compared at the readings of the one that was read seldom."""
-_ROWS = 60
-"""Readings to be fitted to that must be left then."""
+_ROWS = 60  #: Readings to be fitted to that must be left then.
 
 
 def without_extremes(comparison: Comparison) -> Comparison:
@@ -130,18 +126,14 @@ def _nth(count: float) -> str:
     return f"{whole}{ending}"
 
 
-LEAST_SAMPLES = 40
-"""Compared samples that are needed to fit offset, gain and delay and to tell noise from structure."""
+LEAST_SAMPLES = 40  #: Compared samples that are needed to fit offset, gain and delay and to tell noise from structure.
+#: How many times larger a number is in another unit, where no calibration error could explain it.
 _UNIT_FACTORS = {1e3: "mm and µm, or m and mm", 1e6: "m and µm", 60.0: "per second and per minute"}
-"""How many times larger a number is in another unit, where no calibration error could explain it."""
-_SMALLEST = 1e-30
-"""Below this the square of a course may be no number."""
-_ROUNDED = 0.51
-"""Steps of the resolution by which rounding alone makes two equal courses differ."""
+_SMALLEST = 1e-30  #: Below this the square of a course may be no number.
+_ROUNDED = 0.51  #: Steps of the resolution by which rounding alone makes two equal courses differ.
+#: Of the largest reading: files with a finite number of digits, read back between their rows, differ by less.
 _SAME = 1e-8
-"""Of the largest reading: files with a finite number of digits, read back between their rows, differ by less."""
-_OF_SUMS = 1e-12
-"""Of the largest reading: what is left of differences by sums in double precision."""
+_OF_SUMS = 1e-12  #: Of the largest reading: what is left of differences by sums in double precision.
 
 
 def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
@@ -289,10 +281,10 @@ def _seen(values: Vector) -> Vector:
     return values[np.isfinite(values)]
 
 
+#: In the order of `selector.quality.inspect`: what one finds is blank for the next.
 _CHECKS = (broken_sensors, wrong_temperature_units, out_of_range)
-"""In the order of `selector.quality.inspect`: what one finds is blank for the next."""
+#: What is left out. A frozen or stepped reading is one, and a fault that a diagnosis can name.
 _NO_READINGS = (SENSOR_BREAK, OUT_OF_RANGE)
-"""What is left out. A frozen or stepped reading is one, and a fault that a diagnosis can name."""
 
 
 def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:

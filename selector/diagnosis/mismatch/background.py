@@ -1,7 +1,5 @@
 """What in a residual is noise: its spectrum, the filters that make it white and back, and sets of noise alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,24 +13,19 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import filled, rate
 from selector.types import Matrix, Vector
 
-LONGEST_NOISE_PERIOD = 45.0
-"""Samples: slower than this is judged against the noise, not part of it."""
-_SHORTEST_FITTED = 6.5
-"""Samples: periods from here to the longest decide how much memory the noise has."""
+LONGEST_NOISE_PERIOD = 45.0  #: Samples: slower than this is judged against the noise, not part of it.
+_SHORTEST_FITTED = 6.5  #: Samples: periods from here to the longest decide how much memory the noise has.
+#: Cycles per sample: below the first the noise has the memory that was fitted, above the second any smooth spectrum.
 _FREE = (0.03, 0.045)
-"""Cycles per sample: below the first the noise has the memory that was fitted, above the second any smooth spectrum."""
 _MEMORY = (0.0, 0.3, 0.5, 0.6, 0.7, 0.75, 0.8, 0.83, 0.86, 0.88)
 _WHITE = (0.0, 0.01, 0.03, 0.1, 0.2, 0.4, 0.8, 1.5, 3.0)
-_BAND = 1.05
-"""Frequencies whose ratio is below this are one band where the noise that wanders is fitted."""
+_BAND = 1.05  #: Frequencies whose ratio is below this are one band where the noise that wanders is fitted.
 _STEPS = 60
 _ROUNDS = 3
 _CLIPPED = 6.0
 _OCTAVE_PART = 1.15
-_MARGIN = 1.0
-"""Logarithm of the likelihood that a shape may be short of the best."""
-_UNTOLD = 12
-"""First samples of a run, whose past is not known."""
+_MARGIN = 1.0  #: Logarithm of the likelihood that a shape may be short of the best.
+_UNTOLD = 12  #: First samples of a run, whose past is not known.
 _SHORTEST_RUN = 48
 
 
@@ -241,8 +234,7 @@ def _smooth(frequency: Vector, power: Matrix, at: Vector) -> Matrix:
     return np.asarray((sums[:, high] - sums[:, low]) / (high - low))
 
 
-_CACHED = 2**18
-"""Readings of a block of sets."""
+_CACHED = 2**18  #: Readings of a block of sets.
 
 
 def recalibrated_away(comparison: Comparison, response: str, rows: Sequence[NDArray[np.intp]]) -> Matrix:

@@ -1,7 +1,5 @@
 """When something acts: windows of time in every run, and the state of the machine that tells them apart."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -112,19 +110,15 @@ def in_words(comparison: Comparison, active: Mask, *, agreement: float = 0.75) -
 
 
 Rows = NDArray[np.intp]
-_LARGE = 0.25
-"""A course acts where it is at least this part of its largest amount."""
-_LARGE_IN_NOISE = 0.3
-"""The same in a residual, of what nine tenths of its active rows stay below."""
-_GAP = 0.025
-"""Gaps shorter than this part of the run are no gaps."""
-_ALWAYS = 0.85
-"""Something that acts in more than this part of a run acts in all of it."""
+_LARGE = 0.25  #: A course acts where it is at least this part of its largest amount.
+_LARGE_IN_NOISE = 0.3  #: The same in a residual, of what nine tenths of its active rows stay below.
+_GAP = 0.025  #: Gaps shorter than this part of the run are no gaps.
+_ALWAYS = 0.85  #: Something that acts in more than this part of a run acts in all of it.
 _SCALES = (1, 4, 16, 64)
+#: Mean squares that a state may have, in those of quiet noise; the first is quiet.
 _POWERS = np.array([1.0, 2.5, 6.0, 16.0, 40.0, 120.0, 400.0, 2000.0])
-"""Mean squares that a state may have, in those of quiet noise; the first is quiet."""
+#: What it costs to begin or end, and to change the size of what acts [logarithm of a probability].
 _SWITCH, _CHANGE = 4.0, 1.5
-"""What it costs to begin or end, and to change the size of what acts [logarithm of a probability]."""
 _ROUNDS = 5
 _FEWEST = 40
 
@@ -257,8 +251,7 @@ def _without_gaps(comparison: Comparison, active: Mask) -> Mask:
     return active
 
 
-_TRIFLE = 0.002
-"""Windows with a smaller share of a course are not worth a word."""
+_TRIFLE = 0.002  #: Windows with a smaller share of a course are not worth a word.
 
 
 def active_windows(comparison: Comparison, response: str, course: Vector) -> tuple[Place, ...]:

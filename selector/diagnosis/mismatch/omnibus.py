@@ -1,7 +1,5 @@
 """Whether there is structure left in the residual that nothing explains; of what kind, and where; and what wanders."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -33,10 +31,9 @@ from selector.types import Matrix, Vector
 Rows = Sequence[NDArray[np.intp]]
 Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "spells", "common"]
 _BINS = 8
-_WIDEST = 3.0
-"""Ends of a band, as a ratio: the noise is fitted to what is wider."""
+_WIDEST = 3.0  #: Ends of a band, as a ratio: the noise is fitted to what is wider.
+#: Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected).
 _TELLING = 30.0
-"""Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,10 +298,8 @@ def _normal_of_squares(total: Vector, count: int) -> Vector:
     return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 2.0 / (9.0 * count)) * np.sqrt(4.5 * count))
 
 
-_DRAWS = (99, 199)
-"""Sets of noise: the fewest, and as many as there are where readings are not too many."""
-_READINGS = 4_000_000
-"""Of all sets of a response."""
+_DRAWS = (99, 199)  #: Sets of noise: the fewest, and as many as there are where readings are not too many.
+_READINGS = 4_000_000  #: Of all sets of a response.
 
 
 @dataclass(frozen=True)
@@ -461,10 +456,8 @@ def _structure(
     )
 
 
-_SLOW = 12.0
-"""Samples of memory from which noise is said to wander."""
-_TRIFLE = 0.1
-"""Share of the variance that has to wander to be worth a word."""
+_SLOW = 12.0  #: Samples of memory from which noise is said to wander.
+_TRIFLE = 0.1  #: Share of the variance that has to wander to be worth a word.
 
 
 def told_of_wandering(

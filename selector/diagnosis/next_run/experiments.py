@@ -1,7 +1,5 @@
 """Which run would tell what this record cannot? Planned runs, emulated, weighed by how far apart effects are there."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
@@ -32,8 +30,8 @@ _AS_WELL = 1.02
 _MOST_ROWS = 4000
 _LAGS_S = (0.0, 0.004, 0.012, 0.035, 0.1)
 _MOVED = ("position_command", "position", "velocity")
+#: A simulated course of which less than this share of variance is learnt says nothing about another run.
 _LEAST_KNOWN = 0.8
-"""A simulated course of which less than this share of variance is learnt says nothing about another run."""
 
 
 def extended(comparison: Comparison, planned: PlannedRun, response: str) -> Comparison | None:
@@ -215,18 +213,15 @@ def _ridge(comparison: Comparison, table: Matrix, target: Vector, block_of: NDAr
     return solution(None, weight, use)
 
 
-_SURE = 0.85
-"""Weight that the true effect of a pair is to have after the run."""
+_SURE = 0.85  #: Weight that the true effect of a pair is to have after the run.
+#: Gain by which an effect must lead so that its weight is enough to tell it.
 _CLEAR = 2.0 * float(np.log(_SURE / (1.0 - _SURE)))
-"""Gain by which an effect must lead so that its weight is enough to tell it."""
 _ENOUGH = 0.9
+#: Part of its own course by which an effect of the catalogue may miss the truth: a smaller difference tells nothing.
 _INEXACT = 0.05
-"""Part of its own course by which an effect of the catalogue may miss the truth: a smaller difference tells nothing."""
 _ENOUGH_ROWS = 4_500
-_SETUP_S = 600.0
-"""What preparing a run takes, however short it is."""
-_LIKE_TIME = 1.2
-"""Times within this factor are alike: what separates more comes first."""
+_SETUP_S = 600.0  #: What preparing a run takes, however short it is.
+_LIKE_TIME = 1.2  #: Times within this factor are alike: what separates more comes first.
 _MOST_SHOWN = 3
 _MOST_RIVALS = 3
 

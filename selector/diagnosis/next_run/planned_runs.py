@@ -1,7 +1,5 @@
 """Which runs could this machine do next? A menu within what was recorded: speeds, strokes, amplitudes, levels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,8 +19,7 @@ Given = dict[str, NDArray[Any]]
 
 _HALL_SWING_K = 4.0
 _DAY_S = 8.0 * 3600.0
-_ROUND_S = 96.0 * 60.0
-"""Halves, sixths and sixteenths of it are whole minutes."""
+_ROUND_S = 96.0 * 60.0  #: Halves, sixths and sixteenths of it are whole minutes.
 _LONGEST_DRIVE_S = 12.0
 _MOST_SAMPLES = 4_000
 _JERK_S = 0.04

@@ -1,7 +1,5 @@
 """Which effect explains most once the model has it: one amount for all responses, parameters free."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,18 +14,14 @@ from selector.diagnosis.open_model.refitting import Refitted
 from selector.diagnosis.open_model.switches import Switch, ThroughModel
 from selector.types import Mask, Matrix, Vector
 
+#: Of the mismatch that recalibration leaves: what explains less, or carries less to unseen rows, is no name.
 LEAST = 0.1
-"""Of the mismatch that recalibration leaves: what explains less, or carries less to unseen rows, is no name."""
+#: Gain by which, and share of its gain within which, a rival may lag behind the best and fits nearly as well.
 _CLEAR, _NEARLY = 6.0, 0.7
-"""Gain by which, and share of its gain within which, a rival may lag behind the best and fits nearly as well."""
-_AS_WELL = 1.25
-"""Times the unseen mean square of the best that a rival may have and is not told from it."""
-_FAR_BEHIND = 0.2
-"""Of the gain of the best: what has less is not tried in its place."""
-_WEIGHED, _AGAIN = 12, 2
-"""How many of the best are weighed by what they leave, and how often."""
-_IDLE = 0.3
-"""Of its size on fitted rows: an effect that is smaller on unseen ones cannot be borne out by them."""
+_AS_WELL = 1.25  #: Times the unseen mean square of the best that a rival may have and is not told from it.
+_FAR_BEHIND = 0.2  #: Of the gain of the best: what has less is not tried in its place.
+_WEIGHED, _AGAIN = 12, 2  #: How many of the best are weighed by what they leave, and how often.
+_IDLE = 0.3  #: Of its size on fitted rows: an effect that is smaller on unseen ones cannot be borne out by them.
 
 
 @dataclass(frozen=True, eq=False)

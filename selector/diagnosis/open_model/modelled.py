@@ -1,7 +1,5 @@
 """What a simulation left out that can be run again: refit, test effects through it, put them in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -36,8 +34,7 @@ from selector.findings import Finding
 from selector.recording import Recording
 from selector.types import Vector
 
-_TELLS = 0.01
-"""Share of the noise from sample to sample that an error of the steps stays below."""
+_TELLS = 0.01  #: Share of the noise from sample to sample that an error of the steps stays below.
 _DOUBLINGS = 8
 
 
@@ -76,35 +73,24 @@ def with_longest_steps(
     return chosen
 
 
-_FLOOR = 0.02
-"""Share of the mean square that something has to take away to be worth a word."""
+_FLOOR = 0.02  #: Share of the mean square that something has to take away to be worth a word.
 _TRIED = 2
-_MOST = 3
-"""Effects that are put into a model one after the other."""
-_AT_NOISE, _NEAR = 1.1, 1.3
-"""Times the noise: unseen errors up to which parameters may be all that was wrong."""
-_RUIN = 1.1
-"""Times the unseen mean squares that an effect may leave which is borne out in one response."""
-_NEARLY_ALL = 0.8
-"""Of the way from the simulation as given to the noise."""
-_CARRIES = 0.15
-"""Of the unseen misfit: names that carry less are none where structure is left."""
+_MOST = 3  #: Effects that are put into a model one after the other.
+_AT_NOISE, _NEAR = 1.1, 1.3  #: Times the noise: unseen errors up to which parameters may be all that was wrong.
+_RUIN = 1.1  #: Times the unseen mean squares that an effect may leave which is borne out in one response.
+_NEARLY_ALL = 0.8  #: Of the way from the simulation as given to the noise.
+_CARRIES = 0.15  #: Of the unseen misfit: names that carry less are none where structure is left.
+#: The same of physics beside the model, which has a coefficient for every response and imitates what is nobody's.
 _BESIDE = 0.5
-"""The same of physics beside the model, which has a coefficient for every response and imitates what is nobody's."""
-_AT_END = 1e-3
-"""So near to a limit of an exponent or a share is at it."""
-_MOST_SURE = 0.85
-"""Of 25 names that the blind proof had put into models, or beside them, 22 were right."""
+_AT_END = 1e-3  #: So near to a limit of an exponent or a share is at it.
+_MOST_SURE = 0.85  #: Of 25 names that the blind proof had put into models, or beside them, 22 were right.
+#: Of physics that the model file cannot take in: what rubs or gives way otherwise than in the model looks like it.
 _MOST_SURE_BESIDE = 0.5
-"""Of physics that the model file cannot take in: what rubs or gives way otherwise than in the model looks like it."""
-_MANY = 3
-"""Names of physics beside the model from which on any smooth misfit may have been put together from them."""
-_SUSPECTED = 0.5
-"""What is left of the confidence in a name that unseen rows could not bear out."""
-_SHRINKS = 0.5
-"""Part of its size that an effect keeps beside the next one, if it does not only stand in for it."""
+_MANY = 3  #: Names of physics beside the model from which on any smooth misfit may have been put together from them.
+_SUSPECTED = 0.5  #: What is left of the confidence in a name that unseen rows could not bear out.
+_SHRINKS = 0.5  #: Part of its size that an effect keeps beside the next one, if it does not only stand in for it.
+#: Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small.
 _SIZES = (1.0, 2.0, 4.0, 8.0)
-"""Where the fit of an effect may begin, in parts of its linear estimate, which what stands in for it makes small."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """How far do its own parameters bring a simulation that can be run again, and which of them were pulled."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -23,10 +21,8 @@ from selector.physics.model_fields import Parameter
 from selector.recording import Recording
 from selector.types import Matrix, Vector
 
-FARTHEST = 3.0
-"""Standard deviations of the nameplate that a parameter may go."""
-STEP = 0.1
-"""Step of a finite difference, in standard deviations of the nameplate."""
+FARTHEST = 3.0  #: Standard deviations of the nameplate that a parameter may go.
+STEP = 0.1  #: Step of a finite difference, in standard deviations of the nameplate.
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +117,7 @@ def simulated_rows(comparison: Comparison, simulation: Recording) -> dict[str, V
     return {name: np.ascontiguousarray(rows[:, k], dtype=np.float64) for k, name in enumerate(names)}
 
 
-def noise_of(fit: RefitProblem, slopes: _Slopes, *, repeated: bool = False) -> dict[str, NoiseModel]:
+def noise_of(fit: RefitProblem, slopes: "_Slopes", *, repeated: bool = False) -> dict[str, NoiseModel]:
     """What counts as one standard deviation of every response: the size of what its parameters leave of it.
 
     What is left holds what the model lacks. A filter that made it white would weigh its fast part most, where the model
@@ -145,35 +141,29 @@ def noise_of(fit: RefitProblem, slopes: _Slopes, *, repeated: bool = False) -> d
     return found
 
 
-_TOLD = 1e-3
-"""Of the largest singular value: directions of parameters that a response tells of."""
+_TOLD = 1e-3  #: Of the largest singular value: directions of parameters that a response tells of.
 Say = Callable[[int, int, str], None]
 _Start = tuple[Vector, "_Slopes"]
 
+#: Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth.
 NAMEPLATE = 0.2
-"""Standard deviation of a parameter about what the file says, as a share of it: what name plates are worth."""
+#: The least of it where a parameter may have either sign, as a share of its range: it may be near 0 by chance.
 _OF_RANGE = 0.005
-"""The least of it where a parameter may have either sign, as a share of its range: it may be near 0 by chance."""
+#: A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined.
 _UNDETERMINED = 0.8
-"""A parameter of which the record leaves more than this share of the nameplate's uncertainty is not determined."""
 _PULLED = 0.1
 _PULLED_SD = 3.0
-_SETTLED = 0.01
-"""Change of a parameter in nameplate units that is not followed."""
+_SETTLED = 0.01  #: Change of a parameter in nameplate units that is not followed.
 _STEPS, _HALVINGS = 20, 5
-_GAINS = 1e-4
-"""Share of the weighted sum of squares that a step has to gain to be worth another one."""
+_GAINS = 1e-4  #: Share of the weighted sum of squares that a step has to gain to be worth another one.
 _AS_FORETOLD = 0.5
-_ANEW = 3
-"""How often finite differences are taken anew at most."""
+_ANEW = 3  #: How often finite differences are taken anew at most.
 _USUAL_SLOPES = 2
-_NEAR = 0.1
-"""Way from where finite differences were taken, in nameplate units, within which they hold."""
+_NEAR = 0.1  #: Way from where finite differences were taken, in nameplate units, within which they hold.
 _MOST_DIRECTIONS = 8
-_AT_LIMIT = 0.9
-"""Share of the way to the limits from which on a parameter is at them."""
+_AT_LIMIT = 0.9  #: Share of the way to the limits from which on a parameter is at them.
+#: Starts that are drawn when a fit ran to its limits, and those of them that are followed to their ends.
 _DRAWS, _FOLLOWED = 24, 2
-"""Starts that are drawn when a fit ran to its limits, and those of them that are followed to their ends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +296,7 @@ class _Slopes:
     taken: Mapping[str, Matrix]
     tangents: Mapping[str, Matrix]
 
-    def mended(self, z: Vector, courses: Mapping[str, Vector]) -> _Slopes:
+    def mended(self, z: Vector, courses: Mapping[str, Vector]) -> "_Slopes":
         """So that they say what a step did, courses there (C. G. Broyden 1965, Math. Comp. 19, 577–593)."""
         step = z - self.at
         length = float(step @ step)

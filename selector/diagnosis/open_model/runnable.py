@@ -1,7 +1,5 @@
 """What can be run again with other parameters: own model files, Python functions, FMUs; at the recordings' times."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import math
@@ -27,10 +25,9 @@ from selector.recording import Recording
 
 Mode = Literal["B", "C"]
 
+#: Sections with numbers that a control was set to, which nobody has to fit.
 _KNOWN = ("servo", "sensing", "thresholds", "relay")
-"""Sections with numbers that a control was set to, which nobody has to fit."""
-_INSEPARABLE = "area_m2"
-"""A film on an area cannot be told from a better one on a smaller area."""
+_INSEPARABLE = "area_m2"  #: A film on an area cannot be told from a better one on a smaller area.
 
 
 class Runnable(Protocol):
@@ -121,11 +118,11 @@ class OwnModel:
         done = self._kind.driven(model, self.recording, RunSettings(self.columns))
         return done.recording, done.findings
 
-    def with_values(self, values: Mapping[str, float]) -> OwnModel:
+    def with_values(self, values: Mapping[str, float]) -> "OwnModel":
         """The same with these numbers in its file."""
         return dataclasses.replace(self, file=self._model(self.file).with_parameters(dict(values)).file)
 
-    def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> OwnModel:
+    def with_changes(self, changes: Sequence[tuple[Key, Any]]) -> "OwnModel":
         """The same with these values at these places of the file, sections that lack made.
 
         Raises ModelFileError: the file cannot have them.

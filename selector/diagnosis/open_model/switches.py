@@ -1,7 +1,5 @@
 """Which effects can a model file express that it does not have, and what would each change if the model had it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,12 +21,11 @@ _HARMONICS = (1.0, 2.0, 4.0, 6.0, 12.0)
 _STRIBECK_M_PER_S = (0.001, 0.005, 0.02)
 _HEAT_EXPONENTS = (1.0, 1.5, 2.0)
 _AREA_M2 = 0.1
+#: Sizes of dry friction that are tried, in parts of the largest that a machine may have.
 _OF_LARGEST = (1.0 / 60.0, 1.0 / 15.0)
-"""Sizes of dry friction that are tried, in parts of the largest that a machine may have."""
+#: Frequencies of a mode that are tried, of the sampling rate and of each other; ψ of its joint.
 _FASTEST, _SLOWEST, _MODES, _DISSIPATION = 0.15, 0.08, 20, 0.4
-"""Frequencies of a mode that are tried, of the sampling rate and of each other; ψ of its joint."""
-NEW = "missing"
-"""Name of a source or film that a diagnosis has added."""
+NEW = "missing"  #: Name of a source or film that a diagnosis has added.
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,8 +307,7 @@ def _hanging(plain: Mapping[str, Any], member: str, hz: float) -> Switch:
     return Switch("vibration.mode", ("mass that swings",), ("kg",), (size,), changes, fitted, member, shape)
 
 
-_SHOWS = 1e-6
-"""Share of the difference below which a change is rounding."""
+_SHOWS = 1e-6  #: Share of the difference below which a change is rounding.
 
 
 @dataclass(frozen=True, eq=False)

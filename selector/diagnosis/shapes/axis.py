@@ -1,7 +1,5 @@
 """What an axis does, and what a push does to it beside its simulated motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,11 +13,9 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import by_run, filled, lagged, rate
 from selector.types import Vector
 
-NOISE_SHARE = 0.02
-"""Noise that smoothing may leave in an acceleration, as a share of its root mean square."""
+NOISE_SHARE = 0.02  #: Noise that smoothing may leave in an acceleration, as a share of its root mean square.
 LONGEST_SMOOTHING_S = 0.06
-MOVING_SHARE = 0.002
-"""Below this share of the largest speed an axis counts as standing, unless noise asks for more."""
+MOVING_SHARE = 0.002  #: Below this share of the largest speed an axis counts as standing, unless noise asks for more.
 UM = 1e-6
 
 
@@ -189,18 +185,15 @@ def _bristle(place, starts, distance):  # type: ignore[no-untyped-def]
 FORCE_ROLES = ("current", "force", "voltage")
 PRESLIDING_M = (1e-6, 2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5)
 _STEP_PER_POLE = 0.4
+#: Steps within a period. What is so quick that it would need more is over before the next sample, and none shows it.
 MOST_SUBSTEPS = 100
-"""Steps within a period. What is so quick that it would need more is over before the next sample, and none shows it."""
-_QUICK_LAG = 1.0 / MOST_SUBSTEPS
-"""Part of a period below which a lag is none: the force is where it settles."""
+_QUICK_LAG = 1.0 / MOST_SUBSTEPS  #: Part of a period below which a lag is none: the force is where it settles.
 _PIECE_ROWS = 100_000
+#: A simulated force of which control and mechanics leave more than this (rms) is made in another way.
 _MOST_LEFT = 0.06
-"""A simulated force of which control and mechanics leave more than this (rms) is made in another way."""
-_NO_INTEGRAL = 1e-3
-"""A reset that takes so much longer than the position loop is none."""
+_NO_INTEGRAL = 1e-3  #: A reset that takes so much longer than the position loop is none.
 _LONGEST_LAG_PERIODS = 5.0
-_AT_REST_S = 0.05
-"""What takes longer than this to go the presliding distance may be pushed either way."""
+_AT_REST_S = 0.05  #: What takes longer than this to go the presliding distance may be pushed either way.
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,6 @@ force f moves the axis by s·f/A(s), and the drive counters it with f − s³·f
 second order, a force that stays moves the axis for good, f/A(s), and is countered with f − s²·f/A(s).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 
@@ -30,27 +28,23 @@ from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
 MOTION_ROLES = ("displacement", "position", "velocity", "acceleration")
+#: Natural frequencies of the whole moving mass on what stands between drive and table; softer ones are no guess.
 NATURAL_HZ = (70.0, 130.0, 40.0)
-"""Natural frequencies of the whole moving mass on what stands between drive and table; softer ones are no guess."""
 USUAL_YIELD_S2 = 1.0 / (2.0 * np.pi * NATURAL_HZ[0]) ** 2
 ROUNDS = 7
-SLOWEST, FASTEST = 2.0, 2000.0
-"""Bounds of the poles [1/s]."""
+SLOWEST, FASTEST = 2.0, 2000.0  #: Bounds of the poles [1/s].
 PRESLIDING_M = 3e-6
-_NO_LOOP = 0.4
-"""A simulated error of which more than this is left (rms) follows its command by no such loop."""
+_NO_LOOP = 0.4  #: A simulated error of which more than this is left (rms) follows its command by no such loop.
+#: Poles to start the iteration with [1/s]; that which ends nearer to the simulation counts.
 STARTS = ((60.0, 100.0, 300.0), (15.0, 30.0, 150.0))
-"""Poles to start the iteration with [1/s]; that which ends nearer to the simulation counts."""
-USUAL = ((30.0, 60.0, 150.0), (60.0, 100.0, 300.0))
-"""Poles of drives of machine tools [1/s], slow and quick."""
+USUAL = ((30.0, 60.0, 150.0), (60.0, 100.0, 300.0))  #: Poles of drives of machine tools [1/s], slow and quick.
 STARTS_WITHOUT_INTEGRAL = ((60.0, 100.0), (15.0, 30.0))
+#: A loop of second order that leaves less than this of the simulation, and hardly more than one of third, is it.
 _EXACT = 0.002
-"""A loop of second order that leaves less than this of the simulation, and hardly more than one of third, is it."""
 _HARDLY_MORE = 1.3
+#: Where mass and friction leave less of a force, or a loop not so much less, it is worked out from the motion.
 _OF_MOTION, _BETTER = 0.01, 0.5
-"""Where mass and friction leave less of a force, or a loop not so much less, it is worked out from the motion."""
-_FROM_REST = 0.01
-"""Share of the largest speed below which a run starts from rest."""
+_FROM_REST = 0.01  #: Share of the largest speed below which a run starts from rest.
 
 
 @dataclass(frozen=True)

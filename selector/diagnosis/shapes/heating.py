@@ -1,7 +1,5 @@
 """Which recorded channels heat, cool or surround the machine, and how the simulation itself heats."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,8 +14,7 @@ from selector.quality.survey import duration
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
-SHORTEST_S = 600.0
-"""Runs shorter than this show no heat: the fastest parts of machines take minutes."""
+SHORTEST_S = 600.0  #: Runs shorter than this show no heat: the fastest parts of machines take minutes.
 _WARMED = ("displacement", "temperature")
 _HALL = r"\bhall\b|\broom\b|ambient|\bair\b|environment|raum|umgebung|luft|цех|воздух|окруж|环境|室温|车间"
 _COOLANT = r"cool|chill|emulsion|\bkss\b|flood|\bjets?\b|kühl|охлажд|сож|冷却|切削液"

@@ -1,7 +1,5 @@
 """Which recorded channels beside the responses are at fault, by their own course and by their siblings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -20,6 +18,7 @@ from selector.quality.finding_table import CLOCK_JUMP, DRIFTS_FROM_GROUP, SATURA
 from selector.recording import Recording
 from selector.types import Vector
 
+#: Findings about recordings → ids of the catalogue.
 _IDS = {
     STUCK: "data.stuck",
     STEP: "data.step",
@@ -27,13 +26,9 @@ _IDS = {
     SWAPPED_CHANNELS: "data.swapped",
     CLOCK_JUMP: "data.clock",
 }
-"""Findings about recordings → ids of the catalogue."""
-_ALWAYS_TOLD = (STUCK, SATURATED)
-"""Findings that are told even if they may have another cause."""
-_LEAP = 2.5
-"""Steps of the resolution."""
-_BEFORE = 20
-"""Samples before a fault from which the level is taken that the channel had beside its siblings."""
+_ALWAYS_TOLD = (STUCK, SATURATED)  #: Findings that are told even if they may have another cause.
+_LEAP = 2.5  #: Steps of the resolution.
+_BEFORE = 20  #: Samples before a fault from which the level is taken that the channel had beside its siblings.
 _RIDGE = 1e-3
 _LOOK = "Check the sensor, its cable and the logger. The diagnosis used its readings as they are."
 

@@ -1,7 +1,5 @@
 """How a simulated course follows a force, by itself, along a chain, and with a force that it lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -31,16 +29,14 @@ from selector.diagnosis.shapes.signals import (
 from selector.diagnosis.shapes.spectral_lines import rotating_forces
 from selector.types import Matrix, Vector
 
+#: What may drive a structure, the likeliest first.
 INPUT_ROLES = ("force", "voltage", "current", "acceleration", "flow", "displacement", "velocity", "position")
-"""What may drive a structure, the likeliest first."""
 _ORDERS = (2, 4, 6)
 _STEPS = 6
 _ENOUGH = 1e-3
 _LINEAR = 0.2
-_LEFT = 0.02
-"""Misfit above which forces of the spindle are tried beside the recorded inputs."""
-_TURNED_RUNS = 3
-"""So many runs do for them: in every run they begin at another angle, which is fitted."""
+_LEFT = 0.02  #: Misfit above which forces of the spindle are tried beside the recorded inputs.
+_TURNED_RUNS = 3  #: So many runs do for them: in every run they begin at another angle, which is fitted.
 _MOST_ROWS = 12_000
 _STAND_IN_DAMPING = (0.01, 0.04, 0.15)
 

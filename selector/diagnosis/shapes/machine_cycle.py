@@ -1,7 +1,5 @@
 """The cycle that a machine repeats, read off the simulated courses: what comes back with it may be noise or missing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,14 +14,12 @@ from selector.diagnosis.shapes.signals import even_runs, filled
 from selector.types import Matrix, Vector
 
 Rows = NDArray[np.bool_] | NDArray[np.intp]
-_ALIKE = 0.9
-"""Correlation of a course with itself one cycle later; a machine that goes on warming repeats no closer."""
+_ALIKE = 0.9  #: Correlation of a course with itself one cycle later; a machine that goes on warming repeats no closer.
+#: Below it a course has turned into something else since: what comes back after is a cycle, and not the same slope.
 _APART = 0.5
-"""Below it a course has turned into something else since: what comes back after is a cycle, and not the same slope."""
 _FEWEST = 3
 _SHORTEST = 8
-_SAME = 0.01
-"""Of a period: runs whose cycles differ by less repeat the same cycle."""
+_SAME = 0.01  #: Of a period: runs whose cycles differ by less repeat the same cycle.
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +30,7 @@ class MachineCycle:
     samples: int  #: Rows in a cycle: what it repeats is a polygon of as many knots
     time_s: Vector  #: (n_rows,): From the start of the run [s]; NaN in runs that do not repeat the cycle
 
-    def lengthened(self, share: float) -> MachineCycle:
+    def lengthened(self, share: float) -> "MachineCycle":
         """A cycle longer by this share."""
         return replace(self, period_s=self.period_s * (1.0 + share))
 

@@ -1,7 +1,5 @@
 """What offset, gain and delay of a simulation leave of the difference, and what it makes of readings as inputs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -73,12 +71,9 @@ class Remainder:
 
 
 _ROLES = ("temperature", "ambient")
-_EXACT = 0.02
-"""Misfit over the spread of the simulated course, below which it is a sum of the readings."""
-_NOTICED = 0.05
-"""Of what the reading does that does most: a weight that makes less may be none."""
-_MOST = 40
-"""So many readings are not told apart by a few runs."""
+_EXACT = 0.02  #: Misfit over the spread of the simulated course, below which it is a sum of the readings.
+_NOTICED = 0.05  #: Of what the reading does that does most: a weight that makes less may be none.
+_MOST = 40  #: So many readings are not told apart by a few runs.
 
 
 def weights_of_readings(comparison: Comparison, response: str) -> Mapping[str, float]:

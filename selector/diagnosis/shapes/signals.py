@@ -1,7 +1,5 @@
 """Courses made of recorded courses, run by run, the even clock they need, and what kind of record they stand in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -107,10 +105,10 @@ def excited(values: Vector, resolution: float = 0.0) -> bool:
     return float(np.std(values)) > max(1e-9 * float(np.abs(values).max(initial=0.0)), 0.5 * step, 1e-300)
 
 
+#: Stamps that are off by less than this share of a period are even: what a filter makes of it is below 1 %.
 _JITTER = 0.02
-"""Stamps that are off by less than this share of a period are even: what a filter makes of it is below 1 %."""
+#: A run is stretched to at most so many times its rows; beyond, its gaps are too long for a filter anyway.
 _MOST_FILLED = 20
-"""A run is stretched to at most so many times its rows; beyond, its gaps are too long for a filter anyway."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,10 +173,8 @@ def resonance(swept_hz: Vector, frequency_hz: float, damping: float) -> Matrix:
     return np.column_stack([h.real, h.imag])
 
 
-SLOWEST_VIBRATION_S = 0.05
-"""A record with longer steps shows no vibration of a machine, which begin at some hertz."""
-FEWEST_ROWS = 60
-"""Of fewer rows no spectrum has a floor that a line could stand out of."""
+SLOWEST_VIBRATION_S = 0.05  #: A record with longer steps shows no vibration of a machine, which begin at some hertz.
+FEWEST_ROWS = 60  #: Of fewer rows no spectrum has a floor that a line could stand out of.
 MOTION_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force")
 _GAUGE_ROLES = ("displacement", "voltage", "amplitude", "position")
 _ROOM_ROLES = ("temperature", "ambient")

@@ -1,7 +1,5 @@
 """Which sharp lines and resonances stand in what a simulation leaves: fixed, or following a shaft."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,22 +69,17 @@ def floor(power: Vector) -> Vector:
     return np.asarray(np.exp(sums + _EULER))
 
 
-Pieces = NDArray[np.complex128]
-"""What every piece of a run, all of one length, shows of a line."""
-
-CHANCE = 0.02
-"""Chance that noise shows one line in a whole spectrum, where nothing else is said."""
+Pieces = NDArray[np.complex128]  #: What every piece of a run, all of one length, shows of a line.
+CHANCE = 0.02  #: Chance that noise shows one line in a whole spectrum, where nothing else is said.
 _COHERENT = 0.5
 _PIECES = 5
 _LASTING = 0.35
 _UNSTEADY = 0.2
 _BESIDE = 0.03
-_UNLIKELY = 0.01
-"""Chance that a true line is not taken for one because of noise, in one of the looks at its shape."""
-_STRAY = 3.0
-"""Robust standard deviations of a reading that says no more than a smaller one."""
+_UNLIKELY = 0.01  #: Chance that a true line is not taken for one because of noise, in one of the looks at its shape.
+_STRAY = 3.0  #: Robust standard deviations of a reading that says no more than a smaller one.
+#: Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state.
 _FIRST_PART = 0.2
-"""Of a run that nothing may be fitted to only this first part tells its phase, as it would an initial state."""
 
 
 @dataclass(frozen=True)
@@ -356,8 +349,7 @@ def rotating_forces(comparison: Comparison) -> Matrix:
 
 DAMPING = (0.005, 0.015, 0.04, 0.1)
 _PER_HALF_WIDTH = 1.2
-_SHARED = 1.12
-"""By the ends of the window neighbouring frequencies share so much of their noise."""
+_SHARED = 1.12  #: By the ends of the window neighbouring frequencies share so much of their noise.
 
 
 def resonances(comparison: Comparison, left: Vector, source: Vector, most: int = 4) -> tuple[tuple[float, float], ...]:

@@ -1,7 +1,5 @@
 """A circular test as a polar plot: the deviation of both directions, drawn far larger than the circle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -15,9 +13,7 @@ from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.quantities import centred_traces
 
 DIRECTIONS = {1: ("counter-clockwise ↺", style.PREDICTED), -1: ("clockwise ↻", style.RESIDUAL)}
-POINTS = 2400
-"""Points of a trace that are drawn: of each stretch the ends, the innermost and the outermost."""
-
+POINTS = 2400  #: Points of a trace that are drawn: of each stretch the ends, the innermost and the outermost.
 _PX = 620
 _ROOM = 34 / _PX
 _TICK_ANGLE = 22.5

@@ -1,7 +1,5 @@
 """How a feed axis moved: its error over time, what varied, its frequency response."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 
@@ -18,19 +16,12 @@ from selector.types import Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
 VARYING, CONSTANT = style.PREDICTED, style.MUTED
-SHORTEST_SPAN = 1 / 500
-"""Stretches of the run that are closer together than this share of it are shaded as one."""
-
-MOST_REVERSALS = 6
-"""Reversals that are drawn enlarged."""
-
+SHORTEST_SPAN = 1 / 500  #: Stretches of the run that are closer together than this share of it are shaded as one.
+MOST_REVERSALS = 6  #: Reversals that are drawn enlarged.
 MOST_ON_A_PATH = 8000
+#: Samples of a path that are drawn at most, and the share of the picture below which two are not told apart.
 FINEST_BIT = 1 / 1000
-"""Samples of a path that are drawn at most, and the share of the picture below which two are not told apart."""
-
-_JUMP = 0.3
-"""Share of the range of friction from which on a change between two samples is a jump."""
-
+_JUMP = 0.3  #: Share of the range of friction from which on a change between two samples is a jump.
 _FLOOR_DB = -80.0
 _PHASE_STEP = 90.0
 

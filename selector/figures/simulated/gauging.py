@@ -25,8 +25,7 @@ _RIGHT_PX = 150
 _LABEL_PX = 17
 _CURVE_PX, _ERROR_PX, _GAP_PX, _BOTTOM_PX = 300, 130, 16, 44
 _STROKES_SHOWN = 6.0
-_SHOWN_ERRORS = 4.0
-"""The error of the line is shown up to so many times its largest one within the valid range."""
+_SHOWN_ERRORS = 4.0  #: The error of the line is shown up to so many times its largest one within the valid range.
 
 
 def gauge_characteristic(
@@ -229,16 +228,11 @@ def _thresholds(
 
 DRAWN, LIMIT, WANTED = style.BEFORE, style.RESIDUAL, style.MUTED
 CURVES = (style.PREDICTED, style.CHOSEN, "#CC79A7")
-MOST_MARKERS = 600
-"""Parts that are drawn one by one; of more the smallest and largest of each stretch."""
-
+MOST_MARKERS = 600  #: Parts that are drawn one by one; of more the smallest and largest of each stretch.
 MOST_DRESSINGS = 40
 _BINS = 60
-_FEW_DECADES = 1.5
-"""Up to so many 2 and 5 are written between the powers of ten."""
-
-_DECADES = 5.0
-"""Decades below the largest error that the trade-off shows at most."""
+_FEW_DECADES = 1.5  #: Up to so many 2 and 5 are written between the powers of ten.
+_DECADES = 5.0  #: Decades below the largest error that the trade-off shows at most.
 
 
 def size_histogram(

@@ -1,7 +1,5 @@
 """Which members does a machine consist of, how do they hang together, and which of them move."""
 
-from __future__ import annotations
-
 import cmath
 import textwrap
 from collections.abc import Mapping, Sequence
@@ -100,9 +98,8 @@ def _across(layers: list[list[str]], beside: Mapping[str, list[str]]) -> dict[st
 
 
 MOST_MEMBERS = 40
+#: More members than this, or more of them in one layer, are not drawn: names would stand on each other.
 MOST_BESIDE = 8
-"""More members than this, or more of them in one layer, are not drawn: names would stand on each other."""
-
 IN_PHASE, AGAINST, PATH, BRANCH, HELD = style.PREDICTED, style.RESIDUAL, style.PREDICTED, style.CHOSEN, style.INK
 _PALE = "#d9d9d9"
 _BAND = "#f6d55c"

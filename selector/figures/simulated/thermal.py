@@ -1,7 +1,5 @@
 """A simulated run, or a recorded one: what is done to the machine, how it warms and moves."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
@@ -146,8 +144,7 @@ def _spread(channels: Sequence[Channel], rise: Mapping[str, float]) -> list[Chan
     return [channel for channel in channels if channel.name in kept]
 
 
-MOST_NAMED = 8
-"""More lines in a panel than this are drawn thin, and named by hovering only."""
+MOST_NAMED = 8  #: More lines in a panel than this are drawn thin, and named by hovering only.
 
 _PANELS: tuple[tuple[str, tuple[str, ...], int], ...] = (
     ("displacement", ("displacement",), 170),

@@ -1,7 +1,5 @@
 """How do tool and workpiece vibrate, what does that leave on the part, and where do the chains agree."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,15 +19,12 @@ from selector.physics.vibration.vibration_summary import LineSummary
 from selector.types import Vector
 
 MOST_BARS = 14
-MOST_SOURCES = len(style.GROUPS)
-"""Sources that are told apart by colour; answers and forces are drawn of no more."""
-
+MOST_SOURCES = len(style.GROUPS)  #: Sources that are told apart by colour; answers and forces are drawn of no more.
 _PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
 _BAR_PX = 26
 _OTHER = {"chains": "chains", "coupled": "coupled structure"}
 _MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
-_DECADES = 4.0
-"""Answers weaker than this many powers of ten below the strongest are off the picture."""
+_DECADES = 4.0  #: Answers weaker than this many powers of ten below the strongest are off the picture.
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,16 +193,13 @@ def motion_course(
     return stacked(title, panels, float(time_s[-1]))
 
 
-LIMITS = (0.1, 0.3, 1.0)
-"""Errors at which the colour changes: within 10 %, within 30 %, within 100 %, and beyond."""
-
+LIMITS = (0.1, 0.3, 1.0)  #: Errors at which the colour changes: within 10 %, within 30 %, within 100 %, and beyond.
 MOST_STRIPS = 60
 _COLOURS = (style.CHOSEN, "#c8dfae", "#f0b86a", "#b34a00")
 _NAMES = ("within 10 %", "10 to 30 %", "30 to 100 %", "above 100 %")
 _STRIP_PX = 22
 _POINTS = 400
-_LEAST, _MOST = 0.1, 1e3
-"""Errors [%] between which the axis is drawn."""
+_LEAST, _MOST = 0.1, 1e3  #: Errors [%] between which the axis is drawn.
 
 _PARTS = (
     ("published", "chain as published", style.INK, "solid"),
@@ -289,14 +281,10 @@ def _courses(one: ChainAccuracy) -> list[tuple[list[float], list[float]]]:
 
 
 _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX = 320, 66
-_HEIGHT_DECADES = 5.0
-"""Errors lower than this many powers of ten below the highest are off the picture."""
-
+_HEIGHT_DECADES = 5.0  #: Errors lower than this many powers of ten below the highest are off the picture.
 ZONES = {"roughness": "#eaf3f9", "waviness": "#f4f4f4", "lobing": "#fdf1e3", "runout": "#f9ecf3"}
 _SEVERAL = "several sources"
-_LEAST_LOBES = 1.5
-"""Waves per revolution from which on an error is one of form, and below which it is runout."""
-
+_LEAST_LOBES = 1.5  #: Waves per revolution from which on an error is one of form, and below which it is runout.
 _ALONG = {"cut": "wavelength along the cut [mm]", "feed": "wavelength along the feed [mm]"}
 
 

@@ -14,20 +14,16 @@ The best u solves (P - D + D/z) u = c for the shares 0 < z <= 1 with sum `a` tha
 solves find it nearly, and the bound holds at every one of them. See docs/explanation/best-subset-search.md.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
 
+#: A column whose unexplained share (1 - R² on the columns before it) is below this adds nothing.
+#:
+#: A pivot of a cross-product matrix carries a rounding error near n_columns · 1e-16, so 1e-10 keeps five digits.
 PIVOT_TOLERANCE = 1e-10
-"""A column whose unexplained share (1 - R² on the columns before it) is below this adds nothing.
-
-A pivot of a cross-product matrix carries a rounding error near n_columns · 1e-16, so 1e-10 keeps five digits.
-"""
-
 FREE, KEPT, DROPPED = 0, 1, -1
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -44,8 +40,8 @@ def kernel(function: F) -> F:
 
 _U = np.uint64
 
+#: Where a count that is handed on begins: for a plain 0 what it is handed to would be compiled once more.
 COUNT: Any = np.int64
-"""Where a count that is handed on begins: for a plain 0 what it is handed to would be compiled once more."""
 
 
 @kernel
@@ -177,8 +173,7 @@ def insert(best_rss: Any, best_state: Any, state: Any, rss: float) -> bool:
     return True
 
 
-SMALLEST_SHARE = 1e-9
-"""Shares z are kept above this; the bound stays valid, the matrix stays finite."""
+SMALLEST_SHARE = 1e-9  #: Shares z are kept above this; the bound stays valid, the matrix stays finite.
 
 
 @kernel

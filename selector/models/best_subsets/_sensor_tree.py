@@ -4,8 +4,6 @@ The triangular factor of the columns on the path grows and shrinks with it; up t
 together. Resumable: everything that a chunk needs stands in the arrays.
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,8 +11,7 @@ import numpy as np
 from selector.models.best_subsets._algebra import COUNT, DROPPED, KEPT, PIVOT_TOLERANCE, insert, kernel
 
 DEPTH, WORK, EVALUATED, BOUNDED, VISITED = 0, 1, 2, 3, 4
-LANES = 8
-"""Columns reduced together: one vector of doubles on current processors."""
+LANES = 8  #: Columns reduced together: one vector of doubles on current processors.
 
 
 class Owners(NamedTuple):

@@ -1,7 +1,5 @@
 """Compiled search for good starting sets: forward and backward steps, each followed by the best swaps."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Compiled best-first branch and bound for the best subsets of one size, in resumable chunks; its open nodes."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,8 +22,8 @@ from selector.models.best_subsets._algebra import (
     spread_shares,
 )
 
+#: Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk.
 HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
-"""Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk."""
 
 
 class Tree(NamedTuple):
@@ -194,12 +192,10 @@ def enumerate_leaves(
 DONE, PAUSED, FULL = 0, 1, 2
 CLOSED, AGAIN = -1, -2
 
+#: A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total).
 PROOF_TOLERANCE = 1e-9
-"""A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total)."""
-
 MAX_SOLVES = 15
-MIN_PROGRESS = 0.05
-"""Solves of one node stop when the last one closed less than this share of what was left."""
+MIN_PROGRESS = 0.05  #: Solves of one node stop when the last one closed less than this share of what was left.
 
 
 @kernel

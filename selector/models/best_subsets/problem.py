@@ -1,7 +1,5 @@
 """A subset problem made ready for the compiled search: cross-products, checked, scaled; how far a search is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -108,7 +106,7 @@ class Problem:
     @classmethod
     def of(
         cls, cross: ArrayLike, n_samples: float, must: Iterable[int], intercept: bool, n_best: int, max_size: int | None
-    ) -> Problem:
+    ) -> "Problem":
         """Checked and scaled; see `best_subsets` for the arguments."""
         matrix = checked_cross(cross)
         p = matrix.shape[0] - 1
@@ -281,8 +279,7 @@ def require(holds: bool, found: str, expected: str) -> None:
         raise InputError(found, expected=expected, where="subset search", advice="correct this argument of the search")
 
 
-CHUNK_WORK = 30_000_000
-"""Multiplications between two looks at the clock: about 0.02 s; Ctrl-C waits no longer."""
+CHUNK_WORK = 30_000_000  #: Multiplications between two looks at the clock: about 0.02 s; Ctrl-C waits no longer.
 
 
 def relative_gap(best: float, bound: float) -> float:

@@ -1,7 +1,5 @@
 """What a subset search returns, and the criteria that rank subsets of different size."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ Only the cross-products are used, so the cost does not depend on the number of s
 columns each.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Sequence
 from types import MappingProxyType
@@ -31,8 +29,7 @@ from selector.models.best_subsets.problem import (
 from selector.models.best_subsets.results import Coverage, SensorSet, SensorSetSearch, Statistics, Subset, SubsetSearch
 from selector.types import Array
 
-MAX_OPEN_NODES = 200_000
-"""Open nodes of one size held in memory; beyond it the search goes depth first."""
+MAX_OPEN_NODES = 200_000  #: Open nodes of one size held in memory; beyond it the search goes depth first.
 
 
 def compile_search() -> None:

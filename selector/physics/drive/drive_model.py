@@ -1,7 +1,5 @@
 """A feed drive that runs: its file in, recordings of its axes out, its parameters open to be fitted again."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -40,17 +38,13 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
+#: ``output`` of an axis in the model file → role of what its control puts out.
 OUTPUT_ROLES = {"current": "current", "voltage": "voltage", "force": "force", "number": "state"}
-"""``output`` of an axis in the model file → role of what its control puts out."""
-
+#: What is recorded of an axis: commanded position, position that the control sees, true position of the table,
+#: commanded minus true, what the control puts out, what is added to that behind it, both together, force of the screw
+#: on the table, force from outside.
 KINDS = ("command", "position", "table", "error", "output", "added", "total", "force", "load")
-"""What is recorded of an axis: commanded position, position that the control sees, true position of the table,
-commanded minus true, what the control puts out, what is added to that behind it, both together, force of the screw on
-the table, force from outside."""
-
-INPUTS = ("command", "added", "load")
-"""Those of `KINDS` that act on the axis."""
-
+INPUTS = ("command", "added", "load")  #: Those of `KINDS` that act on the axis.
 _UM = 1e6
 
 
@@ -193,7 +187,7 @@ class DriveModel:
         turns = {1: "ccw", -1: "cw"}
         return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in file_circles(self.file)}
 
-    def with_parameters(self, values: Mapping[str, float]) -> DriveModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "DriveModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return DriveModel(with_parameters(self.file, values), self.columns)
 

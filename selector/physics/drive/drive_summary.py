@@ -1,7 +1,5 @@
 """What does a simulated feed drive amount to: what its error goes with, whether it sticks, its loops and circles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,12 +22,11 @@ from selector.types import Vector
 PARTS = ("speed", "acceleration", "direction", "constant")
 REST = "rest"
 
+#: Share of the largest speed below which an axis is said to stand: its direction is that of its last motion.
 _STANDSTILL = 1e-6
-"""Share of the largest speed below which an axis is said to stand: its direction is that of its last motion."""
-
+#: Mean square of the speed about its mean, relative to its mean square, while the axis moves, below which it moves at
+#: one speed only: a trapezoid that is ramp for less than 3 % of its time.
 _ONE_SPEED = 0.01
-"""Mean square of the speed about its mean, relative to its mean square, while the axis moves, below which it moves at
-one speed only: a trapezoid that is ramp for less than 3 % of its time."""
 
 
 @dataclass(frozen=True)
@@ -138,12 +135,9 @@ def _added_squares(design: Vector, error: Vector, groups: list[list[int]]) -> li
     return added
 
 
-_CREEPS, _JUMPS = 0.5, 2.0
-"""Shares of the commanded speed below which the table creeps and above which it jumps."""
-
+_CREEPS, _JUMPS = 0.5, 2.0  #: Shares of the commanded speed below which the table creeps and above which it jumps.
 _LEAST_SHARE, _LEAST_JUMPS = 0.5, 2
-_IN_EARNEST = 0.05
-"""Share of the largest commanded speed from which on an axis is said to be commanded to move."""
+_IN_EARNEST = 0.05  #: Share of the largest commanded speed from which on an axis is said to be commanded to move.
 
 
 @dataclass(frozen=True)

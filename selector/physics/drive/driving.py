@@ -1,7 +1,5 @@
 """What would the model have done in recorded runs: which channels are its axes', in closed loop or opened."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -24,8 +22,7 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 
 _MICRO = 1e6
-_ACTING = ("force", "voltage", "current")
-"""Roles of what may move an axis."""
+_ACTING = ("force", "voltage", "current")  #: Roles of what may move an axis.
 
 
 @dataclass(frozen=True)
@@ -177,14 +174,12 @@ _WHAT = {
 }
 
 
+#: Share of the largest speed below which a recording begins at rest: what rounding and smoothing make of standing.
 _AT_REST = 0.01
-"""Share of the largest speed below which a recording begins at rest: what rounding and smoothing make of standing."""
-
+#: Samples of a control in one of the recording, or the other way round, that clocks of the two may differ by.
 _FINEST_SHARE = 20
-"""Samples of a control in one of the recording, or the other way round, that clocks of the two may differ by."""
-
+#: Relative difference of two clocks that count as one: that of crystals, and of times written with few digits.
 _SAME_CLOCK = 1e-6
-"""Relative difference of two clocks that count as one: that of crystals, and of times written with few digits."""
 
 
 @dataclass(frozen=True)

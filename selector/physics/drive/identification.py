@@ -1,7 +1,5 @@
 """Which parameters a recorded motion speaks of: by the inverse dynamic model."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -14,13 +12,11 @@ from selector.physics.checks import keep_arrays
 from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.types import Vector
 
+#: Cut-off of the differentiating filter per bandwidth of the loop: what the loop does must pass unharmed.
 CUT_OFF = 5.0
-"""Cut-off of the differentiating filter per bandwidth of the loop: what the loop does must pass unharmed."""
-KEPT = 2.0
-"""Frequencies kept for the fit per bandwidth of the loop; above them there is little but noise."""
+KEPT = 2.0  #: Frequencies kept for the fit per bandwidth of the loop; above them there is little but noise.
 ORDER = 4
-BORDER_S = 0.05
-"""Left out at both ends, where a filter that runs both ways knows one side only [s]."""
+BORDER_S = 0.05  #: Left out at both ends, where a filter that runs both ways knows one side only [s].
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """What is odd about a feed drive: numbers that no machine has, what shows before it runs, and what it did."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 
@@ -50,14 +48,10 @@ def _odd_effects(
             )
 
 
+#: Step × fastest rate above which a method of order 4 takes more than 4 % of that vibration a period (2π/144).
 COARSE_PER_MODE = 1.0
-"""Step × fastest rate above which a method of order 4 takes more than 4 % of that vibration a period (2π/144)."""
-
-_LIMIT_SHARE = 0.5
-"""Share of the samples at a limit above which a motion is more limit than control."""
-
-_START_SHARE = 0.02
-"""Speed of the first sample, as a share of the largest, from which on a motion begins with a jolt."""
+_LIMIT_SHARE = 0.5  #: Share of the samples at a limit above which a motion is more limit than control.
+_START_SHARE = 0.02  #: Speed of the first sample, as a share of the largest, from which on a motion begins with a jolt.
 
 
 def model_findings(model: DriveModel) -> tuple[Finding, ...]:

@@ -1,7 +1,5 @@
 """How an axis follows its reference: its motion, step and step-size error, and why one could not go on."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
@@ -36,7 +34,7 @@ class AxisRun:
     added: Vector | None = None  #: (n_samples,): What was added to the output of the control, behind it [actuator unit]
 
     @property
-    def recorded(self) -> AxisRun:
+    def recorded(self) -> "AxisRun":
         """Of it what is recorded, with its own time 0; itself where all is."""
         if self.arc is None:
             return self
@@ -221,8 +219,7 @@ def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
 
 
-_LARGE_SHARE = 2.0
-"""Shares of feed-forward above which it is worth a word: 1 is complete."""
+_LARGE_SHARE = 2.0  #: Shares of feed-forward above which it is worth a word: 1 is complete.
 
 
 def runaway(
@@ -263,9 +260,9 @@ def _named(axis: Axis, reference: Reference) -> str:
     return f" ({', '.join(acting)})" if acting else ", such as forces, and where and how fast it starts"
 
 
+#: Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
+#: period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120).
 PER_MODE = 0.2
-"""Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a
-period in size (2π·0.2⁵/144) and by 1e-4 in phase (2π·0.2⁴/120)."""
 
 
 def advised_step_s(axis: Axis, period_s: float) -> float:

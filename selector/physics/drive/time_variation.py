@@ -1,7 +1,5 @@
 """How much it matters that stiffness and damping change along a motion: F's figures 6, 7, 9 for any parts and servo."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Literal
 

@@ -3,8 +3,6 @@
 Stiffness and damping that it has on the way are those of F eq. 5, 6.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -96,8 +94,8 @@ class Reference:
         return np.asarray(np.arange(len(self.position_m)) * self.period_s, dtype=np.float64)
 
 
+#: Parameters of the mechanics that may change along a motion.
 COURSES = ("axial_stiffness_n_per_m", "guide_damping_ns_per_m")
-"""Parameters of the mechanics that may change along a motion."""
 
 
 @dataclass(frozen=True)
@@ -128,12 +126,9 @@ class ParameterCourse:
                 )
 
 
-EVEN = 1e-3
-"""Clocks that stray by less, as a share of their period, count as even: rounded times."""
-NOTHING_M = 1e-30
-"""Moves below this take no time: their phases would leave the range of numbers."""
-WINDOW = 11
-"""Samples of the local cubic from which derivatives of a recorded course are taken."""
+EVEN = 1e-3  #: Clocks that stray by less, as a share of their period, count as even: rounded times.
+NOTHING_M = 1e-30  #: Moves below this take no time: their phases would leave the range of numbers.
+WINDOW = 11  #: Samples of the local cubic from which derivatives of a recorded course are taken.
 
 
 def sine(

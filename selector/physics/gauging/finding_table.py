@@ -1,7 +1,5 @@
 """The findings of in-process gauging: how much each matters, what it means and what to do about it."""
 
-from __future__ import annotations
-
 from selector.findings import Kinds
 from selector.physics.finding_table import FINDINGS as SHARED_FINDINGS
 

@@ -26,17 +26,12 @@ if TYPE_CHECKING:
 
 PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
 
-_NEAR = 0.4
-"""Share of the standard error of a mean to which it is centred."""
-
+_NEAR = 0.4  #: Share of the standard error of a mean to which it is centred.
 _FINE_UM = 1e-3
 _MOST_RUNS = 7
-_STEEP = 4.0
-"""By how much the change of size with the voltage may differ from the gain of the gauge."""
-
+_STEEP = 4.0  #: By how much the change of size with the voltage may differ from the gain of the gauge.
 _FILTER_DIGITS = 2
-_MISSED = 0.01
-"""Share of the parts that may miss a threshold more than do now."""
+_MISSED = 0.01  #: Share of the parts that may miss a threshold more than do now.
 
 
 @dataclass(frozen=True)
@@ -84,8 +79,8 @@ def limit_text(setting: Setting) -> str:
     return " (the end of what was looked at, as a stage has to be long against its filter)" if setting.at_limit else ""
 
 
+#: Parts ground as a model says, all with the same noise, feeds and starts.
 Sizes = Callable[["GaugingModel"], "FinishedSizes"]
-"""Parts ground as a model says, all with the same noise, feeds and starts."""
 
 
 def gauging_settings(

@@ -1,7 +1,5 @@
 """What would the gauge have shown in recorded runs, driven by their allowance or feed at its time stamps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -114,9 +112,8 @@ def _noise_um(noise: Noise, step_s: float, points: int, random: np.random.Genera
     return np.asarray(lfilter([1.0], [1.0, -keep], drawn), dtype=np.float64)
 
 
+#: Share of what the gauge can show that its ends are taken for: beyond its reach it says nothing of the allowance.
 _REACH = 0.02
-"""Share of what the gauge can show that its ends are taken for: beyond its reach it says nothing of the allowance."""
-
 _FINER = 4
 
 
@@ -165,14 +162,10 @@ def start_um(model: GaugingModel, time_s: Vector, fallen: Vector, shown_um: Vect
     return float(np.mean(shown_um[early] - behind[early]))
 
 
-_EVEN = 1e-3
-"""Distance of times from an even grid, as a share of their period, from which on it is told."""
-
+_EVEN = 1e-3  #: Distance of times from an even grid, as a share of their period, from which on it is told.
 _GAP = 1.5
 
-_PER_NOISE = 0.25
-"""Longest step of the calculation with noise, in 1/β."""
-
+_PER_NOISE = 0.25  #: Longest step of the calculation with noise, in 1/β.
 _MOST_MM_PER_MIN = 1e6
 
 

@@ -1,7 +1,5 @@
 """A gauge that stops grinding, ready to run; its channels, and which of a recording from elsewhere are the same."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -43,8 +41,7 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
-UM_PER_S = 1000.0 / 60.0
-"""1 mm/min, the unit of a feed in a recording, in µm/s."""
+UM_PER_S = 1000.0 / 60.0  #: 1 mm/min, the unit of a feed in a recording, in µm/s.
 
 
 def _channel(name: str, role: str, place: str) -> Channel:
@@ -56,19 +53,16 @@ GAUGE = _channel("gauge", "voltage", "filter")
 MEASURED = _channel("measured", "size", "gauge")
 FEED = _channel("feed", "feed_rate", "wheel")
 STAGE = _channel("stage", "state", "relay")
+#: Of a part: true allowance, smoothed voltage, size as the gauge shows it, infeed of the wheel, number of the stage,
+#: the first being 1, and 0 when the feed has stopped.
 PART_CHANNELS = (ALLOWANCE, GAUGE, MEASURED, FEED, STAGE)
-"""Of a part: true allowance, smoothed voltage, size as the gauge shows it, infeed of the wheel, number of the stage,
-the first being 1, and 0 when the feed has stopped."""
-
 CURRENT = _channel("current", "current", "electromagnet")
 PROBE = _channel("probe", "displacement", "probe")
 CONTACT = _channel("contact", "force", "contact")
 GENERATOR = _channel("generator", "voltage", "generator")
-WAVEFORM_CHANNELS = (CURRENT, PROBE, CONTACT, GENERATOR)
-"""What else is known of the whole chain near the stop."""
-
+WAVEFORM_CHANNELS = (CURRENT, PROBE, CONTACT, GENERATOR)  #: What else is known of the whole chain near the stop.
+#: What a recording from elsewhere may have, under any name.
 KINDS: Mapping[str, Channel] = {"allowance": ALLOWANCE, "feed": FEED, "gauge": GAUGE, "measured": MEASURED}
-"""What a recording from elsewhere may have, under any name."""
 
 
 def recorded_channels(file: GaugingFile, recording: Recording) -> dict[str, str]:
@@ -271,7 +265,7 @@ class GaugingModel:
             self.crest,
         )
 
-    def with_parameters(self, values: Mapping[str, float]) -> GaugingModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return gauging_model(with_parameters(self.file, values))
 
@@ -396,14 +390,9 @@ def _characteristic(transducer: Transducer) -> Characteristic:
     return characteristic(transducer)
 
 
-_SHIFT_SHARE = 0.1
-"""Share of the tolerance by which a size may be off before it is told."""
-
-_SHIFT_UM = 1.0
-"""The same without a tolerance [µm]."""
-
-_SHORT = 0.5
-"""Share of the last stage that a filter takes at most that somebody could have meant."""
+_SHIFT_SHARE = 0.1  #: Share of the tolerance by which a size may be off before it is told.
+_SHIFT_UM = 1.0  #: The same without a tolerance [µm].
+_SHORT = 0.5  #: Share of the last stage that a filter takes at most that somebody could have meant.
 
 
 def mattering_um(model: GaugingModel) -> float:

@@ -1,7 +1,5 @@
 """What does a simulated gauge amount to, what is odd about the sizes that come out, and what would make them better."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -46,14 +44,10 @@ from selector.physics.gauging.sizes.size_distribution import (
 from selector.physics.simulation_kind import Progress
 
 _TURNS = 2048
-_EARLY_SHARE = 0.1
-"""Share of the standard deviation from which on an early command is told."""
-
-_MOSTLY = 0.7
-"""Share of an early command from which on one cause is named alone."""
-
+_EARLY_SHARE = 0.1  #: Share of the standard deviation from which on an early command is told.
+_MOSTLY = 0.7  #: Share of an early command from which on one cause is named alone.
+#: Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told.
 _EARLY_ERRORS, _SHARE, _EARLY_LEAST_UM = 4.0, 0.15, 1e-3
-"""Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told."""
 
 
 def early_findings(model: GaugingModel, formula: SizeDistribution, linear: SizeDistribution) -> Iterator[Finding]:
@@ -146,14 +140,10 @@ def differing_findings(model: GaugingModel, formula: SizeDistribution, sizes: Fi
     )
 
 
-CAPABLE = 1.33
-"""Cpk from which on a process is called capable: four standard deviations to the nearer limit."""
-
-_ERRORS = 4.0
-"""Standard errors by which sizes must be off to be told."""
-
+CAPABLE = 1.33  #: Cpk from which on a process is called capable: four standard deviations to the nearer limit.
+_ERRORS = 4.0  #: Standard errors by which sizes must be off to be told.
+#: A filter is better that leaves at most this share of the error, and so much less of it [µm].
 _BETTER, _LEAST_UM = 0.9, 1e-3
-"""A filter is better that leaves at most this share of the error, and so much less of it [µm]."""
 
 
 def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> Iterator[Finding]:
@@ -232,8 +222,7 @@ def _filter(by_name: Mapping[str, Setting]) -> Iterator[Finding]:
 
 
 _PARTS = 200
-_STAGE_SHARE = 0.1
-"""Share of the stage that follows, by which an end may be off before it is told."""
+_STAGE_SHARE = 0.1  #: Share of the stage that follows, by which an end may be off before it is told.
 
 
 def stage_end_um(model: GaugingModel, number: int, seed: int) -> tuple[float, float] | None:
@@ -285,8 +274,8 @@ def threshold_findings(model: GaugingModel, seed: int) -> Iterator[Finding]:
         )
 
 
+#: Steps of all parts of one trial of other thresholds: a second or so; and parts that it has at least.
 _TRIAL_STEPS, _FEWEST_TRIALS = 10_000_000, 200
-"""Steps of all parts of one trial of other thresholds: a second or so; and parts that it has at least."""
 
 
 @dataclass(frozen=True)

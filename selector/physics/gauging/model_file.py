@@ -1,7 +1,5 @@
 """What does the model file of in-process gauging say: TOML text → checked values, or an error that names the key."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -43,19 +41,12 @@ from selector.physics.model_text import (
 )
 from selector.physics.model_values import entry_of, given, refusals, value_of
 
-MOST_ALLOWANCE_UM = 1e6
-"""In recordings: allowances and sizes [µm]."""
-
+MOST_ALLOWANCE_UM = 1e6  #: In recordings: allowances and sizes [µm].
 MOST_STAGES = 20
 
-MOST_PARTS = 1_000_000
-"""Parts of one file."""
-
-MOST_STEPS = 500_000_000
-"""Samples of all parts together; some half a minute."""
-
-MOST_WAVEFORM_S = 10.0
-"""Of it thousands of samples a second are kept."""
+MOST_PARTS = 1_000_000  #: Parts of one file.
+MOST_STEPS = 500_000_000  #: Samples of all parts together; some half a minute.
+MOST_WAVEFORM_S = 10.0  #: Of it thousands of samples a second are kept.
 
 if TYPE_CHECKING:
     TransducerSection: TypeAlias = Entry
@@ -184,15 +175,12 @@ def _grinding(section: Entry) -> Grinding:
     return Grinding(**(said | {"stages": tuple(value_of(Stage, stage) for stage in said["stages"])}))
 
 
-MOST_RECORDED = 50
-"""Parts that are recorded in full; of more only the sizes are kept."""
-
+MOST_RECORDED = 50  #: Parts that are recorded in full; of more only the sizes are kept.
 _PER_FILTER = 5
 _PER_TURN = 20
 _PER_GROOVE = 8
 _SHORT_FILTER_S = 1e-3
-_FEWEST, _MOST = 500, 20_000
-"""Samples of a part, where the file does not say how often it is looked at."""
+_FEWEST, _MOST = 500, 20_000  #: Samples of a part, where the file does not say how often it is looked at.
 
 
 def planned_s(parts: FileParts) -> float:
@@ -445,8 +433,8 @@ def _of_thresholds(file: GaugingFile, parts: FileParts) -> Iterator[Contradictio
 FAMILY: ModelFamily[GaugingFile] = ModelFamily(
     "gauging", KINDS, contradictions, page="docs/reference/gauging-model.md", examples="fixtures/gauging"
 )
+#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, of a text, and of plain values; see `ModelFamily`."""
 
 
 def parameters(file: GaugingFile) -> dict[str, Parameter]:

@@ -1,7 +1,5 @@
 """What is gauged: grinding with its feed and wear, the surface under the probe, what size is wanted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

@@ -5,8 +5,6 @@ whole test; of two channels of one axis at two places also the rotation between 
 counts right-handed about its axis, before its range is taken: two X probes along Z give B, two Y probes along Z give A.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,9 +17,7 @@ from selector.recording import Channel, Recording
 from selector.types import Vector
 
 FIRST_S = 3600.0
-PARALLEL = 0.02
-"""Part of the distance of two probes by which they may be off the line along one axis (about 1°)."""
-
+PARALLEL = 0.02  #: Part of the distance of two probes by which they may be off the line along one axis (about 1°).
 LEAST_DISTANCE_M = 1e-3
 Test = Literal["environment", "spindle", "axes", "unknown"]
 

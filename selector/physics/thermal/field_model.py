@@ -1,7 +1,5 @@
 """Which field machine does a model file describe, with which candidate places, and how it looks at one moment."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Iterable, Mapping

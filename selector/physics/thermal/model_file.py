@@ -1,7 +1,5 @@
 """What does a thermal model file say: TOML text → checked values, or an error that names the key."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -37,12 +35,8 @@ from selector.physics.model_text import (
 )
 from selector.physics.thermal.finding_table import FINDINGS
 
-MOST_NODES = 300
-"""Nodes of a network. Its exact stepping costs their number cubed."""
-
-MOST_SENSORS = 1000
-"""Thermometers of a model, candidates among them."""
-
+MOST_NODES = 300  #: Nodes of a network. Its exact stepping costs their number cubed.
+MOST_SENSORS = 1000  #: Thermometers of a model, candidates among them.
 Exponent = Annotated[float, limited(0, 4), Fit(low=0.0, high=4.0)]
 Degrees = Annotated[float, limited(-100, 1000), Unit("°C")]
 FittedDegrees = Annotated[Degrees, Fit(around=30.0)]
@@ -84,6 +78,7 @@ def _course_kind(value: Any) -> str:
 
 _NUMBER, _STEPS, _SINE, _COLUMN = (choice_tag(form) for form in ("number", "steps", "sine", "column"))
 
+#: A number that holds for the whole run, steps [from minute, value], a sine, or a column of a file.
 Course = Annotated[
     Annotated[Signed, Tag(_NUMBER)]
     | Annotated[Steps, Tag(_STEPS)]
@@ -91,7 +86,6 @@ Course = Annotated[
     | Annotated[Column, Tag(_COLUMN)],
     Discriminator(_course_kind),
 ]
-"""A number that holds for the whole run, steps [from minute, value], a sine, or a column of a file."""
 
 
 class ModelSection(Entry):
@@ -437,8 +431,8 @@ def _of_names(file: ModelFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[ModelFile] = ModelFamily(
     "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
 )
+#: The model file at a path, of a text, and of plain values; see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, of a text, and of plain values; see `ModelFamily`."""
 
 
 _SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes", "run")

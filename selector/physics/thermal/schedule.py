@@ -1,7 +1,5 @@
 """What is done to the machine and when, and what thermometers and gauges make of its true course."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,6 +28,7 @@ class Condition:
     place: str | None = None
 
 
+#: By their names as inputs of a model and as channels of a recording; the order is that of `Conditions`.
 CONDITIONS: Mapping[str, Condition] = {
     "spindle_speed": Condition("spindle_speed_rpm", "spindle_speed", 0.0, (0.0, 1e6), "spindle_speed"),
     "torque": Condition("torque_nm", "torque", 0.0, (-1e9, 1e9), "state", "torque of the spindle [N·m]"),
@@ -38,7 +37,6 @@ CONDITIONS: Mapping[str, Condition] = {
     "coolant": Condition("coolant_degc", "coolant_degc", 20.0, (-100.0, 1000.0), "temperature", "coolant"),
     "machine_on": Condition("machine_on", "machine_on", 1.0, (0.0, 1.0), "state", "machine: 0 off, 1 on"),
 }
-"""By their names as inputs of a model and as channels of a recording; the order is that of `Conditions`."""
 
 _KNOWN_BY_ROLE = ("spindle_speed", "ambient")
 

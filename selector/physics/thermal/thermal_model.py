@@ -1,7 +1,5 @@
 """A thermal model that runs, by its own conditions or those of recorded runs; its parameters are open to be fitted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -152,9 +150,8 @@ def _films(laws: Laws, conditions: Conditions, speed_rpm: float, coolant_on: flo
     return summed([law.film for law in laws.films], film_coefficients(laws, held)[0])
 
 
+#: Conditions that a simulated recording holds even if they do not change.
 ALWAYS_RECORDED = ("spindle_speed", "ambient")
-"""Conditions that a simulated recording holds even if they do not change."""
-
 _COLD_DEGC, _HOT_DEGC = -50.0, 200.0
 _AXES = ("X", "Y", "Z", "A", "B", "C")
 
@@ -202,7 +199,7 @@ class FileModel:
         """Named numbers with units and bounds, see `parameters.parameters`."""
         return parameters(self.file)
 
-    def with_parameters(self, values: Mapping[str, float]) -> FileModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "FileModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`.
 
         A body whose parameters are all in its laws is not built again.
@@ -369,9 +366,7 @@ def _axis(gauge: Gauge) -> str | None:
     return gauge.axis or (letter if letter in _AXES and not rest.isalnum() else None)
 
 
-_START_K = 1.0
-"""What a machine that stood for a night may differ from its hall."""
-
+_START_K = 1.0  #: What a machine that stood for a night may differ from its hall.
 _START_SAMPLES = 5
 
 

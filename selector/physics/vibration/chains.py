@@ -4,8 +4,6 @@ Errors are those of the complex amplitude, |X_chain/X_coupled − 1|: a wrong ph
 sources and chains are added.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,8 +30,7 @@ from selector.physics.vibration.structure.structure import (
 from selector.types import Complex, Vector
 
 Range = Literal["high", "low"]
-Group = tuple[str, ...]
-"""Members that move as one mass."""
+Group = tuple[str, ...]  #: Members that move as one mass.
 
 
 @dataclass(frozen=True)
@@ -268,11 +265,9 @@ def _joints_between(structure: Structure, group: Group, on: Group) -> list[Joint
     ]
 
 
-WITHIN = 0.1
-"""Limit of the error within which the chains count as good."""
-
+WITHIN = 0.1  #: Limit of the error within which the chains count as good.
+#: Share of its largest amplitude below which a reference is an antiresonance that no ratio is taken to.
 NOTHING = 1e-20
-"""Share of its largest amplitude below which a reference is an antiresonance that no ratio is taken to."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """What does the model file of a vibration say: TOML text → checked values, numbers to be fitted, or an error."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -37,12 +35,8 @@ from selector.physics.vibration.structure.structure import GROUND, Joint, Member
 MOST_MEMBERS = 200
 MOST_LINES = 2_000
 LEAST_PERIOD_S = 1e-7
-MOST_SINES = 500_000_000
-"""Lines × samples of one run: some ten seconds."""
-
-HEAVIEST_KG = 2e5
-"""No member of a machine is heavier."""
-
+MOST_SINES = 500_000_000  #: Lines × samples of one run: some ten seconds.
+HEAVIEST_KG = 2e5  #: No member of a machine is heavier.
 Rpm = Annotated[float, limited(0, 1e6)]
 Corner = tuple[Annotated[float, limited(0, 1e6)], Rpm]
 _NUMBER, _CORNERS = choice_tag("number"), choice_tag("corners")
@@ -52,11 +46,11 @@ def _speed_kind(value: Any) -> str:
     return _CORNERS if isinstance(value, list | tuple) else _NUMBER
 
 
+#: A speed that stays, or the corners of a course that is straight between them.
 Speed = Annotated[
     Annotated[Rpm, Tag(_NUMBER)] | Annotated[tuple[Corner, ...], Field(min_length=2, max_length=10_000), Tag(_CORNERS)],
     Discriminator(_speed_kind),
 ]
-"""A speed that stays, or the corners of a course that is straight between them."""
 
 Exponent = Annotated[float, limited(-10, 10)]
 Limit = Annotated[float, limited(-1e15, 1e15)]
@@ -257,8 +251,7 @@ def mean_rpm(course: ShaftCourse, from_s: float, to_s: float) -> float:
     return float(60.0 * (last - first) / (to_s - from_s))
 
 
-FEWEST_SAMPLES = 4
-"""In a run: with fewer there is nothing to see of a vibration."""
+FEWEST_SAMPLES = 4  #: In a run: with fewer there is nothing to see of a vibration.
 
 
 def contradictions(file: VibrationFile) -> Iterator[Contradiction]:
@@ -444,13 +437,12 @@ def _of_run(file: VibrationFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[VibrationFile] = ModelFamily(
     "vibration", KINDS, contradictions, page="docs/reference/vibration-model.md", examples="fixtures/vibration"
 )
+#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
 
 
 _TIMES = 10.0
-_SMALLEST = 1e-3
-"""Of a force that is there: a line without any is refused."""
+_SMALLEST = 1e-3  #: Of a force that is there: a line without any is refused.
 
 
 def parameters(file: VibrationFile) -> dict[str, Parameter]:

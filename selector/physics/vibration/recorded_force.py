@@ -1,7 +1,5 @@
 """How tool and workpiece answer to a recorded force: where its samples lie on an even grid, and what was elsewhere."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -18,19 +16,15 @@ from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import Structure, structure_modes
 from selector.types import Mask, Matrix, Vector
 
-STRAY = 0.25
-"""Share of a step by which the stamps of an even clock may stray."""
-GAP = 3.0
-"""Usual steps from one stamp to the next beyond which it is a gap, and no lost row or two."""
+STRAY = 0.25  #: Share of a step by which the stamps of an even clock may stray.
+GAP = 3.0  #: Usual steps from one stamp to the next beyond which it is a gap, and no lost row or two.
 _EVEN = 1e-3
-_CERTAIN = 4.0
-"""Standard errors from which on stray stamps are believed."""
-_FINER = 4
-"""Steps of the finer grid in a usual step of an uneven clock."""
+_CERTAIN = 4.0  #: Standard errors from which on stray stamps are believed.
+_FINER = 4  #: Steps of the finer grid in a usual step of an uneven clock.
 _MOST_PLACES = 1 << 23
 _FEWEST = 8
+#: Steps in a period up to which a cubic spline is within 1 % of a sine: 5/384·(ω·h)⁴ (C. A. Hall, W. W. Meyer 1976).
 _WITHIN_1_PERCENT = (0.01 * 384.0 / 5.0) ** 0.25 / (2.0 * math.pi)
-"""Steps in a period up to which a cubic spline is within 1 % of a sine: 5/384·(ω·h)⁴ (C. A. Hall, W. W. Meyer 1976)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,11 +178,9 @@ def _wide_step_s(steps: Vector, usual_s: float) -> float:
     return usual_s if np.mean(np.abs(steps / usual_s - 1.0) < 2.0 * STRAY) > 0.8 else float(np.quantile(steps, 0.9))
 
 
-_NEAR = 16384
-"""Samples from which an end is continued."""
+_NEAR = 16384  #: Samples from which an end is continued.
 _ORDER = 256
-_AROUND = 4096
-"""Samples on either side of what is lost from which it is told."""
+_AROUND = 4096  #: Samples on either side of what is lost from which it is told.
 _BRIDGE_ORDER = 96
 _MOST_ENTRIES = 20_000_000
 _NOTHING = 1e-26
@@ -314,17 +306,11 @@ def _put_in(course: Vector, model: Vector, lost: NDArray[np.int64]) -> None:
     course[lost] = linalg.solveh_banded(band, -load[lost], lower=True)
 
 
-MOST_SILENT = 1 << 21
-"""Samples of the silence behind the force."""
-
-FADED = 1e-3
-"""Share of a free vibration that counts as none."""
-
+MOST_SILENT = 1 << 21  #: Samples of the silence behind the force.
+FADED = 1e-3  #: Share of a free vibration that counts as none.
+#: Samples at either end whose weighted mean is the level of the force there; no more than a quarter of all.
 _LEVEL = 16384
-"""Samples at either end whose weighted mean is the level of the force there; no more than a quarter of all."""
-
-_OUTLIER = 4.0
-"""Standard deviations from which on a value is no part of the level."""
+_OUTLIER = 4.0  #: Standard deviations from which on a value is no part of the level.
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,11 @@ Frequencies are products of orders, speeds and limits: order 15 at 1290 r/min, d
 15.000000000000002. What is within 10⁻⁹ of a limit is at the limit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+#: Share by which numbers above 0 differ that are the same; rounding leaves some 10⁻¹⁵, of sampled times up to 10⁻¹⁰.
 SAME = 1e-9
-"""Share by which numbers above 0 differ that are the same; rounding leaves some 10⁻¹⁵, of sampled times up to 10⁻¹⁰."""
 
 
 def above(values: ArrayLike, limit: float) -> NDArray[np.bool_]:

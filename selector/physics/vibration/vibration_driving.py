@@ -1,7 +1,5 @@
 """What would the model have done in recorded runs: which channels are its shafts and sources, and what is told."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -134,12 +132,10 @@ def _unused(
     )
 
 
-_EVEN = 1e-3
-"""Share of a step by which the stamps of an even clock may stray untold."""
+_EVEN = 1e-3  #: Share of a step by which the stamps of an even clock may stray untold.
 _NEARLY = 1.1
 _MOST_GAPS = 10
-_LONG = 0.5
-"""Share of the run from which on its beginning is a warning."""
+_LONG = 0.5  #: Share of the run from which on its beginning is a warning.
 _UM = 1e6
 
 
@@ -242,8 +238,7 @@ def end_findings(
 
 _MOST_RPM, _MOST_FORCE_N = 1e6, 1e9
 _FEWEST = 8
-_TURNED_BACK = 0.01
-"""Share of the largest speed, below which a sign is noise."""
+_TURNED_BACK = 0.01  #: Share of the largest speed, below which a sign is noise.
 
 
 @dataclass(frozen=True)

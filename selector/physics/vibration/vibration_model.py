@@ -1,7 +1,5 @@
 """A vibrating structure that runs: its file in, a recording of tool and workpiece out, its parameters open to a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,12 +28,8 @@ from selector.physics.vibration.structure.structure import Structure
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
-FINALS = ("tool", "workpiece")
-"""Names of the finals, whatever members they are."""
-
-RELATIVE = "tool_workpiece"
-"""Motion of the tool against the workpiece, as a name beside those of `FINALS`."""
-
+FINALS = ("tool", "workpiece")  #: Names of the finals, whatever members they are.
+RELATIVE = "tool_workpiece"  #: Motion of the tool against the workpiece, as a name beside those of `FINALS`.
 _UM = 1e6
 
 
@@ -145,7 +139,7 @@ class VibrationModel:
                 found.append((source.name, *span))
         return tuple(found)
 
-    def with_parameters(self, values: Mapping[str, float]) -> VibrationModel:
+    def with_parameters(self, values: Mapping[str, float]) -> "VibrationModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
         return VibrationModel(with_parameters(self.file, values))
 

@@ -1,7 +1,5 @@
 """What does a simulated vibration amount to: modes, where every line goes, what it leaves behind, and what is odd."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -40,12 +38,8 @@ from selector.physics.vibration.structure.structure import (
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Complex
 
-MORE_THAN_CARRIED = 10.0
-"""Times the heaviest member on the ground that nothing which it carries weighs."""
-
-SLOW_HZ = 20.0
-"""On its joints alone a member that is carried swings faster."""
-
+MORE_THAN_CARRIED = 10.0  #: Times the heaviest member on the ground that nothing which it carries weighs.
+SLOW_HZ = 20.0  #: On its joints alone a member that is carried swings faster.
 _TONNE = 1000.0
 _LOWEST_HZ = 10.0
 _GRAMS = 1e-3
@@ -92,18 +86,11 @@ def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) 
         )
 
 
-SHARP = 30.0
-"""Amplification of a line by a mode above which a part of a percent in frequency decides its size."""
-
-CHAINS_OFF = 0.1
-"""Share by which the chains may differ from the coupled structure before it is said."""
-
-MORE_THAN_MOVED = 10.0
-"""Published height over the height that a copied motion leaves, from which on it is said."""
-
+SHARP = 30.0  #: Amplification of a line by a mode above which a part of a percent in frequency decides its size.
+CHAINS_OFF = 0.1  #: Share by which the chains may differ from the coupled structure before it is said.
+MORE_THAN_MOVED = 10.0  #: Published height over the height that a copied motion leaves, from which on it is said.
+#: Between them lie the eigenfrequencies of machines that are described by masses and joints.
 LOWEST_HZ, HIGHEST_HZ = 1.0, 20e3
-"""Between them lie the eigenfrequencies of machines that are described by masses and joints."""
-
 _WORDS = {RELATIVE: "the tool against the workpiece"}
 
 
@@ -307,13 +294,11 @@ def _rms_um(motion_m: Complex) -> float:
 
 
 _UM = 1e6
+#: Frequencies at which every chain is judged, as many a decade everywhere; fewer where chains and members are many.
 _JUDGED, _FEWEST_JUDGED = 2_000, 100
-"""Frequencies at which every chain is judged, as many a decade everywhere; fewer where chains and members are many."""
-_JUDGED_AT_ONCE = 20_000_000
-"""Motions of members that are held meanwhile (320 MB)."""
+_JUDGED_AT_ONCE = 20_000_000  #: Motions of members that are held meanwhile (320 MB).
 _LOWEST_JUDGED_HZ = 1.0
-_BEYOND = 2.0
-"""Times the highest line, or the frequency at which the high chains begin: so far chains are judged."""
+_BEYOND = 2.0  #: Times the highest line, or the frequency at which the high chains begin: so far chains are judged.
 
 
 @dataclass(frozen=True)

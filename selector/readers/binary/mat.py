@@ -1,7 +1,5 @@
 """MATLAB .mat (v4 to v7 by SciPy, v7.3 by h5py) and plain HDF5 → tables, checked before a library trusts them."""
 
-from __future__ import annotations
-
 import io
 import math
 import struct

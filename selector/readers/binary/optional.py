@@ -1,7 +1,5 @@
 """Modules that are installed only with the extra ``formats``."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 import io

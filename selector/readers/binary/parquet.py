@@ -1,7 +1,5 @@
 """Parquet, Feather and Arrow files → a table in memory. See `selector.readers.stream` for files that do not fit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """NI TDMS and ASAM MDF 3 and 4 → tables."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Which columns hold the time, and what time they tell."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +18,8 @@ from selector.types import Vector
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
 
+#: Stamps of the columns of one table that have been read already, by header.
 _Known: TypeAlias = dict[str, Stamps | None]
-"""Stamps of the columns of one table that have been read already, by header."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Dates and times of day as loggers write them, and which clock numbers belong to."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Stamps as they stand in the file → strictly increasing time; channels on several clocks → one table."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The name and the unit in a header cell, which column a name means, and what the column measures."""
 
-from __future__ import annotations
-
 import difflib
 import functools
 import re
@@ -141,6 +139,7 @@ def printable_name(text: str) -> str:
     return " ".join(marked.split())[:_LONGEST_NAME].strip() or "run"
 
 
+#: Role and a regular expression; where it is found in the name it speaks for the role.
 _WORDS: tuple[tuple[str, str], ...] = (
     (
         "state",
@@ -194,7 +193,6 @@ _WORDS: tuple[tuple[str, str], ...] = (
     ("amplitude", r"ampl|振幅|амплит"),
     ("size", r"^(size|ma[ßs]s?|diameter|durchmesser|dia|直径|尺寸|размер|диаметр)"),
 )
-"""Role and a regular expression; where it is found in the name it speaks for the role."""
 
 _PATTERNS = tuple((role, re.compile(words, re.IGNORECASE)) for role, words in _WORDS)
 _PLACES = re.compile(

@@ -1,7 +1,5 @@
 """Which channels the recording has, from which columns, with which role, and with which unit in each run."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,8 +18,8 @@ from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
 from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
+#: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
 Ruling = Literal["header", "declared", "option", "each"]
-"""Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared."""
 
 
 @dataclass(frozen=True)

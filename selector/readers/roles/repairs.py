@@ -3,8 +3,6 @@
 The files are never edited. A repair of a run that is not among those read is told, since its name may be misspelt.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NoReturn

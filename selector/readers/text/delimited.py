@@ -1,7 +1,5 @@
 """Delimited text → tables, also where every channel brings its own time column, as TwinCAT Scope exports it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

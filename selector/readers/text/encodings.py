@@ -1,7 +1,5 @@
 """Which encoding bytes are in."""
 
-from __future__ import annotations
-
 import codecs
 import itertools
 import re
@@ -44,8 +42,7 @@ _ODD = frozenset("¤¦¨©¬®¯¸¶§ªº¡¿‡†ƒˆ˜‰‹›šŠœŒžŽ�
 _PLAIN_IN_TEXT = frozenset("–—“”‘’…§²³±·×№ё")
 
 
-MOST_RUNS_OF_ZEROS = 8
-"""Stretches of zero bytes in the first 64 kB of a text; binary formats have hundreds."""
+MOST_RUNS_OF_ZEROS = 8  #: Stretches of zero bytes in the first 64 kB of a text; binary formats have hundreds.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """How lines are cut into cells, and which lines are samples: comments, repeated headers, cut lines are set aside."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter
@@ -17,9 +15,8 @@ from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import MAX_COLUMNS, checked_width, shown_lines
 from selector.types import Indices
 
+#: Candidates; "blanks" = two or more blanks (or tabs), "blank" = one or more.
 SEPARATORS = (";", "\t", ",", "|", "blanks", "blank")
-"""Candidates; "blanks" = two or more blanks (or tabs), "blank" = one or more."""
-
 _NAMED = {"tab": "\t", "\\t": "\t", "blank": "blank", "space": "blank", " ": "blank", "semicolon": ";", "comma": ","}
 _COMMENT = re.compile(r"^\s*(#|%|//|!)")
 
@@ -220,6 +217,7 @@ class Body:
     findings: tuple[Finding, ...]  #: Ragged, repeated and cut lines
 
 
+#: What is said of the lines that are not plain samples.
 _ASIDE = {
     "ragged-rows": "{count} line(s) of {where} have fewer than {n_columns} cells ({lines}); the cells that are not "
     "there are missing values.",
@@ -229,7 +227,6 @@ _ASIDE = {
     "text-lines": "{count} line(s) of {where} are text, no samples ({lines}); they are left out.",
     "comment-lines": "{count} comment line(s) between the samples of {where} were left out ({lines}).",
 }
-"""What is said of the lines that are not plain samples."""
 
 
 def body(

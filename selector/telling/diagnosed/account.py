@@ -1,7 +1,5 @@
 """What is told of a diagnosis: first the answer and what to do, then where, how much better, why, what it misses."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
@@ -41,7 +39,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, share_text, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
 MOST_PLACES = 60
 UNTESTED = "not testable here"
@@ -67,8 +65,7 @@ _EVIDENCE = (
 _DETECTABLE = (
     "Dotted: the error that is left. What is smaller than a dot may be there without being seen in this record."
 )
-Drawings = Mapping[str, Sequence[Block]]
-"""Section of an account → its drawings; empty unless a page is made."""
+Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 
 
 def diagnosis_account(

@@ -1,7 +1,5 @@
 """A diagnosis again from its JSON form (`selector.diagnosis/1`): all of it but courses, evidence and what it misses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any

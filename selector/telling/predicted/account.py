@@ -1,7 +1,5 @@
 """What is told of a prediction: which corrections to make when, then why, then everything."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import groupby
@@ -30,13 +28,11 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.numbers import NONE, given_text, listed, span_text
-from selector.telling.wording import label_text
+from selector.telling.origin import label_text
 
-MOST_TOLD = 8
-"""Corrections that a sentence can hold; more are in the table."""
+MOST_TOLD = 8  #: Corrections that a sentence can hold; more are in the table.
 MOST_ROWS = 400
-MOMENTS, MOST_CHANGES = 9, 12
-"""Moments at which the displacement is told, and changes of speed at which it is too."""
+MOMENTS, MOST_CHANGES = 9, 12  #: Moments at which the displacement is told, and changes of speed at which it is too.
 
 
 def prediction_account(

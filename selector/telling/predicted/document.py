@@ -1,7 +1,5 @@
 """A prediction again from its JSON form, `selector.prediction/1`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """The drawings of a prediction: the duty cycle, the tests beside what the method makes of them, the modes."""
 
-from __future__ import annotations
-
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests, thermal_modes
 from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling.account import Block, Drawing

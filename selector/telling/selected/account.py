@@ -1,16 +1,16 @@
 """What is told of a selection: what to do, in plain words, then why, then everything."""
 
-from __future__ import annotations
-
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from selector.atomic_file import write_whole
 from selector.findings import Finding
+from selector.models.moments import WORTH_OF_A_SENSOR
 from selector.number_text import number_text
 from selector.selection import Selection
-from selector.selection.result import FIXED_SET
+from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Combination, told_apart
 from selector.telling import origin
 from selector.telling.account import (
     Account,
@@ -21,30 +21,280 @@ from selector.telling.account import (
     Note,
     Paragraph,
     Remarks,
+    Table,
     grouped_remarks,
     next_steps,
     remarks_of,
     section,
     sections,
+    table,
 )
-from selector.telling.numbers import listed
-from selector.telling.selected.advice import advice, useless_responses
-from selector.telling.selected.formula import formula_text, legend_rows
-from selector.telling.selected.tables import (
-    coefficients_table,
-    combinations_table,
-    curve_table,
-    equal_table,
-    faults_table,
-    gain_table,
-    groups_table,
-    memberships_table,
-    quality_table,
-    range_table,
-    runs_table,
-    sensors_table,
-)
-from selector.telling.wording import label_text
+from selector.telling.numbers import NONE, beside_text, listed, p_text, rounded_text, share_text
+from selector.telling.origin import label_text
+from selector.telling.selected.advice import advice, rmse_error_um, useless_responses
+from selector.telling.selected.formula import coefficient_rows, formula_text, legend_rows, unit_of, variable_text
+
+MOST_COMBINATIONS = 12
+
+
+def gain_table(selection: Selection) -> Table:
+    """What the model gains and what its faults cost, one row a displacement."""
+    proof = selection.proof
+    rows = []
+    for name, parts in proof.per_response.items():
+        faults = [one for one in selection.faults if one.response == name]
+        worst = max(faults, key=lambda one: one.worst_um, default=None)
+        single = [part.rmse_um for part in parts]
+        rows.append(
+            (
+                name,
+                number_text(proof.baselines_um[name]["none"]),
+                rounded_text(proof.rmse_um(name), rmse_error_um(parts)),
+                f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else NONE,
+                number_text(proof.max_um(name)),
+                NONE if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
+                number_text(max(one.per_kelvin_um for one in faults)) if faults else NONE,
+            )
+        )
+    headings = [
+        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", f">single {proof.left_out}s [µm]", ">largest [µm]",
+        ">worst sensor fault [µm]", ">1 K too high [µm]",
+    ]  # fmt: skip
+    note = (
+        f"Root mean square over all {proof.left_out}s that were left out in turn, ± its standard error from their "
+        "scatter; largest: of all their samples. The worst fault is a sensor that is stuck or open."
+    )
+    return table(headings, rows, note)
+
+
+def curve_table(selection: Selection) -> Table:
+    """Error on unseen data of each number of sensors."""
+    rows = []
+    for at, name in enumerate(selection.models):
+        fixed = selection.fixed_set_errors_um(name)
+        for point in selection.proof.curve:
+            best = rounded_text(float(point.rmse_um[at]), float(point.standard_error_um[at]))
+            rows.append((name, str(point.n_sensors), best, number_text(fixed.get(point.n_sensors))))
+    headings = ["error of", ">sensors", f">unseen, {BEST_OF_SIZE} [µm]", f">unseen, {FIXED_SET} [µm]"]
+    return table(headings, rows, f"Root mean squares. {told_apart(selection.proof.left_out)}")
+
+
+def combinations_table(selection: Selection, response: str) -> Table:
+    """The best sets by adjusted R², the chosen one and the best on unseen data among them."""
+    compared = [one for one in selection.combinations if one.response == response]
+    shown: dict[Combination, None] = dict.fromkeys(compared[:MOST_COMBINATIONS])
+    finite = [one for one in compared if math.isfinite(one.heldout_rmse_um)]
+    shown |= dict.fromkeys([min(finite, key=lambda one: one.heldout_rmse_um)] if finite else [])
+    shown |= dict.fromkeys(one for one in compared if set(one.sensors) == set(selection.chosen))
+    rows = [one for one in compared if one in shown]
+    left = len(compared) - len(rows)
+    return table(
+        ["sensors", ">R²", ">adjusted R²", f">unseen, {FIXED_SET}: rms [µm]", "from"],
+        [
+            (", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), number_text(one.heldout_rmse_um), one.origin)
+            for one in rows
+        ],
+        f"{left} more sets were compared." if left else "",
+        [i for i, one in enumerate(rows) if set(one.sensors) == set(selection.chosen)],
+    )
+
+
+def equal_table(selection: Selection) -> Table | None:
+    """Every set as large as the chosen one that is about as good as the best."""
+    equal = selection.equal
+    if equal is None:
+        return None
+    margin = f"{100 * WORTH_OF_A_SENSOR:.0f} %" if equal.within_um is None else f"{number_text(equal.within_um)} µm"
+    left = equal.n_equal - len(equal.sets)
+    return table(
+        [
+            "sensors",
+            *(f">{name}: unseen, {FIXED_SET} [µm]" for name in selection.models),
+            ">largest VIF",
+            ">worst fault",
+        ],
+        [
+            (
+                ", ".join(one.sensors),
+                *map(number_text, one.heldout_rmse_um),
+                number_text(one.largest_vif),
+                number_text(one.worst_fault),
+            )
+            for one in equal.sets
+        ],
+        f"All {equal.n_compared} sets of this size were looked at: {equal.n_equal} have at most {margin} more error "
+        "than the best of them. Worst fault: share of the displacement's spread that one sensor moves when it is wrong "
+        "by its own spread." + (f" {left} more are not listed." if left else ""),
+        [i for i, one in enumerate(equal.sets) if set(one.sensors) == set(selection.chosen)],
+    )
+
+
+def groups_table(selection: Selection) -> Table:
+    """Groups of the first round, who represents them, and who was chosen."""
+    rows = []
+    representatives = set(selection.grouping.chosen.representatives)
+    for i, group in enumerate(selection.grouping.chosen.rounds[0].groups):
+        names = [selection.sensors[k] for k in group]
+        rows.append(
+            (
+                str(i + 1),
+                ", ".join(names),
+                ", ".join(name for name in names if name in representatives) or NONE,
+                ", ".join(name for name in names if name in selection.chosen) or NONE,
+            )
+        )
+    marked = [i for i, row in enumerate(rows) if row[3] != NONE]
+    return table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
+
+
+def memberships_table(selection: Selection) -> Table | None:
+    """How far every sensor belongs to every fuzzy group; None if the groups are those of a cut."""
+    fuzzy = selection.grouping.chosen.fuzzy
+    if fuzzy is None:
+        return None
+    between = {i for i, _, _ in fuzzy.between}
+    cut = selection.grouping.axis.at(fuzzy.partition.level).partition
+    return table(
+        ["sensor", *(f">group {k + 1}" for k in range(fuzzy.memberships.shape[1])), "between two groups"],
+        [
+            (name, *(f"{share:.2f}" for share in row), "yes" if i in between else NONE)
+            for i, (name, row) in enumerate(zip(selection.sensors, fuzzy.memberships.tolist(), strict=True))
+        ],
+        f"Memberships of fuzzy c-means, partition coefficient {number_text(fuzzy.fpc)} (1: crisp). The cut at "
+        f"λ = {fuzzy.partition.level:.6g} with {len(cut.members)} groups agrees on {share_text(fuzzy.agreement(cut))} "
+        "of all pairs of sensors.",
+        sorted(between),
+    )
+
+
+def sensors_table(selection: Selection) -> Table:
+    """Every sensor: group, kept or dropped and why, and how stable that is."""
+    group_of = {k: i for i, group in enumerate(selection.grouping.chosen.rounds[0].groups) for k in group}
+    return table(
+        ["sensor", ">group", "why", ">chosen in resamples"],
+        [
+            (
+                name,
+                str(group_of[k] + 1) if k in group_of else NONE,
+                selection.reasons.get(name, NONE),
+                share_text(selection.stability[name]) if name in selection.stability else NONE,
+            )
+            for k, name in enumerate(selection.sensors)
+        ],
+        "Resamples: bootstrap over the runs; the share in which the sensor, or one of its group, is in the best linear "
+        "set of that size.",
+        [k for k, name in enumerate(selection.sensors) if name in selection.chosen],
+    )
+
+
+def runs_table(selection: Selection, response: str) -> Table:
+    """Errors of every left-out part, with the sensors that were chosen without it, and in sample."""
+    fitted = selection.fit_per_run[response]
+    proved = {part.name for part in selection.proof.per_response[response]}
+    rows: list[tuple[str, ...]] = [
+        (
+            part.name,
+            number_text(part.before_rmse_um),
+            number_text(part.before_max_um),
+            number_text(part.rmse_um),
+            number_text(part.max_um),
+            beside_text(part.mean_um, part.rmse_um),
+            number_text(fitted[part.name][0]) if part.name in fitted else NONE,
+            ", ".join(part.sensors),
+        )
+        for part in selection.proof.per_response[response]
+    ]
+    rows += [(run, *[NONE] * 5, number_text(fit[0]), "") for run, fit in fitted.items() if run not in proved]
+    return table(
+        [
+            selection.proof.left_out,
+            ">before: rms [µm]",
+            ">before: largest [µm]",
+            ">unseen: rms [µm]",
+            ">unseen: largest [µm]",
+            ">unseen: mean [µm]",
+            ">in sample: rms [µm]",
+            "sensors chosen without it",
+        ],
+        rows,
+    )
+
+
+def coefficients_table(selection: Selection, response: str) -> Table:
+    """The model in physical units."""
+    return table(
+        ["term", ">coefficient ± standard error", "unit", ">VIF"],
+        coefficient_rows(selection, response),
+        "Standard errors are robust to autocorrelation within runs. VIF belongs to the centred, scaled terms in which "
+        "the model was fitted; above 10 a term moves together with the others. Where there are powers or products, the "
+        "coefficient of a single sensor is its slope where all variables are zero, and in the picture where they have "
+        "their means. The formula above has more digits than these errors allow, to be computed with.",
+    )
+
+
+def quality_table(selection: Selection) -> Table:
+    """Fit, proof and diagnostics of every model."""
+    models, proof = selection.models, selection.proof
+    lines: list[tuple[str, list[str]]] = [
+        ("R²", [_r2(model.r2) for model in models.values()]),
+        ("adjusted R²", [_r2(model.adjusted_r2) for model in models.values()]),
+        ("error in sample, rms [µm]", [number_text(model.rmse_um) for model in models.values()]),
+        (f"error unseen, {PROCEDURE}, rms [µm]", [number_text(proof.rmse_um(name)) for name in models]),
+        (f"error unseen, {PROCEDURE}, largest [µm]", [number_text(proof.max_um(name)) for name in models]),
+        ("samples [–]", [str(model.n_samples) for model in models.values()]),
+        ("condition number [–]", [number_text(model.diagnostics.condition_number) for model in models.values()]),
+        ("Durbin–Watson [–]", [number_text(model.diagnostics.durbin_watson) for model in models.values()]),
+        ("Ljung–Box p [–]", [p_text(model.diagnostics.ljung_box_p) for model in models.values()]),
+        (
+            "largest Cook's distance [–]",
+            [number_text(model.diagnostics.max_cooks_distance, 2) for model in models.values()],
+        ),
+        ("ridge penalty [–]", [number_text(model.ridge, 2) for model in models.values()]),
+    ]
+    return table(["", *(f">{name}" for name in models)], [(name, *values) for name, values in lines])
+
+
+def faults_table(selection: Selection) -> Table:
+    """What a fault of each sensor does."""
+    return table(
+        ["sensor", "response", ">1 K too high [µm]", ">stuck [µm]", ">open [µm]"],
+        [
+            (
+                one.sensor,
+                one.response,
+                number_text(one.per_kelvin_um),
+                number_text(one.stuck_um),
+                number_text(one.open_um),
+            )
+            for one in selection.faults
+        ],
+        "Largest change of the prediction over the recorded samples. Stuck: frozen at the reading of the start of the "
+        "run. Open: driven to the edge of the valid range, where a guard holds it.",
+    )
+
+
+def range_table(selection: Selection) -> Table:
+    """The inputs that the model has met."""
+    return table(
+        ["variable", ">lowest", ">highest", "unit"],
+        [
+            (
+                variable_text(selection, name),
+                beside_text(float(low), float(high - low)),
+                beside_text(float(high), float(high - low)),
+                unit_of(selection, name),
+            )
+            for name, low, high in zip(
+                selection.recipe.design.variables, selection.hull.low, selection.hull.high, strict=True
+            )
+        ],
+        "Outside these ranges, and where inputs combine as they never did, the model extrapolates.",
+    )
+
+
+def _r2(value: float) -> str:
+    return f"{value:.5f}".replace("-", "−") if math.isfinite(value) else NONE
+
 
 Description = Mapping[str, Any]
 
@@ -158,6 +408,7 @@ def selection_account(
     )
 
 
+#: Finding → the part of the page that it concerns; others concern the recordings.
 _CONCERNS = {
     id_: part
     for part, ids in {
@@ -170,7 +421,6 @@ _CONCERNS = {
     }.items()
     for id_ in ids.split()
 }
-"""Finding → the part of the page that it concerns; others concern the recordings."""
 
 
 def _of_part(selection: Selection, part: str) -> list[Finding]:

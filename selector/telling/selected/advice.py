@@ -1,7 +1,5 @@
 """What a selection says one should do, in plain words."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 
@@ -22,8 +20,8 @@ _UNSEEN = {
     "condition": "Under conditions that the model has not seen",
     "block": "On stretches of the only run that the model has not seen",
 }
+#: Displacements of which the first sentence says each; of more it says the span, and the table below has them all.
 MOST_SAID = 3
-"""Displacements of which the first sentence says each; of more it says the span, and the table below has them all."""
 
 
 def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:

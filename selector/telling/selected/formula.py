@@ -1,7 +1,5 @@
 """The model as a person would write it: readings and rises, coefficients in physical units with their errors."""
 
-from __future__ import annotations
-
 from selector.models.design import Term
 from selector.number_text import SUPERSCRIPTS, number_text
 from selector.selection import Selection

@@ -1,7 +1,5 @@
 """The drawings of a selection: what unseen data say, which sensors move together, the model, its range and faults."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

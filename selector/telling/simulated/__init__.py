@@ -1,7 +1,5 @@
 """How the results of simulations are told: an account for every kind."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What is told of a circular test, simulated or measured: how round it is at every feed, which causes are behind it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -27,12 +27,9 @@ WHAT = {
     "total": "output of the control with what is added",
     "force": "force of the drive",
 }
-_FIRST = (("position", "table"), ("error",), ("total", "output"), ("force",))
-"""What is told first of an axis."""
-
+_FIRST = (("position", "table"), ("error",), ("total", "output"), ("force",))  #: What is told first of an axis.
 _UNITS = {"um": "µm", "urad": "µrad", "degC": "°C", "rpm": "r/min", "1": ""}
-_EQUAL = 1e-9
-"""Difference, as a share of what was recorded, below which it is rounding."""
+_EQUAL = 1e-9  #: Difference, as a share of what was recorded, below which it is rounding.
 
 _READ = (
     "Simulated minus recorded. Long courses are drawn with the lowest and highest sample of each of 300 stretches; the "

@@ -1,7 +1,5 @@
 """What is told of a simulated feed drive: how far it was off, what that goes with, its loop, how round it goes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -34,9 +32,7 @@ _MICRO = 1e6
 MOST_RUNS = 4
 MOST_ROWS = 12
 MOST_POLES = 20
-_LEAST_LAG_SHARE = 0.05
-"""A lag that is this near to 1/Kp is said to come from the position gain."""
-
+_LEAST_LAG_SHARE = 0.05  #: A lag that is this near to 1/Kp is said to come from the position gain.
 _LEAST_SHARE = 1e-3
 
 _WHAT = {

@@ -1,7 +1,5 @@
 """The drawings of a simulated feed drive: courses, what varies, friction, loops, circles."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -33,12 +31,11 @@ from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
 
 _FREQUENCIES = 600
-_SPREAD = 30.0
-"""Frequencies are shown from the bandwidth divided by this to the bandwidth times this."""
+_SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to the bandwidth times this.
 
 
+#: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
 Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
-"""Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s]."""
 
 
 def drawings(result: SimulationResult) -> dict[str, list[Block]]:

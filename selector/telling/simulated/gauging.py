@@ -1,7 +1,5 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -16,14 +14,11 @@ from selector.telling.account import Account, Captioned, Table, Verdict, section
 from selector.telling.numbers import NONE, listed, ms_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
 
-MATTERS = 0.9
-"""An error that falls to less than this share of itself is worth a change."""
-
+MATTERS = 0.9  #: An error that falls to less than this share of itself is worth a change.
 _OFF_CENTRE = 0.05
 _MOST_DECIMALS = 6
 _ROUNDING_UM = 1e-4
-_SCRAP = 1.0
-"""Cpk below which parts are scrap day by day."""
+_SCRAP = 1.0  #: Cpk below which parts are scrap day by day.
 
 SETTINGS = {
     PRESENT: "as it is",
@@ -390,8 +385,7 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
 
 _OF_TRADE_OFF = ("time_constant_s", "bias_um", "sd_um", "threshold_v", "centred_threshold_v", "at_edge")
 _OF_PART = ("size_um", "duration_s", "tripped", "at_once")
-_OF_CAPABILITY = ("cp", "cpk", "share_outside")
-"""Those with an interval."""
+_OF_CAPABILITY = ("cp", "cpk", "share_outside")  #: Those with an interval.
 
 
 def _parts_data(sizes: FinishedSizes) -> list[dict[str, Any]]:

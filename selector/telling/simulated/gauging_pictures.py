@@ -1,7 +1,5 @@
 """The drawings of simulated gauging: sizes, filters, parts in time, the gauge and its last strokes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -25,16 +23,12 @@ from selector.telling.simulated.gauging import MATTERS, spread_text
 from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
 
-MOST_PARTS, MOST_RUNS = 1, 3
-"""Parts that are drawn in time, as a whole and near the stop; recorded runs that are."""
-
-_BEFORE_S = 12.0
-"""So many times T_Φ and delay before the stop, the end of a part is drawn once more, enlarged."""
-
+MOST_PARTS, MOST_RUNS = 1, 3  #: Parts that are drawn in time, as a whole and near the stop; recorded runs that are.
+_BEFORE_S = 12.0  #: So many times T_Φ and delay before the stop, the end of a part is drawn once more, enlarged.
 _SHARE_OF_PART = 0.5
+#: Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
+#: run-out, of which some dozens of turns and feeds are pooled.
 _SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
-"""Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
-run-out, of which some dozens of turns and feeds are pooled."""
 
 
 def drawings(result: SimulationResult) -> dict[str, list[Block]]:

@@ -1,7 +1,5 @@
 """A simulation whose result is told, and what every account of one has: what acted, its parameters, its origin."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,11 +37,8 @@ _COMPARED = (
     "model."
 )
 
-Drawings = Mapping[str, Sequence[Block]]
-"""Section of an account → its drawings; empty unless a page is made."""
-
-Origins = tuple[tuple[str, float, str, str], ...]
-"""(name, value, unit, where it is from) of every number of a model."""
+Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
+Origins = tuple[tuple[str, float, str, str], ...]  #: (name, value, unit, where it is from) of every number of a model.
 
 
 @dataclass(frozen=True, eq=False)

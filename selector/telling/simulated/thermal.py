@@ -1,7 +1,5 @@
 """What is told of a simulated machine that warms: what moved and warmed most, where the heat went, time constants."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

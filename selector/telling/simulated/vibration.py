@@ -1,7 +1,5 @@
 """What is told of a simulated vibration: what it leaves behind, from which source and resonance, and the chains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,18 +25,10 @@ MOST_LINES = 40
 MOST_ERRORS = 40
 MOST_MODES = 30
 FINALS = {"tool": "tool", "workpiece": "workpiece", RELATIVE: "tool − workpiece"}
-_PERIODS = 6.0
-"""Of the largest line, that a stretch of time shows."""
-
-_FAR = 1.5
-"""Amplification below which a line is not said to be near a resonance."""
-
-_MORE_THAN_MOTION = 3.0
-"""Times the copied motion from which on a height by the force is said to be none."""
-
-_LEAST_DB = 1e-4
-"""Difference below which two solutions are the same, to rounding."""
-
+_PERIODS = 6.0  #: Of the largest line, that a stretch of time shows.
+_FAR = 1.5  #: Amplification below which a line is not said to be near a resonance.
+_MORE_THAN_MOTION = 3.0  #: Times the copied motion from which on a height by the force is said to be none.
+_LEAST_DB = 1e-4  #: Difference below which two solutions are the same, to rounding.
 _ALONG = {"cut": "along the cut", "feed": "along the feed"}
 
 

@@ -1,7 +1,5 @@
 """The drawings of a simulated vibration: errors, lines, structure, answers over frequency, courses, chains."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -37,15 +35,10 @@ from selector.types import Vector
 MOST_VIEWS = 40
 _FREQUENCIES = 600
 _LOWEST_HZ = 1.0
+#: Answers are drawn up to so many times the highest line or mode, but of modes only up to the other times the line.
 _BEYOND, _FAR = 2.0, 10.0
-"""Answers are drawn up to so many times the highest line or mode, but of modes only up to the other times the line."""
-
-_AROUND = np.linspace(-3.0, 3.0, 13)
-"""Frequencies about a mode, in widths of its resonance, that a sharp one needs."""
-
-_NOTHING = 1e-9
-"""Share of the largest answer below which there is none, but for rounding."""
-
+_AROUND = np.linspace(-3.0, 3.0, 13)  #: Frequencies about a mode, in widths of its resonance, that a sharp one needs.
+_NOTHING = 1e-9  #: Share of the largest answer below which there is none, but for rounding.
 _MICRO = 1e6
 
 

@@ -1,7 +1,5 @@
 """Ball-bar: measured circles in, how round they are and which causes are behind them out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import dash

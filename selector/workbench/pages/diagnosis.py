@@ -1,7 +1,5 @@
 """Diagnosis: recordings beside a simulation; what it left out, where, how sure that is, and what it is worth."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import dash

@@ -1,7 +1,5 @@
 """Export: a model becomes the program of a control, with its commissioning sheet and the replay of recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Predict: a duty cycle that is drawn, heating tests, and what comes out: the course and the correction program."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Recordings: load them, see what is wrong with them and how they were read, and correct that by hand."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

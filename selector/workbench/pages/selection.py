@@ -1,7 +1,5 @@
 """Selection: what is asked, which sensors must or must not be used, the command, and its report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Simulate: a machine from a model file, its parameters as fields, and pictures that follow them."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Mapping
 from itertools import groupby

@@ -1,7 +1,5 @@
 """In which runs, and from which moments of a run on, a fault of the data may act, and how it is said."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,8 +13,7 @@ from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
 _ALL_MOMENTS = 160
-_LEAST_ROWS = 8
-"""Rows of a run before and after a moment, without which nothing tells the two apart."""
+_LEAST_ROWS = 8  #: Rows of a run before and after a moment, without which nothing tells the two apart.
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,5 @@
 """A recorded channel whose time base is shifted, jumps, or runs at another rate."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -13,14 +11,13 @@ from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, filled, rate
 from selector.types import Vector
 
+#: Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does.
 _SIZES = (0.1, 0.2, 0.4, 0.75, 1.3, 2.0, 2.8)
-"""Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does."""
 _FEW_SIZES = (0.15, 0.5)
 _FINE_SIZES = (0.1, 0.15, 0.22, 0.33, 0.5, 0.75, 1.1, 1.6)
 _JUMPS, _ALL_JUMPS = 10, 30
 _MANY_RUNS = 4
-_OF_RUN = 0.3
-"""Of the longest run: shifts by more leave too little to compare."""
+_OF_RUN = 0.3  #: Of the longest run: shifts by more leave too little to compare.
 _ZONES = 14
 _AROUND_ONE = ((0.6, 1.6),)
 _LATE, _RATE = "derivative, late positive", "time × derivative"

@@ -1,7 +1,5 @@
 """A sensor that slowly runs away by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A recorded channel on a wrong scale: unit, range or calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -12,6 +10,7 @@ from selector.diagnosis.effects.data._places import everywhere, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.signals import excited, filled
 
+#: Factors between units and habits, and what they would mean.
 _FACTORS = {
     1000.0: "a thousandfold: mm for µm, or mA for A",
     25.4: "25.4: inch and mm, or mil and µm",
@@ -24,9 +23,7 @@ _FACTORS = {
     np.sqrt(2.0): "√2: effective value and amplitude",
     -1.0: "the sign is reversed",
 }
-"""Factors between units and habits, and what they would mean."""
-_NEAR = 0.02
-"""How near a fitted factor must come to one of a table to be recognised, if its interval is not wider."""
+_NEAR = 0.02  #: How near a fitted factor must come to one of a table to be recognised, if its interval is not wider.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

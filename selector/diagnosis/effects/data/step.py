@@ -1,7 +1,5 @@
 """A sensor that jumps and stays there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,10 +10,8 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import leftover
 
-_BESIDE = 8
-"""Samples on each side of a moment by whose means a jump is seen."""
-_CLEAR = 6.0
-"""Standard deviations of that difference from which the moment of a jump is read off."""
+_BESIDE = 8  #: Samples on each side of a moment by whose means a jump is seen.
+_CLEAR = 6.0  #: Standard deviations of that difference from which the moment of a jump is read off.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -1,7 +1,5 @@
 """A sensor that freezes: its reading stands while what it measures goes on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -15,26 +13,21 @@ from selector.diagnosis.shapes.signals import filled, of_a_drive
 from selector.quality.survey import block_noise
 from selector.types import Vector
 
-_LEAST = 6
-"""Equal readings below which nothing is a stretch."""
+_LEAST = 6  #: Equal readings below which nothing is a stretch.
+#: Probability, over the whole recording, of so many equal readings in a row below which they are no chance.
 _SURE = 1e-9
-"""Probability, over the whole recording, of so many equal readings in a row below which they are no chance."""
+#: Noise over resolution, above which it is noise; a trend that is rounded looks like at most 0.62.
 _ABOVE_ROUNDING = 0.75
-"""Noise over resolution, above which it is noise; a trend that is rounded looks like at most 0.62."""
 _MOST = 12
 _USUAL = 2
+#: Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing.
 _STEPS = 6.0
-"""Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing."""
-_OF_SPAN = 0.05
-"""And the part of all its movement."""
+_OF_SPAN = 0.05  #: And the part of all its movement.
+#: Part of the movement of the simulation that a reading has to miss where every run has its silent stretch.
 _DEAD = 0.2
-"""Part of the movement of the simulation that a reading has to miss where every run has its silent stretch."""
-_LEAST_DEAD = 40
-"""Samples of such a stretch."""
-_BESIDE = 20
-"""Samples on each side of a stretch from which its level is taken."""
-_LEAP = 4.0
-"""Usual steps from one reading to the next by which a reading that wakes up differs from where it stood."""
+_LEAST_DEAD = 40  #: Samples of such a stretch.
+_BESIDE = 20  #: Samples on each side of a stretch from which its level is taken.
+_LEAP = 4.0  #: Usual steps from one reading to the next by which a reading that wakes up differs from where it stood.
 _AROUND_ONE = ((0.7, 1.4),)
 
 

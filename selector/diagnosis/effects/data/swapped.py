@@ -1,7 +1,5 @@
 """Two channels that have changed places."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import combinations
 

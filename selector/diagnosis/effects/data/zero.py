@@ -1,7 +1,5 @@
 """A recorded channel with a constant offset, in all runs or in one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

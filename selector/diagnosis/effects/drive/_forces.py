@@ -1,7 +1,5 @@
 """How forces on an axis become the shapes of a drive effect: leads, limits, fits in newtons."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 
@@ -29,8 +27,8 @@ YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive a
 
 _USUAL_PRESLIDING_M = 4e-6
 
+#: Of some hundreds of leads that can be told apart, what is left to chance when the highest few are offered.
 LEADS_LOOKED_AT = 30.0
-"""Of some hundreds of leads that can be told apart, what is left to chance when the highest few are offered."""
 
 
 def motion_of(comparison: Comparison, response: str) -> Motion:
@@ -137,12 +135,10 @@ def waved(fitted: Fitted) -> Quantity:
 SHORTEST_M = 5e-4
 FEWEST_TURNS = 3.0
 N_PEAKS = 6
-N_LONG = 3
-"""Of leads with few turns on the way: they stand beside what is slow, not beside noise."""
+N_LONG = 3  #: Of leads with few turns on the way: they stand beside what is slow, not beside noise.
 _FEW_TURNS = 12.0
 _FINER = 6
-_BACKGROUND_LINES = 60
-"""Strokes that overlap little make one line as wide as several."""
+_BACKGROUND_LINES = 60  #: Strokes that overlap little make one line as wide as several.
 _BINS = 2**13
 
 

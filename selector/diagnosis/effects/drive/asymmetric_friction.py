@@ -1,7 +1,5 @@
 """Friction that is not the same in both directions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lost motion at reversal."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
@@ -16,17 +14,14 @@ from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts
 from selector.diagnosis.shapes.signals import scaled
 from selector.types import Vector
 
+#: Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step.
 _CROSSED_UM = (1.0, 10.0, 100.0)
-"""Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step."""
 _WIDER = 10.0**0.5
-_OF_WAY = 0.25
-"""Of the way that was gone: what a machine says nothing of may have play that wide."""
+_OF_WAY = 0.25  #: Of the way that was gone: what a machine says nothing of may have play that wide.
+#: Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down.
 _INERTIA_SHARES = (1.0, 0.6)
-"""Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down."""
-_STARTS = (1.0, 0.0, -1.0)
-"""Flank before a run's first motion: that which it touches then, in between, the other one."""
-_LOADED = 0.01
-"""Share of the largest load below which the flanks stay as they are."""
+_STARTS = (1.0, 0.0, -1.0)  #: Flank before a run's first motion: that which it touches then, in between, the other one.
+_LOADED = 0.01  #: Share of the largest load below which the flanks stay as they are.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -1,7 +1,5 @@
 """Dry friction whose amount does not depend on speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

@@ -1,7 +1,5 @@
 """Dead time in command, measurement or actuator."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

@@ -1,7 +1,5 @@
 """Wind-up of what stands between drive and table, and its natural mode."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Moving mass or inertia that is not what the simulation has."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

@@ -1,7 +1,5 @@
 """A constant force on the axis."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

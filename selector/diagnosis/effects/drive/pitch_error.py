@@ -1,7 +1,5 @@
 """Position error that belongs to the place on the screw or scale."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

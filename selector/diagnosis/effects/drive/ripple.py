@@ -1,7 +1,5 @@
 """Force or torque that is periodic in the motor's angle."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A limit that something of the drive runs into."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -21,11 +19,9 @@ from selector.diagnosis.shapes.signals import scaled
 from selector.types import Vector
 
 _SHARES = (0.99, 0.98, 0.97, 0.955, 0.94, 0.92, 0.9, 0.87, 0.84, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
-_SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)
-"""Less would be a lack in proportion to speed, which a delay is."""
+_SHARES_OF_SPEED = (0.97, 0.94, 0.9, 0.85, 0.8, 0.7)  #: Less would be a lack in proportion to speed, which a delay is.
 _FEWEST_ROWS = 5
-_FURTHEST_S = 10.0
-"""Way behind, as the time in which the whole force would go it from rest."""
+_FURTHEST_S = 10.0  #: Way behind, as the time in which the whole force would go it from rest.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

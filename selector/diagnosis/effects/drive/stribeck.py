@@ -1,7 +1,5 @@
 """Friction that falls with speed near standstill."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

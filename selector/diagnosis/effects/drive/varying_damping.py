@@ -1,7 +1,5 @@
 """Friction per speed that is not the same everywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

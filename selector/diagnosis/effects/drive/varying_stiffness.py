@@ -1,7 +1,5 @@
 """Wind-up that is not the same everywhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

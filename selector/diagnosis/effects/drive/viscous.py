@@ -1,7 +1,5 @@
 """Friction that grows with speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Store j empties by c_j·h_j^p (p = ½: Torricelli's outflow), the first is fille
 simulation has no noise, so the constants and the levels at the start are found by least squares on its course.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -19,8 +17,8 @@ from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, no_flow, time_constants
 from selector.types import Vector
 
+#: Root mean square that may be left, and that needs no second look, over the spread of the course.
 _FITS, _WELL = 0.05, 0.01
-"""Root mean square that may be left, and that needs no second look, over the spread of the course."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,8 +109,8 @@ def _fitted(
     return float(np.sqrt(np.mean(found.fun**2))) * size, made(put(found.x))
 
 
+#: Of the first store [its unit], of the last [unit of the course]; share of the first spill that the last gets.
 Brims = tuple[float, float, float]
-"""Of the first store [its unit], of the last [unit of the course]; share of the first spill that the last gets."""
 
 
 def refitted(
@@ -184,17 +182,14 @@ def _filled(u, time_s, rates, first, last, n, first_brim, last_brim, caught):  #
 
 _FALLING = ((-np.inf, 0.0),)
 _RISING = ((0.0, np.inf),)
+#: What spills is lost whole; half as much again where the brim lies between the levels that are tried.
 _WHOLE = ((0.0, 1.5),)
-"""What spills is lost whole; half as much again where the brim lies between the levels that are tried."""
 _MOST = 30
+#: With brims the refitted stores have to err by less than this, over the error of those refitted without.
 _BETTER = 0.8
-"""With brims the refitted stores have to err by less than this, over the error of those refitted without."""
-_UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)
-"""Quantiles of an upper store's level at which it may spill."""
-_HIGH_SHARES = (0.975, 0.99, 0.997)
-"""The same of a store that is known well enough for a spill that is seldom."""
-_TUNED = 4.0
-"""What a brim pays that was moved between the levels that are tried to where it explains most."""
+_UPPER_SHARES = (0.6, 0.7, 0.8, 0.87, 0.94)  #: Quantiles of an upper store's level at which it may spill.
+_HIGH_SHARES = (0.975, 0.99, 0.997)  #: The same of a store that is known well enough for a spill that is seldom.
+_TUNED = 4.0  #: What a brim pays that was moved between the levels that are tried to where it explains most.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

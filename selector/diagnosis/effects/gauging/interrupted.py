@@ -1,7 +1,5 @@
 """`gauging.interrupted`: the gauge meets an interrupted surface."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,8 +13,7 @@ from selector.diagnosis.shapes.spectral_lines import Line, course_of, lines, tur
 from selector.types import Vector
 
 _LAGS_S = (0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-_OWN = 0.03
-"""A state that differs from the infeed in fewer rows, or agrees in fewer, is that of the feed."""
+_OWN = 0.03  #: A state that differs from the infeed in fewer rows, or agrees in fewer, is that of the feed.
 _GROOVES = tuple(float(k) for k in range(1, 13))
 
 

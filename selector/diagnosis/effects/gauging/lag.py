@@ -1,7 +1,5 @@
 """`gauging.lag`: the gauge or its filter is late."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -13,11 +11,9 @@ from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading,
 from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_gauging, part_by_part, time_constants
 from selector.types import Vector
 
-_UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}
-"""Canonical unit of the role in µm/s."""
+_UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}  #: Canonical unit of the role in µm/s.
 _SPAN_S = (0.005, 1.0)
-_JUMP = 0.3
-"""Share of the range of a reading that no feed goes through between two samples."""
+_JUMP = 0.3  #: Share of the range of a reading that no feed goes through between two samples.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

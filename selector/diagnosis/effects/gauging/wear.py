@@ -1,7 +1,5 @@
 """`gauging.wear`: wheel or probe wear."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,8 +11,7 @@ from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.shapes.signals import by_run, course, excited, no_gauging, part_by_part
 from selector.types import Vector
 
-_SATURATION = (0.15, 0.4)
-"""Amount after which wear that settles is two thirds done, over the whole amount."""
+_SATURATION = (0.15, 0.4)  #: Amount after which wear that settles is two thirds done, over the whole amount.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -1,7 +1,5 @@
 """How thermal effects are said: places of channels, delays, what an effect is worth, parameters with intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
@@ -14,8 +12,7 @@ from selector.diagnosis.shapes.signals import lagged
 from selector.quality.survey import duration
 from selector.types import Vector
 
-_BOTH_WAYS = 0.2
-"""Of the larger way, from which on the smaller one is said as well."""
+_BOTH_WAYS = 0.2  #: Of the larger way, from which on the smaller one is said as well.
 
 
 def with_place(comparison: Comparison, name: str) -> str:

@@ -1,7 +1,5 @@
 """The hall's temperature acts on the structure."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Cooling that changes with the spindle speed, or with how warm the machine is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

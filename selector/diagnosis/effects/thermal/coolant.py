@@ -1,7 +1,5 @@
 """Coolant that changes the boundary while it runs: it takes heat away, the more the warmer the machine is."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

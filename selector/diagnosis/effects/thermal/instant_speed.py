@@ -1,7 +1,5 @@
 """Growth or shift with the spindle speed that comes and goes with it, without any delay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

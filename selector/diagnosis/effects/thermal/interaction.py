@@ -1,7 +1,5 @@
 """The response to one temperature depends on another: products of rises, not delayed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

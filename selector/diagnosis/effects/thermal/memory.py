@@ -1,7 +1,5 @@
 """The displacement follows past heating: a lag or slow mode of heat that the simulation knows, but not its delay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A source of heat that is not in the simulation: feed drives, hydraulics, tank, motor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison

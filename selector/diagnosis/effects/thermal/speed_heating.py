@@ -1,7 +1,5 @@
 """Heating by the spindle that the simulation lacks, or has with another law of speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

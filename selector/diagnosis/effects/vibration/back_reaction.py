@@ -1,7 +1,5 @@
 """`vibration.back_reaction`: a member acts back on its predecessor."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -20,8 +18,7 @@ from selector.diagnosis.shapes.residual import Remainder, least_squares
 from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
 from selector.types import Vector
 
-_WEAK, _HEAVY = 0.01, 30.0
-"""Gains of the loop through the successor's inertia that are tried."""
+_WEAK, _HEAVY = 0.01, 30.0  #: Gains of the loop through the successor's inertia that are tried.
 _FREE = ((0.0, np.inf),)
 
 

@@ -1,7 +1,5 @@
 """`vibration.hardening`: stiffness that grows with amplitude."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -22,8 +20,8 @@ from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import filled, rate, slope, swept_hz
 from selector.types import Vector
 
+#: Stiffness that the cube adds at the swing of the simulation, over the linear one.
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
-"""Stiffness that the cube adds at the swing of the simulation, over the linear one."""
 _FREE = (0.0, np.inf)
 _ANY = (-np.inf, np.inf)
 

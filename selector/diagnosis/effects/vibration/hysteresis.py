@@ -1,7 +1,5 @@
 """`vibration.hysteresis`: restoring force with memory."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -26,11 +24,10 @@ from selector.types import Vector
 
 Linear = tuple[float, float]
 
-_WIDTHS = (0.03, 0.1, 0.25, 0.5, 1.0)
-"""Displacement until the element slips, over the root mean square of the motion."""
+_WIDTHS = (0.03, 0.1, 0.25, 0.5, 1.0)  #: Displacement until the element slips, over the root mean square of the motion.
 _LAWS: tuple[Law, ...] = ("stop", "dahl")
+#: Largest force of the element over the elastic force at the root mean square of the motion.
 _STRENGTHS = np.geomspace(0.03, 3.0, 5)
-"""Largest force of the element over the elastic force at the root mean square of the motion."""
 _MODERATE = 0.1
 _REFINED = 2
 _FREE = ((0.0, np.inf),)

@@ -1,7 +1,5 @@
 """`vibration.imbalance`: a line that follows the spindle speed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -27,13 +25,11 @@ from selector.types import Vector
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _ORDERS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
-_CHANCE = 0.5
-"""That noise shows a line at all; what is offered pays for the lines that were looked at."""
-_BESIDE_AN_ORDER = 3.0
-"""Lines that are told apart within the width of one order."""
+_CHANCE = 0.5  #: That noise shows a line at all; what is offered pays for the lines that were looked at.
+_BESIDE_AN_ORDER = 3.0  #: Lines that are told apart within the width of one order.
 _SIMULATED = -1.0
+#: By which powers of the speed the line grows: of a force n², below the resonance; of run-out 0.
 _POWERS = {"displacement": (2.0, 0.0), "position": (2.0, 0.0), "velocity": (3.0, 1.0), "acceleration": (4.0, 2.0)}
-"""By which powers of the speed the line grows: of a force n², below the resonance; of run-out 0."""
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -1,7 +1,5 @@
 """`vibration.line`: a source at a fixed frequency that has nothing to do with the spindle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 
@@ -16,10 +14,9 @@ from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, li
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
 _FEWEST_CYCLES = 8.0
+#: What a line pays at a resonance that the simulation has: there a structure rings by itself at every knock.
 _RINGS = 25.0
-"""What a line pays at a resonance that the simulation has: there a structure rings by itself at every knock."""
-_CHANCE = 0.5
-"""That noise shows a line at all; what is offered pays for the frequencies that were looked at."""
+_CHANCE = 0.5  #: That noise shows a line at all; what is offered pays for the frequencies that were looked at.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

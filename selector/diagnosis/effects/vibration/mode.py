@@ -1,7 +1,5 @@
 """`vibration.mode`: a resonance that the simulation lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -16,10 +14,10 @@ from selector.diagnosis.shapes.spectral_lines import resonances
 from selector.types import Vector
 
 _MOST_SOURCES = 3
+#: Natural logarithm of the range of frequencies that a record shows, and the lowest damping that it tells.
 _OCTAVES, _NARROWEST = 5.0, 0.005
-"""Natural logarithm of the range of frequencies that a record shows, and the lowest damping that it tells."""
+#: What a mode pays at a resonance that the simulation has: there a structure rings by itself at every knock.
 _RINGS = 25.0
-"""What a mode pays at a resonance that the simulation has: there a structure rings by itself at every knock."""
 _NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
 
 

@@ -5,8 +5,6 @@ that follow a ball on a rotary table (`circle`); p′ is their change with θ, s
 error e of the first axis moves the radius by e·cos θ, one of the second by e·sin θ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What is behind a circular test: which causes make the deviation, how much each, and what all feeds share of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,15 +18,10 @@ from selector.types import Matrix, Vector
 
 Fits = Sequence[tuple[CirclePair, CircleFit]]
 
+#: Range of a part of the deviation below which it is not told: half of the last digit of a usual bar [µm].
 SMALLEST_UM = 0.05
-"""Range of a part of the deviation below which it is not told: half of the last digit of a usual bar [µm]."""
-
-SMALLEST_SHARE = 0.002
-"""The same, of the range of the deviation: what columns of first order leave out."""
-
-SET_UP = ("centre 0", "centre 1", "set-up 0", "set-up 1")
-"""Columns that are no errors of the machine."""
-
+SMALLEST_SHARE = 0.002  #: The same, of the range of the deviation: what columns of first order leave out.
+SET_UP = ("centre 0", "centre 1", "set-up 0", "set-up 1")  #: Columns that are no errors of the machine.
 _ENDS = tuple(f"backlash {axis}{end}" for axis in (0, 1) for end in "+-")
 _STEADY = ("squareness", "straightness 0", "straightness 1", "scale-mismatch", *_ENDS)
 _OF_LAG = ("gain-mismatch", "rotary-lag")
@@ -154,11 +147,10 @@ def shared_amounts(fits: Fits, names: tuple[str, ...]) -> dict[str, SharedAmount
     return found
 
 
+#: The mean gain that makes a first-order loop shrink the circle as it does.
 RADIUS_GAIN = "gain by the radius, of a first-order loop"
-"""The mean gain that makes a first-order loop shrink the circle as it does."""
-
+#: Difference of the lag times over the mean lag time that this gain means.
 GAIN_MISMATCH = "gain mismatch, of first-order loops"
-"""Difference of the lag times over the mean lag time that this gain means."""
 
 
 def _feeds(fits: Fits) -> Vector:

@@ -1,7 +1,5 @@
 """A circular test: what the axes are asked to do, and what a ball-bar shows of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,9 +16,7 @@ from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import Limits, Unit
 from selector.types import Vector
 
-RAMP_S = 1.0
-"""Longest time in which the feed is reached [s]."""
-
+RAMP_S = 1.0  #: Longest time in which the feed is reached [s].
 MOST_SAMPLES = 5_000_000
 _MM_PER_MIN = 1e-3 / 60.0
 _Above0 = Annotated[float, ABOVE_0]
@@ -162,12 +158,9 @@ Pair = tuple[float, float]
 _PerMetre = Annotated[float, Unit("µm/m"), Limits(0.0, 1e4)]
 _Micrometres = Annotated[float, Unit("µm")]
 _MicrometresOfBoth = Annotated[Pair, Unit("µm")]
+#: Stiffness and damping that change along a reference; None: they do not.
 CourseOf = Callable[[Reference], ParameterCourse | None]
-"""Stiffness and damping that change along a reference; None: they do not."""
-
-LONGEST_PERIOD_S = 0.01
-"""A reversal takes some hundredths of a second, however slow the feed is."""
-
+LONGEST_PERIOD_S = 0.01  #: A reversal takes some hundredths of a second, however slow the feed is.
 SAMPLES_PER_TURN = 7200
 _UM = 1e6
 

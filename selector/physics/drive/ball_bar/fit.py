@@ -1,7 +1,5 @@
 """How much of every cause a pair of circles holds: least squares on named columns, their shapes searched."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -15,9 +13,7 @@ from selector.types import Matrix, Vector
 
 Two = tuple[float, float]
 
-WIDEST_SPIKE_RAD = np.radians(15.0)
-"""A longer course after a reversal is no spike."""
-
+WIDEST_SPIKE_RAD = np.radians(15.0)  #: A longer course after a reversal is no spike.
 SHORTEST_WAVE_UM = 1000.0
 WIDTHS = 24
 STEEPNESSES = (1.0, 2.0, 4.0, 8.0)
@@ -141,12 +137,10 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
 
 T = TypeVar("T", int, float, Two)
 
+#: Chance of a searched shape by noise below which its columns are taken in: a twelfth of 1 %, of twelve causes.
 ALARM = 0.01 / 12
-"""Chance of a searched shape by noise below which its columns are taken in: a twelfth of 1 %, of twelve causes."""
-
+#: Block of columns whose shape is searched → its columns.
 SEARCHED = {f"{kind} {axis}": ends for kind, ends in (("spike", "+-"), ("cyclic", "cs")) for axis in (0, 1)}
-"""Block of columns whose shape is searched → its columns."""
-
 _ROUNDS = 4
 _CLEAR = 5.0
 _ARCS = 72

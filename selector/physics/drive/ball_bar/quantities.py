@@ -5,8 +5,6 @@ radial separation of two concentric circles that envelop the path, and the range
 is admitted for it; here both are given, the smallest one exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """What does the model file of a feed drive say: TOML text → checked values and references, numbers to be fitted."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
@@ -46,16 +44,11 @@ from selector.physics.model_text import (
 from selector.physics.model_values import refusals, value_of
 from selector.types import Vector
 
+#: Key of `model_file.columns_needed` → (time_s, values in the unit of its role).
 Columns = Mapping[str, tuple[Vector, Vector]]
-"""Key of `model_file.columns_needed` → (time_s, values in the unit of its role)."""
-
-PERIOD_S = 0.001
-"""Distance of the samples where the file says nothing, but for circles, which follow their feed."""
-
+PERIOD_S = 0.001  #: Distance of the samples where the file says nothing, but for circles, which follow their feed.
 MOST_MOVES = 20_000
-FEWEST_PERIODS = 4
-"""Of the samples in a motion: with fewer there is no error to tell of."""
-
+FEWEST_PERIODS = 4  #: Of the samples in a motion: with fewer there is no error to tell of.
 _MM = 1e-3
 _MM_PER_MIN = 1e-3 / 60.0
 
@@ -225,8 +218,8 @@ def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
     return np.asarray(values[np.maximum(held, 0)], dtype=np.float64)
 
 
+#: Key of a column of `columns_needed` → role of its values, which are in the unit of that role.
 COLUMN_ROLES = {"motion": "position_command", "motion.force_n": "force"}
-"""Key of a column of `columns_needed` → role of its values, which are in the unit of that role."""
 
 
 def columns_needed(file: DriveFile) -> dict[str, Column | ColumnMotion]:
@@ -325,21 +318,16 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
     "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
 )
+#: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
-"""The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`."""
 
 
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
 
+#: ``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number.
 OUTPUT_UNITS = {"current": "A", "voltage": "V", "force": "N", "number": ""}
-"""``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number."""
-
-_FRICTION_M_PER_S2 = 3.0
-"""No dry friction of a machine's guides is larger than 0.3 of the weight."""
-
-_DAMPING_PER_S = 10.0
-"""No guide stops a table within less than a tenth of a second by viscous friction alone."""
-
+_FRICTION_M_PER_S2 = 3.0  #: No dry friction of a machine's guides is larger than 0.3 of the weight.
+_DAMPING_PER_S = 10.0  #: No guide stops a table within less than a tenth of a second by viscous friction alone.
 _OF_CRITICAL = 0.2
 _DRY = ("coulomb_n", "coulomb_negative_n", "static_n", "static_negative_n")
 

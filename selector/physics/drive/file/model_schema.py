@@ -1,7 +1,5 @@
 """What may the model file of a feed drive say, and which axis does a section of it describe."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence, Set
@@ -59,12 +57,9 @@ from selector.physics.model_text import (
 )
 from selector.physics.model_values import entry_of, given, refusals, value_of
 
+#: In recordings and columns: positions [m; rad], and what acts on an axis [N; unit of the control].
 MOST_POSITION_M, MOST_ACTING = 1e4, 1e9
-"""In recordings and columns: positions [m; rad], and what acts on an axis [N; unit of the control]."""
-
-MOST_STEPS = 20_000_000
-"""Steps of the calculation in one run of one axis; some ten seconds."""
-
+MOST_STEPS = 20_000_000  #: Steps of the calculation in one run of one axis; some ten seconds.
 MOST_AXES = 6
 
 if TYPE_CHECKING:
@@ -112,6 +107,7 @@ def _force_kind(value: Any) -> str:
 
 _NUMBER, _STEPS, _COLUMN = (choice_tag(form) for form in ("number", "steps", "column"))
 
+#: A number that holds for the whole run, steps [from second, value], or a column of a file.
 Force = Annotated[
     Annotated[Signed, Tag(_NUMBER)]
     | Annotated[tuple[ForceStep, ...], Field(min_length=1, max_length=10_000), Tag(_STEPS)]
@@ -119,7 +115,6 @@ Force = Annotated[
     Discriminator(_force_kind),
     Unit("N"),
 ]
-"""A number that holds for the whole run, steps [from second, value], or a column of a file."""
 
 
 class SineMotion(Entry):
@@ -297,25 +292,24 @@ class DriveFile(Entry):
 KINDS: Mapping[str, type[DriveFile]] = {"drive": DriveFile}
 
 
-LIKE = {"thc6350-x": thc6350_x_axis}
-"""`like` of the file → parts that are known by a name."""
+LIKE = {"thc6350-x": thc6350_x_axis}  #: `like` of the file → parts that are known by a name.
 
+#: Part → keys that no catalogue prints → what switches them off; left out without `like` they are that.
 OFF: Mapping[Any, Mapping[str, float]] = {
     Screw: {"damping_nms_per_rad": 0.0},
     Bearings: {"rigidity_share": 1.0},
     Guide: {"viscous_ns_per_m": 0.0},
 }
-"""Part → keys that no catalogue prints → what switches them off; left out without `like` they are that."""
 
 _OF_HERTZ = frozenset({"ball_diameter_mm", "pitch_circle_mm", "contact_angle_deg", "conformity"})
 
+#: Part → key → keys that count for nothing where it is said, and are not asked for.
 INSTEAD: Mapping[Any, Mapping[str, frozenset[str]]] = {
     Coupling: {"stiffness_nm_per_rad": frozenset({"diameter_mm", "length_mm", "shear_modulus_gpa"})},
     Screw: {"inertia_kg_m2": frozenset({"density_kg_per_m3"})},
     Nut: {"rigidity_n_per_um": _OF_HERTZ | {"turns"}},
     Bearings: {"rigidity_n_per_um": _OF_HERTZ | {"balls", "per_direction"}},
 }
-"""Part → key → keys that count for nothing where it is said, and are not asked for."""
 
 _KINDS: dict[str, Any] = get_type_hints(Parts)
 

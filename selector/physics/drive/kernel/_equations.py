@@ -5,7 +5,6 @@ pitch table, limits) are given, so that everything here is smooth in the states;
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator"
-from __future__ import annotations
 
 import math
 

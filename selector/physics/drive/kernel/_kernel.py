@@ -1,7 +1,6 @@
 """How an axis moves from sample to sample (compiled): the control at its instants, the actuator at its own, records."""
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 import zlib

@@ -3,8 +3,6 @@
 Rows of this kind keep the compiled functions to one signature, so that no axis makes them compile again.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -7,7 +7,6 @@ is taken by `_coarse`, of order 1.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 

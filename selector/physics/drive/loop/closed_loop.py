@@ -3,8 +3,6 @@
 Linear: sliding, without dry friction, backlash, limits and pitch errors; an axial compliance at load and position 0.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -381,8 +379,7 @@ def nyquist_rad_per_s(axis: Axis) -> float:
     return math.pi / step_s if step_s > 0 else math.inf
 
 
-_ROUNDING = 1e-9
-"""Share of the fastest pole below which the sign of the slowest is rounding."""
+_ROUNDING = 1e-9  #: Share of the fastest pole below which the sign of the slowest is rounding.
 
 
 def loop_poles(axis: Axis) -> NDArray[np.complex128]:

@@ -1,7 +1,5 @@
 """How fast the loop of an axis is, whether it is stable, and up to which gains."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -30,19 +28,11 @@ from selector.types import Vector
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
 
 
-_BEYOND = 1e3
-"""How far the frequencies reach above and below those of the poles; farther off no phase turns any more."""
-
+_BEYOND = 1e3  #: How far the frequencies reach above and below those of the poles; farther off no phase turns any more.
 _A_DECADE, _A_TURN = 60, 48
-_NEAR = np.geomspace(1e-9, 0.5, 60)
-"""Distances from a resonance, as a share of its frequency, where it is looked at."""
-
-_NO_PHASE = 1e-11
-"""Sine of an angle that is rounding."""
-
-_RIGHT_ANGLE = 0.7
-"""Sine of an angle that is nearer to a right one than to 0."""
-
+_NEAR = np.geomspace(1e-9, 0.5, 60)  #: Distances from a resonance, as a share of its frequency, where it is looked at.
+_NO_PHASE = 1e-11  #: Sine of an angle that is rounding.
+_RIGHT_ANGLE = 0.7  #: Sine of an angle that is nearer to a right one than to 0.
 _HALVINGS = 60
 
 

@@ -1,7 +1,5 @@
 """A feed axis in SI units: what turns, slides and resists, where the travel differs, servo, sensing, and its state."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -206,12 +204,8 @@ class AxialCompliance(Checked):
             )
 
 
-MOST_WAITING = 300
-"""Samples of the control that a command may wait, and that a measured speed may reach over."""
-
-KV = 1000.0 / 60.0
-"""1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s."""
-
+MOST_WAITING = 300  #: Samples of the control that a command may wait, and that a measured speed may reach over.
+KV = 1000.0 / 60.0  #: 1 m/(min·mm), the workshop's unit of the Kv factor, in 1/s.
 _Limit = Annotated[float, ABOVE_0, Limits(1e-9, 1e9), Fit()]
 _Waiting = Annotated[float, FROM_0, Unit("s"), Usual(1e-6, 0.05, {"ms": 1e-3, "µs": 1e-6})]
 

@@ -3,8 +3,6 @@
 Where each default comes from is told in docs/explanation/drive-stiffness.md. None was measured on a machine.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import Annotated, Any

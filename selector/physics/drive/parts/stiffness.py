@@ -1,7 +1,5 @@
 """How stiff a feed axis is, from its parts, what friction is worth as damping, and how both go along with a motion."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -33,7 +31,7 @@ class PreloadedContact(Checked):
     preload_n: Annotated[float, ABOVE_0]  #: Preload [N]
 
     @classmethod
-    def from_rigidity(cls, stiffness_n_per_m: float, at_preload_n: float, preload_n: float) -> PreloadedContact:
+    def from_rigidity(cls, stiffness_n_per_m: float, at_preload_n: float, preload_n: float) -> "PreloadedContact":
         """That which has this stiffness, unloaded, at `at_preload_n`; K = 3·κ^(2/3)·preload^(1/3)."""
         return cls((stiffness_n_per_m / (3.0 * at_preload_n ** (1.0 / 3.0))) ** 1.5, preload_n)
 

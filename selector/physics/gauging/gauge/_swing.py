@@ -6,7 +6,6 @@ step, what the rectifier turns over is added by quadrature.
 """
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 

@@ -1,7 +1,5 @@
 """What voltage belongs to which allowance in the long run, and the line that stands for it (G eq. 15–20)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,10 +17,9 @@ from selector.physics.gauging.gauge.vibrating_contact import IRREGULAR_ROUNDS, S
 from selector.types import Vector
 
 POINTS = 60
-_FALLS = 1e-6
-"""A voltage that falls by less than this share of the largest one stands still."""
+_FALLS = 1e-6  #: A voltage that falls by less than this share of the largest one stands still.
+#: Two swings at one allowance are the same if their voltages differ by less than this share of the largest one.
 _SAME = 1e-3
-"""Two swings at one allowance are the same if their voltages differ by less than this share of the largest one."""
 
 
 @dataclass(frozen=True, eq=False)

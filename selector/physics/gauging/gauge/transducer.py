@@ -1,7 +1,5 @@
 """The parts of a vibrating-contact gauge, and which voltage stops the feed at the wanted size (G)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -149,8 +147,7 @@ class LinearGauge(Checked):
     allowance_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6)] = 0.0
 
 
-FAR_M = 1.0
-"""A workpiece at this distance is out of reach."""
+FAR_M = 1.0  #: A workpiece at this distance is out of reach.
 STEPS_PER_ROUND, STEPS_PER_KNOT = 50_000, 1000
 
 

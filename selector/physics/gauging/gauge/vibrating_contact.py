@@ -1,7 +1,5 @@
 """How a vibrating-contact gauge moves in time, and which swing lasts while the allowance stays (G fig. 2)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,8 +21,7 @@ from selector.physics.gauging.gauge.transducer import (
 )
 from selector.types import Matrix, Vector
 
-RELATIVE_TOLERANCE = 1e-8
-"""Error of a step as a share of the free swing."""
+RELATIVE_TOLERANCE = 1e-8  #: Error of a step as a share of the free swing.
 
 
 @dataclass(frozen=True)
@@ -123,20 +120,15 @@ def contact_force_n(contact: Contact, overlap_m: Vector, overlap_m_per_s: Vector
     return elastic * np.maximum(1.0 + contact.damping_s_per_m * overlap_m_per_s, 0.0)
 
 
-MOST_ROUNDS_TO_REPEAT = 8
-"""A swing that does not repeat within so many rounds counts as irregular."""
-IRREGULAR_ROUNDS = 400
-"""Rounds over which an irregular swing is averaged, at most."""
+MOST_ROUNDS_TO_REPEAT = 8  #: A swing that does not repeat within so many rounds counts as irregular.
+IRREGULAR_ROUNDS = 400  #: Rounds over which an irregular swing is averaged, at most.
 _BLOCK = 24
 _BLOCKS = 16
-_REPEATS = 3e-7
-"""Change from round to round that counts as none, as a share of the free swing."""
-_APART = 1e-4
-"""Rounds that differ by more do not repeat one another."""
+_REPEATS = 3e-7  #: Change from round to round that counts as none, as a share of the free swing.
+_APART = 1e-4  #: Rounds that differ by more do not repeat one another.
 _SAMPLES = 256
 _BATCHES = 20
-_STEPS = 200_000
-"""Steps within which a swing is looked for: more than any needs that contact damps."""
+_STEPS = 200_000  #: Steps within which a swing is looked for: more than any needs that contact damps.
 
 
 @dataclass(frozen=True)

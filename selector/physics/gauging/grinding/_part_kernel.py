@@ -8,7 +8,6 @@ values and rates at both ends; what is recorded between them lies on the same cu
 
 # ruff: noqa: NPY002  (compiled, the legacy calls draw from a generator of the thread that is seeded for every part)
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 from typing import NamedTuple
@@ -23,9 +22,7 @@ ALLOWANCE, SEEN, VOLTAGE, FEED, STAGE = range(5)
 COLUMNS = 5
 # what became of a part
 STOPPED, AT_ONCE, NEVER = 0, 1, 2
-LEAST_FEED = 0.1
-"""A part is fed at no less than this share of the mean feed."""
-
+LEAST_FEED = 0.1  #: A part is fed at no less than this share of the mean feed.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 # not kept on disk one by one: what is kept is the loop with all that it calls, all of them in this file

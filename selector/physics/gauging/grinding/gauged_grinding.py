@@ -1,7 +1,5 @@
 """What is ground and gauged together, step by step: one part over time, and the sizes of a batch by Monte Carlo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -41,12 +39,10 @@ from selector.physics.gauging.grinding._part_kernel import (
 from selector.physics.gauging.process import Grinding, Noise, Surface
 from selector.types import Vector
 
-MOST_FEED_SD = 0.25
-"""Spread of a feed over parts beyond which some part would hardly be fed at all."""
+MOST_FEED_SD = 0.25  #: Spread of a feed over parts beyond which some part would hardly be fed at all.
 
 
-_CREST_ROUNDS = 3
-"""Peaks change with the allowance by less than a hundredth of what the voltage does."""
+_CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
 
 @dataclass(frozen=True)
@@ -114,30 +110,24 @@ class GaugedGrinding:
         steady = abs(self.gauge.gain_v_per_um) * self.rates_um_per_s[-1]
         return voltage_rate_sd_v_per_s(self.gauge, self.noise) / steady
 
-    def with_filter(self, time_constant_s: float) -> GaugedGrinding:
+    def with_filter(self, time_constant_s: float) -> "GaugedGrinding":
         """The same with another T_Φ and the thresholds of eq. 23 for it."""
         return replace(self, gauge=replace(self.gauge, time_constant_s=time_constant_s), thresholds_v=())
 
 
+#: Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell.
 STEPS_PER_CORRELATION, STEPS_PER_FILTER, STEPS_PER_LAG, STEPS_PER_TURN = 4.0, 8.0, 8.0, 64.0
-"""Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell."""
-
-MOST_STEPS = 500_000_000
-"""Of all parts together: about a minute."""
-
-FEWEST_SIZES = 2000
-"""Parts from which sizes are told, where a file has fewer."""
-
-MOST_STEPS_OF_PART = 3_000_000
-"""Half a second, in which nothing hears Ctrl-C."""
+MOST_STEPS = 500_000_000  #: Of all parts together: about a minute.
+FEWEST_SIZES = 2000  #: Parts from which sizes are told, where a file has fewer.
+MOST_STEPS_OF_PART = 3_000_000  #: Half a second, in which nothing hears Ctrl-C.
 
 
+#: What to do about what asks for too many steps.
 STEPS_ADVICE = {
     "stages": "give it, or the feeds and allowances, the right power of ten",
     "thresholds_v": "set the thresholds within what is ground, or leave them out: they follow from the sizes wanted",
     "parts": "grind fewer parts, or give slower noise (rate_per_s)",
 }
-"""What to do about what asks for too many steps."""
 
 
 def longest_step_s(filter_s: float, grinding: Grinding, surface: Surface, noise: Noise) -> float:
@@ -191,11 +181,8 @@ def too_long(of_feeds: float, of_thresholds: float, parts: int) -> tuple[str, st
     return None
 
 
-TABLE = 4096
-"""Points of a characteristic, evenly spread, between which the loop goes straight."""
-
-_NO_TABLE = np.empty(0), 0.0, 1.0
-"""That of a line, and of a voltage without ripple."""
+TABLE = 4096  #: Points of a characteristic, evenly spread, between which the loop goes straight.
+_NO_TABLE = np.empty(0), 0.0, 1.0  #: That of a line, and of a voltage without ripple.
 
 
 def steps_per_filter(setup: GaugedGrinding) -> int:
@@ -294,8 +281,8 @@ def _lowest_um(setup: GaugedGrinding) -> list[float]:
     return [min(wanted, fit) for wanted, fit in zip(_wanted_um(setup), reached, strict=True)]
 
 
+#: Parts between two looks at Ctrl-C and progress, and about how many steps they may take: a fraction of a second.
 _CHUNK, _STEPS_OF_CHUNK = 64, 2_000_000
-"""Parts between two looks at Ctrl-C and progress, and about how many steps they may take: a fraction of a second."""
 
 
 @dataclass(frozen=True)
@@ -463,8 +450,7 @@ def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s
 PER_SWING = 200
 _SETTLING_DECAYS = 10.0
 _SETTLING_FILTERS = 6.0
-_MOST_SWINGS = 1000
-"""For a slow filter, behind which there is no ripple to settle."""
+_MOST_SWINGS = 1000  #: For a slow filter, behind which there is no ripple to settle.
 
 
 def waveform(transducer: Transducer, course: PartCourse, last_s: float) -> GaugeMotion:

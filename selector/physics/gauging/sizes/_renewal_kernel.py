@@ -1,7 +1,6 @@
 """The equation of first passage, solved step by step (compiled)."""
 
 # mypy: disable-error-code="no-untyped-def, untyped-decorator, no-untyped-call"
-from __future__ import annotations
 
 import math
 

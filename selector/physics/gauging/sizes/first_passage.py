@@ -4,8 +4,6 @@ All in micrometres of allowance: the voltage less its bias over the gain. First 
 average, then what noise makes of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -133,7 +131,7 @@ class MeanCourse:
         fall = float(above[first - 1] - above[first])
         return low + (high - low) * float(above[first - 1]) / fall if fall > 0 else high
 
-    def next_stage(self, after_s: float, rate_um_per_s: float) -> MeanCourse:
+    def next_stage(self, after_s: float, rate_um_per_s: float) -> "MeanCourse":
         """The feed that follows when this one has acted for so long."""
         return replace(
             self,
@@ -284,9 +282,7 @@ def _spreading(noise: Noise, filter_s: float, time_s: Vector) -> tuple[Vector, V
 
 
 _SIGMAS, _POINTS, _MOST_POINTS, _PER_WAVE, _PER_SIGMA = 9.0, 600, 6000, 12, 12
-NO_NOISE_UM = 1e-9
-"""Noise that is less than this moves no size."""
-
+NO_NOISE_UM = 1e-9  #: Noise that is less than this moves no size.
 _FAR = -30.0
 _FEW_SIGMAS, _SETTLED = 5.0, 5.0
 _STARTS = np.polynomial.hermite_e.hermegauss(5)

@@ -5,8 +5,6 @@ the mean feed, noise that reaches it early makes parts too large: a bias that fa
 well, D_x/(1 + β·T_Φ); what differs from part to part, (T_Φ + delay + lag)·(a − a_i), grows: the sum has a least value.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -77,9 +75,8 @@ _PROBABILITY, _SHOWN = ndtr(np.linspace(-3.9, 3.9, 131)), ndtr(np.linspace(-3.6,
 _FEEDS, _RELAYS = np.linspace(-3.5, 3.5, 21), np.linspace(-3.5, 3.5, 15)
 _MOMENT_FEEDS, _MOMENT_PARTS, _MOST_SIGMAS = np.polynomial.hermite_e.hermegauss(15), 600, 4.0
 _SAME_PACE = 1e-9
+#: The linear formula holds within this share of the spread, and a nanometre.
 _SLOW_RIPPLE, _OFF_SHARE, _NOTHING_UM = 1.0, 0.05, 1e-3
-"""The linear formula holds within this share of the spread, and a nanometre."""
-
 _MEMORIES, _SETTLED, _SIGMAS = 8.0, 5.0, 3.0
 
 
@@ -333,15 +330,11 @@ def _ripple_rate(line: GaugedGrinding) -> float:
     return float(np.abs(rate).max()) / line.rates_um_per_s[-1]
 
 
+#: Quantiles of a normal distribution at ± 3 standard deviations, by which ISO 22514-2 measures any other.
 LOW_SHARE, HIGH_SHARE = 0.00135, 0.99865
-"""Quantiles of a normal distribution at ± 3 standard deviations, by which ISO 22514-2 measures any other."""
-
-CONFIDENCE = 0.95
-"""Of the intervals, two-sided."""
-
+CONFIDENCE = 0.95  #: Of the intervals, two-sided.
 LEAST_PARTS = 2
-LEAST_PARTS_OF_QUANTILES = math.ceil(1.0 / LOW_SHARE)
-"""Fewer have no quantile of 0.135 %."""
+LEAST_PARTS_OF_QUANTILES = math.ceil(1.0 / LOW_SHARE)  #: Fewer have no quantile of 0.135 %.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Where could a thermometer be fixed, and which lines draw the machine."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,25 +14,14 @@ from selector.physics.thermal.field.machine import Sensor
 from selector.physics.thermal.field.mesh import BlockMesh, block_mesh
 from selector.types import Mask, Vector
 
+#: Surfaces that stand still or hardly move, stay dry, and are outside; the table carries the work and moves most.
 ACCESSIBLE = ("headstock", "motor", "column", "saddle", "bed")
-"""Surfaces that stand still or hardly move, stay dry, and are outside; the table carries the work and moves most."""
-
-SPACING_M = 0.3
-"""Usual distance between neighbours [m]: some eighty places."""
-
+SPACING_M = 0.3  #: Usual distance between neighbours [m]: some eighty places.
 SMALLEST_SPACING_M = 0.03
-MOST_CANDIDATES = 1000
-"""As many as a model file may have thermometers."""
-
-FOOT_M = 0.04
-"""Side of the flat square that a thermometer and its hole need [m]."""
-
-ROOM_M = 0.15
-"""Free depth in front of the wall that a short drill needs [m]."""
-
-COARSE_M = 1.0
-"""Cells as long as the blocks allow: the faces of the machine without more cells than they ask for."""
-
+MOST_CANDIDATES = 1000  #: As many as a model file may have thermometers.
+FOOT_M = 0.04  #: Side of the flat square that a thermometer and its hole need [m].
+ROOM_M = 0.15  #: Free depth in front of the wall that a short drill needs [m].
+COARSE_M = 1.0  #: Cells as long as the blocks allow: the faces of the machine without more cells than they ask for.
 _CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 _SIDES = (("left", "right"), ("rear", "front"), ("underside", "top"))
 

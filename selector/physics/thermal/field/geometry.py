@@ -1,7 +1,5 @@
 """The C-frame machining centre as boxes, which of its surfaces meet a fluid, and which parts are heated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from itertools import pairwise

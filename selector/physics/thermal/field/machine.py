@@ -1,7 +1,5 @@
 """The C-frame machining centre as a field, for other programs too, and reduced with its laws as a machine that runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -44,14 +42,11 @@ from selector.physics.thermal.network.heat_system import (
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
 from selector.types import Vector
 
-CELL_M = 0.04
-"""Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes."""
-
+CELL_M = 0.04  #: Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes.
+#: Stiffness of one foot along X, Y, Z [N/m]: an assumption; docs/explanation/thermal-field.md says what hangs on it.
 FOOT_N_PER_M = (1e8, 1e8, 5e8)
-"""Stiffness of one foot along X, Y, Z [N/m]: an assumption; docs/explanation/thermal-field.md says what hangs on it."""
-
+#: How far below the spindle face the lower and the upper gauge touch the test bar [m]; 250 mm apart (P).
 BAR_M = (0.30, 0.05)
-"""How far below the spindle face the lower and the upper gauge touch the test bar [m]; 250 mm apart (P)."""
 
 
 @dataclass(frozen=True)
@@ -195,15 +190,11 @@ def write_vtu(
         ) from error
 
 
+#: What the machine has: constant films and lubricants; films that grow with the speed; lubricants that soften too.
 Physics = Literal["linear", "convection", "everything"]
-"""What the machine has: constant films and lubricants; films that grow with the speed; lubricants that soften too."""
-
-MAX_RPM = 3000.0
-"""Highest speed of the spindle [r/min]."""
-
+MAX_RPM = 3000.0  #: Highest speed of the spindle [r/min].
+#: Parts whose mean temperature thins their lubricant; probes of the same names read it.
 LUBRICATED = ("lower bearing", "upper bearing", "gearbox")
-"""Parts whose mean temperature thins their lubricant; probes of the same names read it."""
-
 _CONSTANT_RPM = 1500.0
 _SOFTENING_PER_K = 0.012
 
@@ -305,6 +296,7 @@ class Sensor:
 
 
 # fmt: off
+#: The 37 thermometers of the recording `fixtures/vmc37`.
 SENSORS: Mapping[str, Sensor] = {
     "T01": Sensor("headstock, lower bearing seat, front", (0.00, 0.62, 0.98)),
     "T02": Sensor("headstock, lower bearing seat, left", (-0.12, 0.55, 0.98)),
@@ -344,7 +336,6 @@ SENSORS: Mapping[str, Sensor] = {
     "T36": Sensor("table", (0.00, 0.60, 0.68)),
     "T37": Sensor("coolant tank", (0.70, 0.90, 0.25)),
 }
-"""The 37 thermometers of the recording `fixtures/vmc37`."""
 # fmt: on
 
 _IN_PARTS = {"T15": "hydraulic unit", "T37": "coolant tank"}

@@ -1,7 +1,5 @@
 """Hexahedral meshes of bodies that are unions of boxes, and the temperature anywhere in them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,8 +14,7 @@ from selector.types import Indices, Vector
 
 Point = tuple[float, float, float]
 
-VOID = ""
-"""Part name of a block that cuts its room out of the blocks before it."""
+VOID = ""  #: Part name of a block that cuts its room out of the blocks before it.
 
 
 @dataclass(frozen=True)
@@ -155,8 +152,7 @@ def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tupl
     )
 
 
-REACH_M = 0.03
-"""How far from the body a sensor may be named and still be put on its surface [m]."""
+REACH_M = 0.03  #: How far from the body a sensor may be named and still be put on its surface [m].
 
 
 def probe_row(body: BlockMesh, place_m: Point, name: str = "probe") -> Vector:

@@ -1,7 +1,5 @@
 """Heat conduction and static linear thermoelasticity on a mesh as matrices, solvers, and constants of materials."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -70,8 +68,7 @@ def _cut(graph: sparse.csr_array, places_m: NDArray[np.float64], part: Indices) 
 
 Solver = Callable[[Vector], Vector]
 
-MULTIGRID_TOLERANCE = 1e-10
-"""Residual over right-hand side at which conjugate gradients stop."""
+MULTIGRID_TOLERANCE = 1e-10  #: Residual over right-hand side at which conjugate gradients stop.
 
 
 def direct_solver(matrix: sparse.csr_array, places_m: Vector) -> Solver:
@@ -132,8 +129,8 @@ def rigid_motions(nodes_m: Vector) -> Vector:
     return motions.reshape(-1, 6)
 
 
+#: Share of the stiffness that a sliding layer keeps along its sliding direction: small, but the body stays held.
 SLIDING_STIFFNESS = 1e-4
-"""Share of the stiffness that a sliding layer keeps along its sliding direction: small, but the body stays held."""
 
 
 @dataclass(frozen=True)
@@ -167,6 +164,7 @@ class Material:
 _GREY_IRON = Material(48.0, 500.0, 7200.0, 10.5e-6, 110e9, 0.26)
 _STEEL = Material(46.0, 470.0, 7850.0, 11.7e-6, 210e9, 0.30)
 
+#: The materials that `machine_blocks` names.
 MATERIALS: Mapping[str, Material] = MappingProxyType(
     {
         # grey iron of 250 MPa and structural steel, rounded within what tables of materials give at room temperature
@@ -182,12 +180,9 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
         "guideway z": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="z"),
     }
 )
-"""The materials that `machine_blocks` names."""
 
 
-DIRECT_NODES = 60_000
-"""Largest number of nodes whose elastic system is factorised; more takes more than 6 GB."""
-
+DIRECT_NODES = 60_000  #: Largest number of nodes whose elastic system is factorised; more takes more than 6 GB.
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
 

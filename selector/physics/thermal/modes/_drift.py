@@ -1,7 +1,5 @@
 """Readings with white noise upon a slow random walk, made independent of each other (compiled)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -10,8 +8,7 @@ from numpy.typing import NDArray
 
 from selector.types import Vector
 
-UNKNOWN_UM = 1e4
-"""Standard deviation of a zero that nothing is known of [µm]."""
+UNKNOWN_UM = 1e4  #: Standard deviation of a zero that nothing is known of [µm].
 
 
 def _whitened_loop(

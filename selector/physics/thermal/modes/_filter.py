@@ -1,7 +1,5 @@
 """The exact response of first-order modes to inputs that are held from block to block (compiled)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Duty cycles (cyclograms): which spindle speed is held from when to when, and of which basic kind that is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,7 +24,7 @@ class Cyclogram:
             object.__setattr__(self, name, values)
 
     @classmethod
-    def of_segments(cls, *segments: tuple[float, float]) -> Cyclogram:
+    def of_segments(cls, *segments: tuple[float, float]) -> "Cyclogram":
         """From (minutes, r/min) pairs, as a process plan is written."""
         ends = np.cumsum([minutes * 60.0 for minutes, _ in segments])
         return cls(np.r_[0.0, ends[:-1]], np.array([speed for _, speed in segments], dtype=np.float64), float(ends[-1]))
@@ -45,7 +43,7 @@ class AmbientCourse:
     names: tuple[str, ...] = ()  #: (n_halls,): The channels
 
     @classmethod
-    def constant(cls, ambient_degc: Vector) -> AmbientCourse:
+    def constant(cls, ambient_degc: Vector) -> "AmbientCourse":
         """Temperatures (n_halls,) that do not move."""
         return cls(np.zeros(1), np.asarray(ambient_degc)[None])
 

@@ -10,8 +10,6 @@ likelihood (Rasmussen, Williams, Gaussian Processes for Machine Learning, 2006, 
 maximise the sum over the responses.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,22 +32,17 @@ from selector.types import Vector
 
 Rows = NDArray[np.bool_]
 MOST_MODES, MOST_WITH_FILM = 6, 4
+#: A mixture of two sources; what runs at any speed (pumps, axes), dry and viscous friction.
 LAWS: tuple[Law, ...] = ("powers", "turning-squares")
-"""A mixture of two sources; what runs at any speed (pumps, axes), dry and viscous friction."""
-LOOSE = 1.2
-"""A standard error of log τ above this is no bound: the interval spans more than a factor of 100."""
+LOOSE = 1.2  #: A standard error of log τ above this is no bound: the interval spans more than a factor of 100.
 _STEP = 0.02
-COST = 2.0
-"""What a searched parameter has to add to the logarithm of the likelihood: Akaike's 1, and once more."""
+COST = 2.0  #: What a searched parameter has to add to the logarithm of the likelihood: Akaike's 1, and once more.
+#: A likelihood that is flatter than this in a logarithm bounds nothing: half of what is expected within e².
 FLATTEST = 0.25
-"""A likelihood that is flatter than this in a logarithm bounds nothing: half of what is expected within e²."""
-APART = 2.2
-"""Neighbouring time constants have at least this ratio: a walk and a ripple leave no more to be told."""
-FURTHEST = 5.0
-"""Spreads stay within so many of the widths that are expected of them."""
+APART = 2.2  #: Neighbouring time constants have at least this ratio: a walk and a ripple leave no more to be told.
+FURTHEST = 5.0  #: Spreads stay within so many of the widths that are expected of them.
 REST, SHORTEST_REST_S = 0.25, 1800.0
-PRIOR_TESTS = 2.0
-"""As many tests as expected are counted to those that were left out."""
+PRIOR_TESTS = 2.0  #: As many tests as expected are counted to those that were left out.
 
 
 @dataclass(frozen=True)

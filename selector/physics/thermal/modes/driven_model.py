@@ -1,7 +1,5 @@
 """What driven modes say of a duty cycle: its course, what each mode gives to it, how sure it is, and of the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -26,10 +24,8 @@ from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
 from selector.types import Vector
 
-Entry = tuple[Vector, Vector]
-"""The states (n_modes, n_inputs), and what is left of a start (n_modes,)."""
-LEAST_HALL_K = 0.1
-"""A hall that moves by less drives nothing that could be seen."""
+Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is left of a start (n_modes,).
+LEAST_HALL_K = 0.1  #: A hall that moves by less drives nothing that could be seen.
 
 
 @dataclass(frozen=True)

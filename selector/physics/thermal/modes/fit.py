@@ -1,7 +1,5 @@
 """The fit of thermal modes: what enters linearly is solved for, time constants, exponents and film are searched."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -16,16 +14,15 @@ from selector.types import Vector
 
 Law = Literal["levels", "power", "powers", "turning", "turning-powers", "turning-squares", "mode-powers"]
 Film = Literal["none", "growing"]
+#: Gains are drawn to 0 as if each were known to be 0 ± the displacement divided by this: little beside what thousands
+#: of samples say, but it keeps modes that nearly cancel from growing enormous, for which unseen courses would pay.
+#: Modes that a film couples cancel more easily.
 SHRINKAGE: dict[Film, float] = {"none": 2.0, "growing": 20.0}
-"""Gains are drawn to 0 as if each were known to be 0 ± the displacement divided by this: little beside what thousands
-of samples say, but it keeps modes that nearly cancel from growing enormous, for which unseen courses would pay. Modes
-that a film couples cancel more easily."""
+#: Heat of bearings and drives grows with n^1 to n^1.5: where tests say nothing, exponents stay near this (±).
 USUAL_EXPONENT = 1.2, 0.5
-"""Heat of bearings and drives grows with n^1 to n^1.5: where tests say nothing, exponents stay near this (±)."""
+#: Forced convection grows with n^0.5 (laminar) to n^0.8 (turbulent), windage up to n^1 (±).
 USUAL_FILM_EXPONENT = 0.8, 0.01
-"""Forced convection grows with n^0.5 (laminar) to n^0.8 (turbulent), windage up to n^1 (±)."""
-STEP = 1e-4
-"""Step of numerical derivatives in logarithms of time constants and in exponents."""
+STEP = 1e-4  #: Step of numerical derivatives in logarithms of time constants and in exponents.
 
 
 @dataclass(frozen=True)
@@ -248,16 +245,16 @@ def block_weights(data: ModeData, fit: Fit | None = None) -> Vector:
     return np.where(there, 1.0 / (data.noise_um * scale * np.sqrt(1.0 / samples + low)), 0.0)
 
 
+#: Neighbouring time constants in a fit have at least this ratio: nearer ones are one mode with enormous gains. A film
+#: lets modes imitate each other, so that only modes further apart predict unseen courses.
 CLOSEST = {"none": 1.4, "growing": 2.2}
-"""Neighbouring time constants in a fit have at least this ratio: nearer ones are one mode with enormous gains. A film
-lets modes imitate each other, so that only modes further apart predict unseen courses."""
+#: Longest time constant in lengths of the longest run: of a slower mode the tests show a straight line.
 LONGEST_TAU = 2.0
-"""Longest time constant in lengths of the longest run: of a slower mode the tests show a straight line."""
+#: Losses grow at least nearly in proportion to the speed. A smaller exponent only imitates heat that does not depend on
+#: the speed, and is wrong below the slowest tested speed.
 LEAST_EXPONENT, LARGEST_EXPONENT = 0.8, 2.5
-"""Losses grow at least nearly in proportion to the speed. A smaller exponent only imitates heat that does not depend on
-the speed, and is wrong below the slowest tested speed."""
+#: Bound of the film's vector (its square is the growth of a mode's rate) and of the logarithms of the drives.
 STRONGEST = 2.5
-"""Bound of the film's vector (its square is the growth of a mode's rate) and of the logarithms of the drives."""
 
 
 def limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:

@@ -1,7 +1,5 @@
 """How far a fit of modes can be trusted: its error on left-out parts, and intervals of its time constants."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,8 +11,7 @@ from selector.physics.thermal.modes.thermal_test import ModeData
 from selector.types import Vector
 
 Rows = NDArray[np.bool_]
-FIRMEST = 1e-4
-"""What is left of a direction in which only the part left out had a say; smaller is as good as unknown."""
+FIRMEST = 1e-4  #: What is left of a direction in which only the part left out had a say; smaller is as good as unknown.
 
 
 def jacobian(fit: Fit, data: ModeData, *, own_zeros: bool) -> Vector:
@@ -130,8 +127,7 @@ def run_folds(data: ModeData, runs: Sequence[Sequence[int]]) -> list[Rows]:
 
 
 CONFIDENCE = 0.95
-LOOSE = 1.2
-"""A standard error of log τ above this is not followed: the interval spans more than a factor of 100."""
+LOOSE = 1.2  #: A standard error of log τ above this is not followed: the interval spans more than a factor of 100.
 
 
 def resemblance(fit: Fit, data: ModeData) -> float:

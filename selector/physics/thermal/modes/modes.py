@@ -1,7 +1,5 @@
 """Thermal modes: the displacement of a machine that has run through these speeds, and how it depends on the speed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,8 +8,7 @@ from selector.errors import InputError
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.types import Vector
 
-STANDING = 0.002
-"""Up to this share of the reference speed a spindle stands: noise of its sensor."""
+STANDING = 0.002  #: Up to this share of the reference speed a spindle stands: noise of its sensor.
 
 
 @dataclass(frozen=True)
@@ -43,11 +40,9 @@ class SpeedLaw:
         return len(self.knots_rpm) or len(self.exponents)
 
 
+#: Speeds this fraction above the fastest tested one are still that speed: sensors of speed are no better.
 BEYOND = 0.005
-"""Speeds this fraction above the fastest tested one are still that speed: sensors of speed are no better."""
-
-ROUNDING = 1e-9
-"""Times this share beyond the end of a duty cycle are its end."""
+ROUNDING = 1e-9  #: Times this share beyond the end of a duty cycle are its end.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Heating and cooling tests: what modes and characteristics are fitted to, as block averages, and their stretches."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -77,19 +75,16 @@ def _held(values: Vector) -> Vector:
     return values[np.where(last < 0, int(np.argmax(there)), last)]
 
 
+#: Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
+#: its value at the mean time by at most 0.54·GROWTH²/24 = 1.4e-4 of the mode's amplitude: far below any noise.
 GROWTH = 0.08
-"""Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
-its value at the mean time by at most 0.54·GROWTH²/24 = 1.4e-4 of the mode's amplitude: far below any noise."""
+#: Longest block as a share of its run, for what moves without the spindle (start not at rest, a wandering gauge).
 LONGEST = 1 / 50
-"""Longest block as a share of its run, for what moves without the spindle (start not at rest, a wandering gauge)."""
-LONGEST_WITH_HALL = 1 / 200
-"""The same where the hall temperature was recorded, since it is held within a block."""
-SAME_SPEED = 0.02
-"""Speeds that differ by less than this share of the fastest count as one level: jitter."""
+LONGEST_WITH_HALL = 1 / 200  #: The same where the hall temperature was recorded, since it is held within a block.
+SAME_SPEED = 0.02  #: Speeds that differ by less than this share of the fastest count as one level: jitter.
+#: A speed that changes by more than this share of the fastest at every other sample is a duty cycle, not jitter.
 MOST_JITTER = 0.1
-"""A speed that changes by more than this share of the fastest at every other sample is a duty cycle, not jitter."""
-SHORTEST_LEVEL = 0.02
-"""A speed that ran for less than this share of the turning time is part of a ramp, not a level."""
+SHORTEST_LEVEL = 0.02  #: A speed that ran for less than this share of the turning time is part of a ramp, not a level.
 
 
 @dataclass(frozen=True)
@@ -251,10 +246,8 @@ def _levels(speed: Vector, length_s: Vector, same_rpm: float) -> tuple[float, ..
     return tuple(float(level) for level in kept)
 
 
-BLIP = 0.01
-"""A piece shorter than this share of its run, between two at one speed, is a blip of the speed signal."""
-FEWEST_BLOCKS = 6
-"""Block averages (they grow with the time since the speed changed) that a curve needs at least."""
+BLIP = 0.01  #: A piece shorter than this share of its run, between two at one speed, is a blip of the speed signal.
+FEWEST_BLOCKS = 6  #: Block averages (they grow with the time since the speed changed) that a curve needs at least.
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """Heat conduction of a machine as matrices: networks, two bodies as one, time constants, reduction to few states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -13,8 +11,8 @@ from scipy import linalg, sparse
 from selector.errors import InputError
 from selector.types import Array, Matrix, Vector
 
+#: Dense for small systems (networks, reduced models), sparse for finite elements.
 SystemMatrix = NDArray[np.float64] | sparse.csr_array
-"""Dense for small systems (networks, reduced models), sparse for finite elements."""
 
 
 @dataclass(frozen=True)
@@ -207,11 +205,9 @@ class Network:
         )
 
 
+#: Reciprocal shifts of the moments: from the first warming of a bearing to the steady state of a bed.
 TIME_SCALES_S = (20.0, 90.0, 400.0, 2000.0, 10000.0, np.inf)
-"""Reciprocal shifts of the moments: from the first warming of a bearing to the steady state of a bed."""
-
-TOLERANCE = 3e-4
-"""Fields are left out that change none of the responses by more than this share of its norm."""
+TOLERANCE = 3e-4  #: Fields are left out that change none of the responses by more than this share of its norm.
 
 
 def reduced_basis(

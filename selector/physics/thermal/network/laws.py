@@ -1,7 +1,5 @@
 """How heat and cooling depend on what the machine does: laws of sources and films, and what they give."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -43,7 +41,7 @@ class Conditions:
         coolant_on: ArrayLike = 0.0,
         coolant_degc: ArrayLike = 20.0,
         machine_on: ArrayLike = 1.0,
-    ) -> Conditions:
+    ) -> "Conditions":
         """Conditions in which what is given as one number stays the same for all times."""
         time = np.array(time_s, dtype=np.float64)
 

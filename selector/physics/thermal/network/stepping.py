@@ -275,8 +275,8 @@ def _at(rate: Vector, z: Vector, load: Vector, slope: Vector | None, at_s: Vecto
 
 GAMMA = 1.0 - np.sqrt(0.5)
 
+#: Memory for factorisations. One of 20 000 finite-element nodes takes some 200 MB; at least two are kept.
 _IMPLICIT_CACHE_BYTES = 1e9
-"""Memory for factorisations. One of 20 000 finite-element nodes takes some 200 MB; at least two are kept."""
 _MOST = 64
 
 

@@ -1,7 +1,5 @@
 """How the temperatures and displacements of a machine follow what it does."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -30,9 +28,7 @@ from selector.types import Array, Vector
 
 Method = Literal["auto", "exact", "implicit"]
 
-REFERENCE_DEGC = 20.0
-"""Temperature at which a part has its length (ISO 1)."""
-
+REFERENCE_DEGC = 20.0  #: Temperature at which a part has its length (ISO 1).
 _EXACT_STATES = 300
 _EIGEN_SECONDS = 3.0
 

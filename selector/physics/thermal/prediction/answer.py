@@ -1,7 +1,5 @@
 """What a method is asked of a duty cycle, and what it answers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal

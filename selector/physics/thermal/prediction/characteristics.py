@@ -1,7 +1,5 @@
 """Characteristics δ(n, t): continuous heating at the tested speeds and between them, and cooling, as smooth curves."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -21,12 +19,11 @@ from selector.physics.thermal.modes.thermal_test import (
 from selector.types import Vector
 
 MOST_EXPONENTIALS = 3
+#: Exponentials closer than this are not told apart by noisy curves, and their amplitudes grow without bound.
 CLOSEST_RATIO = 1.5
-"""Exponentials closer than this are not told apart by noisy curves, and their amplitudes grow without bound."""
-_BEYOND = 0.005
-"""Speeds this fraction above the fastest tested one are still that speed, as for the modes."""
+_BEYOND = 0.005  #: Speeds this fraction above the fastest tested one are still that speed, as for the modes.
+#: A block counts as at most so many samples: what is left is then lack of fit, no smaller in a longer block.
 _MOST_COUNTED = 20.0
-"""A block counts as at most so many samples: what is left is then lack of fit, no smaller in a longer block."""
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ class _Curve:
     zero: Vector  # (n_blocks, n_zeros), columns of ones for the zeros that are free
 
     @classmethod
-    def of(cls, data: ModeData, r: int, parts: Sequence[Stretch], free: bool, known_um: float = 0.0) -> _Curve:
+    def of(cls, data: ModeData, r: int, parts: Sequence[Stretch], free: bool, known_um: float = 0.0) -> "_Curve":
         blocks = np.concatenate([part.blocks for part in parts])
         owner = np.repeat(np.arange(len(parts)), [len(part.blocks) for part in parts])
         there = data.counts[blocks, r] > 0

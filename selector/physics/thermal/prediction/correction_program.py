@@ -1,7 +1,5 @@
 """When the control has to be corrected by how much to keep a tolerance of the drift, and how that is written."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,11 +11,9 @@ from selector.csv_text import csv_text
 from selector.errors import InputError
 from selector.types import Vector
 
+#: More corrections than this in one program are a mistake in the tolerance or in the unit of the displacement.
 MOST_CORRECTIONS = 10_000
-"""More corrections than this in one program are a mistake in the tolerance or in the unit of the displacement."""
-
-_SAME = 1e-9
-"""Share of the tolerance, and of the time, below which a difference is rounding."""
+_SAME = 1e-9  #: Share of the tolerance, and of the time, below which a difference is rounding.
 
 
 @dataclass(frozen=True)

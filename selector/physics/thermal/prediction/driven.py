@@ -1,22 +1,19 @@
 """A duty cycle by modes that speed and hall drive: how it begins, which hall it has, and what is told of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.modes.choice import loose_findings
 from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.driven_model import DrivenModel
-from selector.physics.thermal.modes.findings import loose_findings
 from selector.physics.thermal.prediction.answer import Answer, Asked, Start, modes_of
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
 
-WORTH_TELLING = 0.3
-"""Share of the claimed error from which on a difference is worth a warning."""
+WORTH_TELLING = 0.3  #: Share of the claimed error from which on a difference is worth a warning.
 
 
 def driven_answer(model: DrivenModel, ask: Asked) -> Answer:

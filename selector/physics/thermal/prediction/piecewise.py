@@ -1,7 +1,5 @@
 """The source's piecewise prediction: every segment of a duty cycle is a part of a measured characteristic."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -14,11 +12,9 @@ from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.prediction.characteristics import Characteristics
 from selector.types import Vector
 
-_POINTS = 2_000
-"""Points of a characteristic among which the entry is looked for."""
-
+_POINTS = 2_000  #: Points of a characteristic among which the entry is looked for.
+#: A curve that goes further than this many times its beginning is no cooling that others may be scaled from.
 GROWS = 1.05
-"""A curve that goes further than this many times its beginning is no cooling that others may be scaled from."""
 
 
 @dataclass

@@ -1,7 +1,5 @@
 """The workflow of a prediction: tests and a duty cycle → displacement and correction program."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -33,12 +31,9 @@ from selector.types import Vector
 Method = Literal["modal", "piecewise"]
 Tolerance = float | Sequence[float] | Mapping[str, float | Sequence[float]]
 
-USUAL_TOLERANCE_UM = 10.0
-"""Tolerance of the printed example (C eq. 6), taken when operations are given without one."""
-LONGEST_S = 31 * 86_400.0
-"""A duty cycle that lasts longer is a mistake in a unit."""
-LARGE_ERROR = 0.3
-"""Share of the tolerance beyond which the error on tests that were left out is a warning."""
+USUAL_TOLERANCE_UM = 10.0  #: Tolerance of the printed example (C eq. 6), taken when operations are given without one.
+LONGEST_S = 31 * 86_400.0  #: A duty cycle that lasts longer is a mistake in a unit.
+LARGE_ERROR = 0.3  #: Share of the tolerance beyond which the error on tests that were left out is a warning.
 _FEWEST_READINGS = 10
 _STEP_S = 60.0
 _STEPS_S = (30.0, 20.0, 15.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)

@@ -1,7 +1,5 @@
 """What makes tests doubtful, and how well a prediction that was learnt from them gives them back."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
@@ -18,8 +16,7 @@ from selector.physics.thermal.prediction.characteristics import Characteristics
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.types import Vector
 
-MOST_SAMPLES = 20_000
-"""A longer test is repeated at evenly spaced samples."""
+MOST_SAMPLES = 20_000  #: A longer test is repeated at evenly spaced samples.
 
 
 @dataclass(frozen=True)
@@ -155,19 +152,13 @@ def longer_than_tests(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Ite
         )  # fmt: skip
 
 
-LEAST_UM = 1e-3
-"""A displacement that moves by less in every test is no reading of a gauge."""
-STRETCHES = 8
-"""So many means of a run tell slow movement from noise."""
-CERTAIN = 0.999
-"""Probability with which noise alone shows less than what counts as a movement."""
-WARM = 0.1
-"""Share of a run's range by which cooling has to end beyond its start, for the start to be called warm."""
+LEAST_UM = 1e-3  #: A displacement that moves by less in every test is no reading of a gauge.
+STRETCHES = 8  #: So many means of a run tell slow movement from noise.
+CERTAIN = 0.999  #: Probability with which noise alone shows less than what counts as a movement.
+WARM = 0.1  #: Share of a run's range by which cooling has to end beyond its start, for the start to be called warm.
 IN_NOISE = 3.0
-OPPOSITE = -0.5
-"""Heating curves whose cosine is below this go the other way."""
-FAR_BEYOND = 4.0
-"""A run whose residual is this many times the median of the others' contradicts them."""
+OPPOSITE = -0.5  #: Heating curves whose cosine is below this go the other way.
+FAR_BEYOND = 4.0  #: A run whose residual is this many times the median of the others' contradicts them.
 
 
 def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Iterator[Finding]:

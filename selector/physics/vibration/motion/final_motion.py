@@ -1,7 +1,5 @@
 """How far do tool and workpiece move, line by line or over a range: by the coupled structure, or by the chains."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -17,8 +15,7 @@ from selector.physics.vibration.structure.source import Excitation, Source
 from selector.physics.vibration.structure.structure import GROUND, Structure, known_place, receptances, unit_force
 from selector.types import ComplexMatrix, Vector
 
-TOLERANCE = 1e-6
-"""Largest difference between curve and response, as a share of the largest response in the range."""
+TOLERANCE = 1e-6  #: Largest difference between curve and response, as a share of the largest response in the range.
 _MOST_POINTS = 50_000
 _LEAST_POINTS = 9
 _LEAST_SHARE = 1e-4

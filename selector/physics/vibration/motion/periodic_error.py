@@ -7,8 +7,6 @@ the analytic signal Z(t) = Σ_s e^{iφ_s}·z_s(t), z_s(t) = Σ_k X_k·e^{iω_k·
 amplitude of the line, of which the mean |x| would be 2/π. The mean |x| is given beside it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -23,8 +21,7 @@ from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.rounding import SAME, above, below
 from selector.types import ComplexMatrix, Vector
 
-MOST_VALUES = 2_000_000_000
-"""Realisations that differ × sections: some fifteen seconds."""
+MOST_VALUES = 2_000_000_000  #: Realisations that differ × sections: some fifteen seconds.
 MOST_REALISATIONS = 1 << 22
 _BLOCK = 1 << 15
 _WAVES, _MOST_WAVES = 512, 1 << 17
@@ -247,8 +244,7 @@ _FINALS = ("tool", "workpiece")
 _LEAST_LOBES = 1.5
 _LEAST_TURNING = 0.5
 _MOST_LOG = 600.0
-_NO_FORCE_LOG = 200.0
-"""Forces that are smaller yet leave no height by themselves, whatever the exponent."""
+_NO_FORCE_LOG = 200.0  #: Forces that are smaller yet leave no height by themselves, whatever the exponent.
 
 
 @dataclass(frozen=True)

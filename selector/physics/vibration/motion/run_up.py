@@ -4,8 +4,6 @@ At constant speeds every line is a sinusoid, exactly. While the speed of a shaft
 far the truth is from that is told by modes that are solved in time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -22,15 +20,11 @@ from selector.physics.vibration.structure.source import Line, ShaftCourse, Sourc
 from selector.physics.vibration.structure.structure import Structure, StructureModes, structure_modes, unit_force
 from selector.types import Complex, Matrix, Vector
 
-_MOST_STEPS = 10_000_000
-"""Samples × answers of one pole to one line, the largest first: about a second."""
-_NOTHING = 1e-3
-"""Share of all changes below which that of one pole under one line is left out."""
-_GONE = 20.0
-"""Decay within a sample, as an exponent, of what needs no time to follow."""
+_MOST_STEPS = 10_000_000  #: Samples × answers of one pole to one line, the largest first: about a second.
+_NOTHING = 1e-3  #: Share of all changes below which that of one pole under one line is left out.
+_GONE = 20.0  #: Decay within a sample, as an exponent, of what needs no time to follow.
 _PASSED = 400
-_JITTER = 0.125
-"""Part of the time constant over which a speed is averaged, to tell its noise from a run-up."""
+_JITTER = 0.125  #: Part of the time constant over which a speed is averaged, to tell its noise from a run-up.
 _DETUNED = 1e-6
 
 
@@ -188,10 +182,8 @@ def _complete_modes(structure: Structure) -> StructureModes:
 
 Beyond = Literal["refuse", "leave-out"]
 
-HURRY = 0.1
-"""Share of a final's largest motion from which on it is told that a run-up is too quick."""
-_ALIKE = 0.05
-"""Share by which two peaks differ that are about as large."""
+HURRY = 0.1  #: Share of a final's largest motion from which on it is told that a run-up is too quick.
+_ALIKE = 0.05  #: Share by which two peaks differ that are about as large.
 _STRETCHES = 1000
 _UM = 1e6
 

@@ -1,7 +1,5 @@
 """What shakes the machine: sources with their spectra, fixed or following shafts whose speed may change."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -97,7 +95,7 @@ class Excitation:
         for values in (self.frequency_hz, self.force_n, self.source, self.line):
             values.setflags(write=False)
 
-    def only(self, rows: Indices) -> Excitation:
+    def only(self, rows: Indices) -> "Excitation":
         """The excitation by these rows alone."""
         order, shaft = tuple(self.order[row] for row in rows), tuple(self.shaft[row] for row in rows)
         picked = self.frequency_hz[rows], self.force_n[rows], self.source[rows], self.line[rows]

@@ -1,7 +1,5 @@
 """What vibrates: how the whole structure answers to forces, in which modes it rings, and which one carries a line."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated
@@ -16,8 +14,7 @@ from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
-GROUND = "ground"
-"""What does not move: the foundation."""
+GROUND = "ground"  #: What does not move: the foundation.
 
 
 @dataclass(frozen=True)
@@ -132,12 +129,11 @@ class Structure:
         return held
 
 
-NUMBERS_AT_ONCE = 2_000_000
-"""Complex numbers of dynamic stiffness that are held at a time (32 MB)."""
+NUMBERS_AT_ONCE = 2_000_000  #: Complex numbers of dynamic stiffness that are held at a time (32 MB).
+#: An eigenvalue this near to ω², as a share, is an undamped resonance: it amplifies a thousand million times.
 UNDAMPED = 1e-9
-"""An eigenvalue this near to ω², as a share, is an undamped resonance: it amplifies a thousand million times."""
+#: Share of the largest eigenvalue below which rounding decides what a smaller one is.
 RESOLVED = 1e3 * np.finfo(float).eps
-"""Share of the largest eigenvalue below which rounding decides what a smaller one is."""
 
 
 def mass_matrix(structure: Structure) -> Matrix:
@@ -309,10 +305,9 @@ def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, 
     return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
 
 
+#: Modes whose product φᵀ·M·φ is above this share of their lengths are not told apart by their eigenvalues.
 ORTHOGONAL = 1e-10
-"""Modes whose product φᵀ·M·φ is above this share of their lengths are not told apart by their eigenvalues."""
-COMPLETE = 1e-10
-"""How exactly the shapes of all modes must give back every motion to be used as coordinates."""
+COMPLETE = 1e-10  #: How exactly the shapes of all modes must give back every motion to be used as coordinates.
 
 
 @dataclass(frozen=True)

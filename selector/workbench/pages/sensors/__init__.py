@@ -5,8 +5,6 @@ numbers and the pictures together: the browser asks the server for what changes 
 (``assets/sensors.js``). What the bench changes comes through Dash as on any other page.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import dash

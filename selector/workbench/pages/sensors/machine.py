@@ -1,7 +1,5 @@
 """The machine with its pins: where the sensors sit, moving them, and the user's own photo."""
 
-from __future__ import annotations
-
 import base64
 import functools
 from collections.abc import Mapping, Sequence
@@ -29,8 +27,8 @@ MOST_PHOTO_BYTES = 8_000_000
 _VIEWS = {"front": "front view", "side": "side view"}
 _SIGNS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _BESIDE, _EDGE = 0.25, 0.12
+#: Sensors without a place that stand in one column, and the height of a row as a share of the machine's.
 _MOST_BELOW, _ROW = 10, 0.08
-"""Sensors without a place that stand in one column, and the height of a row as a share of the machine's."""
 
 
 @dataclass(frozen=True)

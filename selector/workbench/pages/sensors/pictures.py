@@ -1,7 +1,5 @@
 """The pictures, words and numbers of the Sensors page: drawn whole once, after that only what a move changes."""
 
-from __future__ import annotations
-
 import html
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -57,8 +55,8 @@ _MARGINS = {
     "coefficients": {"t": 10, "b": 84, "r": 14},
     "faults": {"t": 10, "b": 52, "r": 14},
 }
+#: Width of a letter of a name, bold ones included, and what stands beside a name.
 _LETTER_PX, _BESIDE_LETTERS_PX = 6.7, 24
-"""Width of a letter of a name, bold ones included, and what stands beside a name."""
 _LONGEST_TERM = 18
 _LONGEST_BESIDE_PIN = 20  #: Two views stand side by side.
 

@@ -1,7 +1,5 @@
 """Which sensors must or must not be used, what they cost, and where they sit: a row each, to be edited."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import dash

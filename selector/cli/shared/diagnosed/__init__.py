@@ -1,1 +1,0 @@
-"""What `diagnose` is asked, what answers it, and the files that it writes."""
