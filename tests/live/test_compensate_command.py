@@ -94,6 +94,8 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
         ('kind = "file"\nurl = "given.csv"', 'kind = "mtconnect"\nurl = "http://agent"', "MTConnect"),
         ('url = "given.csv"', 'url = "opc.tcp://me:secret@plc"', "password_env"),
         ("period_s = 1.0", "period_s = 0", "period_s"),
+        ('url = "given.csv"', 'url = "day.csv"', "other columns"),
+        ('at = "program"', 'at = "day"', "other columns"),
         ("period_s = 1.0", "perid_s = 1.0", "period_s"),
         ("[outputs.Z]", "[outputs.Q]", "'Z'"),
     ],
