@@ -161,6 +161,14 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
     foreign = [
         name for name, mark in marks.items() if (folder / name).exists() and not begins_with(folder / name, mark)
     ]
+    for name in foreign:
+        if (folder / name).is_dir():
+            raise OptionError(
+                f"{folder / name} is a folder",
+                expected="a file, or a name that is free",
+                where=option,
+                advice="name a file in it, or another one",
+            )
     if foreign:
         raise OptionError(
             f"{', '.join(foreign)} in {folder}, which this command did not write",

@@ -33,6 +33,8 @@ _PAGE = "docs/reference/fleet.md"
 
 def _of_runs(value: Any) -> Any:
     """A machine of which only the recordings are said."""
+    if isinstance(value, dict) and isinstance(value.get("runs"), str):
+        return value | {"runs": [value["runs"]]}
     return {"runs": [value]} if isinstance(value, str) else {"runs": value} if isinstance(value, list) else value
 
 

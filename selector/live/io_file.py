@@ -184,6 +184,11 @@ def _fits_itself(said: IoFile, where: str) -> None:
 
 
 def _fits(said: IoFile, model: ModelFile, where: str) -> None:
+    if said.period_s > said.stale_after_s:
+        found = f"period_s = {said.period_s:g} with stale_after_s = {said.stale_after_s:g}"
+        raise _unusable(
+            found, where, "write at least as often as a confirmation holds, at most every 10 s; collect may be slower"
+        )
     for item in model.inputs:
         _known(item.name, said.channels, f"{where}, key channels", "channel of this name, which the model reads,")
         if said.channels[item.name].role != item.role:

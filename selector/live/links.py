@@ -266,7 +266,9 @@ def supervised_links(io: IoFile, clock: Clock, tell: Tell) -> dict[str, Supervis
 def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     writes = io.writes(name)
     if connection.kind == "file":
-        if not writes:
+        if writes:
+            _require_own_table(connection.url, writes, f"connection {name}")
+        else:
             _require_table(connection.url, f"connection {name}")
         return FileLink(connection.url, writes, clock)
     # heavy, and extras
@@ -287,6 +289,21 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     from selector.live.hal import HalLink
 
     return HalLink()
+
+
+def _require_own_table(path: str, writes: tuple[str, ...], where: str) -> None:
+    """Ends with an error unless this file is new, empty, or begun with these outputs."""
+    if not Path(path).is_file():
+        return
+    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+        head = next(csv.reader([file.readline(100_000)]), [])
+    if head and head != ["time_s", *writes]:
+        raise OptionError(
+            "a file with other columns",
+            expected=f"no file yet, or one with the columns {', '.join(('time_s', *writes))}",
+            where=f"{where}: {path}",
+            advice="name another file for the outputs, or move this one away",
+        )
 
 
 def _require_table(path: str, where: str) -> None:

@@ -103,6 +103,8 @@ run-not-used [info] the machine file leaves a run out
 run-repaired [info] a run was read as the machine file repairs it
 repair-of-no-run [info] the machine file repairs a run that was not read
     → correct the name in [runs.NAME], or leave it for the recordings that have this run
+repair-of-no-sample [warning] a stretch that the machine file leaves out is not in its run
+    → count it in seconds from the start of the run
 run-column [info] a column tells several runs of one file apart
 runs-renamed [info] several files have the same name; their runs get names that differ
     → give the files different names

@@ -108,7 +108,7 @@ def _compared(
         above = f"({100 * (other.error / max(top.error, 1e-300) - 1):.0f} % above the best: {why})" if why else ""
         return " ".join(filter(None, [label, ", ".join(errors), above]))
 
-    found = [told("best", top)]
+    found = [told("best", top)] if id(top) in alike else []
     if top is not trial:
         found.append(told("chosen", trial, _why_equal(question, trial, top)))
     fewer = choice.by_size.get(len(trial.set.sensors) - 1)
@@ -145,7 +145,9 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
     searched = choice.trial.set.origin != "formula"
     for name in sensors:
         if name in chosen:
-            without = [t for t in choice.alike if name not in t.set.sensors]
+            # with more sensors almost any one can be done without
+            fewest = [t for t in choice.alike if len(t.set.sensors) <= len(chosen)]
+            without = [t for t in fewest if name not in t.set.sensors]
             if without:
                 best = min(without, key=lambda t: t.error)
                 reasons[name] = (
@@ -153,7 +155,9 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
                     f"{best.error / max(best_error, 1e-300):.2f} times the error on unseen data"
                 )
             else:
-                reasons[name] = "kept: every compared set contains it" if searched else "kept: the formula names it"
+                reasons[name] = (
+                    "kept: every set that is no larger contains it" if searched else "kept: the formula names it"
+                )
         elif searched:
             reasons.setdefault(name, "dropped: a representative that the chosen set does not need")
         else:

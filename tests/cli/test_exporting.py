@@ -247,6 +247,13 @@ def test_a_page_that_is_no_sheet_is_not_replaced(tmp_path, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["commissioning.html"]
 
 
+def test_a_folder_in_the_place_of_the_predictions_is_called_one(tmp_path, capsys):
+    recording, machine = PATENT8 / "recording.csv", PATENT8 / "machine.toml"
+    words = ["apply", PATENT, recording, "--machine", machine, "--out", tmp_path]
+    assert exit_status([str(word) for word in words]) == 2
+    assert f"{tmp_path} is a folder" in capsys.readouterr().err.replace("\n", " ")
+
+
 @pytest.mark.parametrize(("command", "out"), [("apply", "x.csv"), ("convert", "")])
 def test_a_recording_and_a_machine_file_of_others_are_not_replaced(command, out, tmp_path, capsys):
     for name in ("recording.csv", "machine.toml"):

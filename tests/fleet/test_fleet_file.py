@@ -38,7 +38,7 @@ def test_a_machine_is_a_text_an_array_or_a_table_and_changes_single_options(plan
     a = "plant/m1"
     b = ["plant/one.csv", "s3://bucket/b/*.csv"]
     [machines.c]
-    runs = ["plant/m2"]
+    runs = "plant/m2"
     machine = "own.toml"
     select.max_sensors = 2
     reading.decimal = ","
@@ -46,6 +46,7 @@ def test_a_machine_is_a_text_an_array_or_a_table_and_changes_single_options(plan
     studies = read_fleet(fleet_file(plant, text)).studies
     assert studies["a"].recordings.machine == str(plant / "machine.toml")
     assert studies["b"].recordings.runs == (str(plant / "plant" / "one.csv"), "s3://bucket/b/*.csv")
+    assert studies["c"].recordings.runs == (str(plant / "plant" / "m2"),)
     assert studies["c"].recordings.machine == str(plant / "own.toml")
     assert (studies["c"].select.max_sensors, studies["a"].select.max_sensors) == (2, 3)
     assert studies["c"].select.lambda_ == 0.99

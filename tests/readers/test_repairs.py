@@ -168,6 +168,7 @@ def test_the_file_of_describe_keeps_the_repairs(folder, capsys):
     ("repairs", "error", "words"),
     [
         ('[runs.r1]\nswap = [["T1", "T9"]]', RecordingError, ["'T9'", "runs.r1", "T2"]),
+        ('[runs.r1]\nswap = [["T1", "Z"]]', RecordingError, ["T1 [degC] and Z [um]", "runs.r1"]),
         ('[runs.r1.channels.T9]\nunit = "degF"', RecordingError, ["'T9'", "runs.r1"]),
         ('[runs.r1.channels.T1]\nunit = "mm"', UnitError, ["'mm'", "runs.r1.channels.T1"]),
         ("".join(f"[runs.r{k}]\nuse = false\n" for k in range(1, 7)), RecordingError, ["use = false", "r1"]),
@@ -184,6 +185,15 @@ def test_a_repair_of_a_run_that_was_not_read_is_told(folder):
     reading = read([folder / "r1.csv"], machine(folder))
     (told,) = [one for one in reading.findings if one.id == "repair-of-no-run"]
     assert told.evidence["repaired"] == ["r2", "r3", "r4", "r5", "r6"]
+
+
+def test_a_stretch_beyond_its_run_is_told(folder):
+    repairs = "[runs.r1.channels.T2]\nleave_out = [[600, 1200], [36000, 72000]]"
+    (told,) = [one for one in read([folder], machine(folder, repairs)).findings if one.id == "repair-of-no-sample"]
+    assert (told.where.run, told.where.channel) == ("r1", "T2")
+    assert told.evidence["leave_out"] == [[36000.0, 72000.0]]
+    whole = read([folder], machine(folder, '[runs.r1.channels.T2]\nleave_out = "all"'))
+    assert "repair-of-no-sample" not in {one.id for one in whole.findings}
 
 
 def test_describe_writes_the_repairs_that_its_findings_prove(tmp_path, capsys):

@@ -267,6 +267,10 @@ class TestResult:
         assert set(plain.reasons) == set(SENSORS)
         for name, reason in plain.reasons.items():
             assert reason.startswith("kept:" if name in plain.chosen else "dropped:")
+            # sets with more sensors are no measure of what one is worth
+            if worth := re.search(r"without it .*\((.*)\) has ([\d.]+) times", reason):
+                assert len(worth[1].split(", ")) <= len(plain.chosen)
+                assert float(worth[2]) >= 1.0
 
     def test_a_choice_at_the_limit_is_told(self, plain):
         found = selected(machine(), max_sensors=1)

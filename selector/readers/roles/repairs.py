@@ -16,7 +16,7 @@ from selector.readers.roles.names import closest
 from selector.readers.roles.plan import Plan, Planned
 from selector.readers.runs import TimedRun
 from selector.readers.tables import listed
-from selector.units import unit_for_role
+from selector.units import same_dimension, unit_for_role
 
 
 def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[TimedRun], list[Finding]]:
@@ -79,10 +79,14 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
         for one in planned.channels
     }
     findings = list(planned.findings)
+    ends_s = {run.name: float(run.time_s[-1]) for run in runs}
     for run in (run.name for run in runs if run.name in machine.runs):
         section = machine.runs[run]
         for first, second in section.swap:
             one, other = (_in_run(channels, name, run) for name in (first, second))
+            if not same_dimension(one.units[run], other.units[run]):
+                found = f"{first} [{one.units[run]}] and {second} [{other.units[run]}]"
+                _refuse(found, "two channels of the same kind, whose cables can have changed places", run)
             one.headers[run], other.headers[run] = other.headers[run], one.headers[run]
             one.units[run], other.units[run] = other.units[run], one.units[run]
         for name, repair in section.channels.items():
@@ -92,6 +96,9 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
                 channel.units[run] = unit_for_role(repair.unit, channel.role, where=where)
             if repair.leave_out:
                 channel.left_out[run] = repair.leave_out
+            beyond = [stretch for stretch in repair.leave_out if stretch[0] > ends_s[run] or stretch[1] < 0.0]
+            if beyond:
+                findings.append(_told_beyond(run, name, beyond, ends_s[run]))
         if section.swap or section.channels:
             findings.append(_told(run, section))
     return replace(planned, channels=tuple(channels.values()), findings=tuple(findings))
@@ -112,6 +119,16 @@ def _refuse(found: str, expected: str, run: str) -> NoReturn:
         expected=expected,
         where=f"[runs.{run}] of the machine file",
         advice="correct the name in the machine file",
+    )
+
+
+def _told_beyond(run: str, name: str, stretches: Sequence[tuple[float, float]], end_s: float) -> Finding:
+    told = ", ".join(f"{first:g} to {last:g} s" for first, last in stretches)
+    return FINDINGS.finding(
+        "repair-of-no-sample",
+        f"Run {run!r} lasts {end_s:g} s; of {name} nothing is left out from {told}.",
+        Where(channel=name, run=run),
+        {"leave_out": [list(stretch) for stretch in stretches], "duration_s": end_s},
     )
 
 
