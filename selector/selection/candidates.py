@@ -25,6 +25,8 @@ AS_RELEVANT = 0.01
 #: Terms up to which products and powers are chosen one by one; the search for more takes seconds a set.
 MOST_TERMS = 12
 LINEAR = Shape()
+MOST_TOGETHER = 100_000
+"""Sets of the largest size up to which all are compared for several responses at once: a tenth of a second."""
 
 
 @dataclass(frozen=True)
@@ -113,28 +115,52 @@ def candidates(question: Question, bench: Bench) -> Candidates:
     return Candidates(grouping, tuple(sets.values()))
 
 
-def sets_with_terms(question: Question, bench: Bench, pool: Sequence[str], shape: Shape) -> list[tuple[str, ...]]:
-    """Exact best sets of every size among the representatives when each sensor brings all terms of a shape."""
+def sets_with_terms(
+    question: Question, bench: Bench, pool: Sequence[str], shape: Shape, most: int | None = None
+) -> list[tuple[str, ...]]:
+    """Exact best sets of every size, up to `most`, of some sensors when each brings all terms of a shape.
+
+    For every response, and for all of them together.
+    """
     options = question.options
     owners = bench.library.owners(pool, shape)
-    # the search wants terms that belong to no sensor last
-    order = sorted(range(len(owners)), key=lambda i: not owners[i])
-    n_owned = sum(bool(owner) for owner in owners)
+    moving = _moving_responses(bench)
     sets: dict[tuple[str, ...], None] = {}
-    for j in _moving_responses(bench):
+    for together in [*([j] for j in moving), *([moving] if len(moving) > 1 else [])]:
+        cross, of_all = _side_by_side(bench, pool, shape, together), owners * len(together)
+        # the search wants terms that belong to no sensor last
+        order = sorted(range(len(of_all)), key=lambda i: not of_all[i])
         search = best_sensor_sets(
-            bench.cross(pool, shape, j)[np.ix_([*order, len(order)], [*order, len(order)])],
+            cross[np.ix_([*order, len(order)], [*order, len(order)])],
             bench.n_samples,
-            [owners[i] for i in order],
+            [of_all[i] for i in order],
             n_sensors=len(pool),
-            max_sensors=min(options.max_sensors, len(pool)),
+            max_sensors=min(most or options.max_sensors, len(pool)),
             n_best=_per_size(pool),
             must=tuple(pool.index(name) for name in options.must if name in pool),
-            always=tuple(range(n_owned, len(order))),
+            always=tuple(range(sum(bool(owner) for owner in of_all), len(order))),
         )
         for found in search.by_size.values():
             sets.update(dict.fromkeys(tuple(pool[i] for i in best.sensors) for best in found if best.sensors))
     return list(sets)
+
+
+def _side_by_side(bench: Bench, pool: Sequence[str], shape: Shape, responses: Sequence[int]) -> NDArray[np.float64]:
+    """Cross-products of a regression of all responses at once: each has the terms for itself, and its spread for unit.
+
+    Its residual sum of squares is the sum over the responses of the share that each leaves.
+    """
+    alone = [bench.cross(pool, shape, j) for j in responses]
+    if len(alone) == 1:
+        return alone[0]
+    n = len(alone[0]) - 1
+    joint = np.zeros((n * len(alone) + 1, n * len(alone) + 1))
+    for k, cross in enumerate(alone):
+        at = slice(k * n, (k + 1) * n)
+        joint[at, at] = cross[:-1, :-1]
+        joint[at, -1] = joint[-1, at] = cross[:-1, -1] / np.sqrt(cross[-1, -1])
+    joint[-1, -1] = len(alone)
+    return joint
 
 
 def sparse_forms(bench: Bench, sensors: Sequence[str], shape: Shape) -> list[ListedTerms]:
@@ -268,6 +294,12 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
         )
         for found in search.by_size.values():
             sets.update(dict.fromkeys(tuple(pool[i] for i in best.columns) for best in found if best.columns))
+    if len(_moving_responses(bench)) > 1:
+        # the best for each response need not be the best for all: of all sensors, and larger sets of those found so far
+        for several in (list(pool), [name for name in pool if any(name in one for one in sets)]):
+            sizes = range(1, min(options.max_sensors, len(several)) + 1)
+            most = max(size for size in sizes if size == 1 or math.comb(len(several), size) <= MOST_TOGETHER)
+            sets.update(dict.fromkeys(sets_with_terms(question, bench, several, LINEAR, most)))
     if not sets:
         # no displacement moves in these folds, so nothing can be ranked
         must = tuple(name for name in pool if name in options.must)

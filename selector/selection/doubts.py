@@ -24,8 +24,8 @@ from selector.sensors.similarity import similarity_findings
 
 PROMISED_FACTOR = 1.5  #: An error that is known better than to this factor is told without a doubt.
 #: Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
-#: begin cold, the same with memory, and runs that begin warm from other work (`benchmarks/bench_honesty.py`).
-SPREAD, SPREAD_WITH_MEMORY, SPREAD_WARM = 0.45, 0.8, 1.0
+#: begin cold, and with runs that begin warm from other work or with memory (`benchmarks/bench_honesty.py`).
+SPREAD, SPREAD_OF_STARTS = 0.45, 1.0
 #: Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise.
 STARTS_APART, START_NOISE_K = 0.1, 0.15
 MIN_RUNS = 6
@@ -283,8 +283,8 @@ def _few_runs(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) 
     warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
     n = len(next(iter(proof.per_response.values())))
     memory = bool(selection.recipe.design.lags)
-    spread = SPREAD_WARM if warm else SPREAD_WITH_MEMORY if memory else SPREAD
-    factor = float(np.exp(1.96 * spread / np.sqrt(n)))
+    # a start that is a little warm does not show in the sensors, and memory rests on it
+    factor = float(np.exp(1.96 * (SPREAD_OF_STARTS if warm or memory else SPREAD) / np.sqrt(n)))
     if factor <= PROMISED_FACTOR:
         return
     spans = {name: (proof.rmse_um(name) / factor, proof.rmse_um(name) * factor) for name in selection.models}

@@ -38,6 +38,9 @@ from selector.sensors.finding_table import CONSTANT_SENSOR
 
 #: Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days.
 WORTH_A_RICHER_MODEL = 1.02
+#: Parts from which on number of sensors and offer are decided without the part that is predicted; of three, the other
+#: two decide worse than all of them do.
+FEWEST_TO_DECIDE = 4
 LEVELS = {"error": 0, "warning": 1, "info": 2}
 AIMS = (1.0, 0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6, 0.5, 0.4)  #: Shares of a target, see `_aimed`.
 NO_RIDGE = (0.0, float("nan"), float("nan"))
@@ -92,10 +95,12 @@ def select(
     best_of_offer, plan = _best_plan(question, unseen, spread)
     plan_errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
     aimed = _aimed(question, library, folds, fold_trials, plan)
-    choice, choices = (
-        all_trials.aimed_at(aimed).choice(plan),
-        [one.aimed_at(aimed).choice(plan) for one in fold_trials],
-    )
+    choice = all_trials.aimed_at(aimed).choice(plan)
+    of_plan = [one.choice(plan) for one in fold_trials]
+    # the least of several errors is lucky: what a part proves was decided without it
+    without = [_best_plan(question, _without(unseen, i), spread)[1] for i in range(len(fold_trials))]
+    decided = without if len(without) >= FEWEST_TO_DECIDE else [plan] * len(without)
+    choices = [one.aimed_at(aimed).choice(other) for one, other in zip(fold_trials, decided, strict=True)]
 
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
@@ -112,7 +117,7 @@ def select(
     proof = Proof(
         folds.left_out,
         *left_out_errors(question, fitted, datum, choices, parts, ridge[0]),
-        error_curve(library, folds.outer, choices[: len(folds.outer)]),
+        error_curve(library, folds.outer, of_plan),
         baselines(
             folds.linear,
             library,
@@ -214,6 +219,13 @@ def _best_plan(
         if no_worse and better and _is_clear(unseen[taken], unseen[plan], spread):
             taken = plan
     return best_of_offer, taken
+
+
+def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
+    """The errors on all other parts."""
+    return {
+        plan: HeldOut(np.delete(one.sse, part, axis=0), np.delete(one.n_samples, part)) for plan, one in unseen.items()
+    }
 
 
 def _is_clear(poorer: HeldOut, richer: HeldOut, spread: NDArray[np.float64]) -> bool:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import itertools
 import json
 
+import numpy as np
 import pytest
 
 from selector.selection import Options, select
 from selector.selection.exploration import Exploration
 from selector.selection.result_file import selection_of
+from tests.models.runs import recording
 from tests.selection.machines import SENSORS, linear, machine
 
 
@@ -56,3 +58,31 @@ def test_sets_with_lags_are_listed_and_come_back_from_a_result():
     assert found.equal is not None
     document = json.loads(json.dumps(found.as_dict()))
     assert selection_of(document).as_dict()["equal_sets"] == document["equal_sets"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_best_set_for_all_responses_together_is_compared(seed):
+    """Of every size, among all sets, by the mean of what is left of each response where it was fitted."""
+    rng = np.random.default_rng(seed)
+    names, mixing, law = [f"T{k}" for k in range(9)], rng.normal(size=(5, 9)), rng.normal(size=(5, 3))
+    runs, rises, moved = {}, [], []
+    for run in range(4):
+        latent = np.vstack([np.zeros((8, 5)), rng.normal(size=(120, 5)).cumsum(axis=0)])
+        sensors = latent @ mixing + rng.normal(0.0, 3.0, (128, 9)) * (np.arange(128) >= 8)[:, None]
+        courses = latent @ law
+        columns = dict(zip((*names, "X", "Y", "Z"), np.column_stack([sensors, courses]).T, strict=True))
+        runs[f"r{run}"] = (np.arange(128.0), columns)
+        rises.append(sensors)
+        moved.append(courses)
+    found = select(recording(runs), Options(responses=("X", "Y", "Z"), max_sensors=4))
+    design, responses = np.vstack(rises), np.vstack(moved)
+
+    def left(of_set):
+        columns = np.column_stack([np.ones(len(design)), design[:, of_set]])
+        off = responses - columns @ np.linalg.lstsq(columns, responses, rcond=None)[0]
+        return float((off.var(axis=0) / responses.var(axis=0)).sum())
+
+    compared = {one.sensors for one in found.combinations}
+    for size in range(1, 5):
+        best = min(itertools.combinations(range(9), size), key=left)
+        assert tuple(names[k] for k in best) in compared

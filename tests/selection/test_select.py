@@ -12,7 +12,7 @@ from selector.errors import OptionError
 from selector.findings import Finding
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
-from tests.selection.machines import SENSORS, found_ids, machine, one_finding
+from tests.selection.machines import SENSORS, found_ids, linear, machine, one_finding
 
 
 def selected(source, **options):
@@ -360,3 +360,20 @@ class TestResult:
         error = trace.measured_um[:, 0] - trace.predicted_um[:, 0]
         # both courses are rounded to 0.0001 µm
         assert np.sqrt(np.mean(error**2)) == pytest.approx(part.rmse_um, abs=1e-4)
+
+
+class TestToldWithoutTheRun:
+    @pytest.mark.parametrize("seed", [0, 1])
+    def test_number_of_sensors_and_offer_of_a_run_are_decided_without_it(self, seed, monkeypatch):
+        """With the least error of all runs together each run would help to choose what it then proves."""
+        source = machine(
+            lambda truth: linear(truth) + 4.0 * truth["hidden"] * np.tanh(truth["air"]), n_runs=4, n=100, seed=seed
+        )
+        told = selected(source, memory=True, max_sensors=4).proof
+        monkeypatch.setattr("selector.selection.workflow.FEWEST_TO_DECIDE", 5)
+        lucky = selected(source, memory=True, max_sensors=4).proof
+        # what the others would have taken is never better for the run that is left out than the best for all
+        assert told.rmse_um("Z") > lucky.rmse_um("Z")
+        assert {len(part.sensors) for part in told.per_response["Z"]} == {1, 2}
+        # what each size reaches is as it was: only which of them is told changes
+        assert told.curve == lucky.curve

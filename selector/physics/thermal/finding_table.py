@@ -25,6 +25,8 @@ unmeasured-drift [info, warning] something that nobody measured moves the displa
     → record more temperatures around the machine (hall, coolant, foundation) with the role ambient
 claimed-error-unknown [warning] no test can be left out and predicted by the others: no error is claimed
     → record two or three heating and cooling tests one after the other in one record
+few-tests [warning] the claimed error rests on few tests that were left out: it is known to a factor only
+    → record more heating and cooling tests, at speeds between those tested
 ambient-not-used [info] the duty cycle has a temperature of which the tests do not show that it drives a displacement
 start-not-at-rest [info, warning] a run does not begin at rest and cold; the state at its start is fitted too
     → Let the machine rest until it is cold before a heating test.

@@ -202,3 +202,29 @@ def test_whitening_is_the_cholesky_factor_of_walk_ripple_and_noise():
     # an unknown zero of 1e8 µm² beside 0.01 µm²: ten of sixteen digits are its
     np.testing.assert_allclose(found, solve_triangular(root, values, lower=True), atol=1e-4)
     assert logs == pytest.approx(np.log(np.diag(root)).sum(), abs=1e-4)
+
+
+def test_separate_tests_in_a_hall_claim_an_error_that_is_borne_out():
+    rng = np.random.default_rng(8)
+    tests = []
+    for k, speed in enumerate((2000.0, 5000.0, 1000.0, 3500.0)):
+        day = Cyclogram.of_segments((10.0, 0.0), (150.0, speed), (120.0, 0.0))
+        time = np.arange(0.0, day.end_s, 60.0)
+        degc = hall_at(time + 3e4 * k)
+        course, _ = course_um(day, time, degc)
+        read = course + rng.normal(0.0, 0.1, course.shape)
+        tests.append(ThermalTest(f"r{k}", time, day.speed_at(time), read, degc[:, None], ("hall",)))
+    time = np.arange(0.0, CYCLE.end_s + 1.0, 60.0)
+    degc = hall_at(time + 2e5)
+    true, _ = course_um(CYCLE, time, degc)
+    prediction = predict(tests, PAIR, CYCLE, hall=AmbientCourse(time, degc[:, None], ("hall",)))
+    # the fastest is not left out: nobody asks beyond it
+    assert set(prediction.left_out_um) == {"r0", "r2", "r3"}
+    (told,) = [finding for finding in prediction.findings if finding.id == "few-tests"]
+    assert told.evidence["tests"] == 3
+    assert told.evidence["claimed_um"] == pytest.approx(prediction.claimed_um, rel=0.05)  # another grid of times
+    found = np.column_stack([np.interp(time, prediction.time_s, one) for one in prediction.displacement_um.T])
+    off = np.sqrt(((found - true) ** 2).mean(axis=0)) / prediction.claimed_um
+    # its law is among those of the fit, so that it may be much better than claimed, but not worse
+    assert (off < told.evidence["factor"]).all()
+    assert "claimed-error-unknown" not in ids(prediction)

@@ -179,14 +179,14 @@ def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
     likelihood decides, less `COST` for every parameter that is searched.
     """
     laws = LAWS if len(data.levels_rpm) > 2 else LAWS[:1]
-    plain, *other = sorted((_of_size(ModeSpec(3, law, with_hall=with_hall), data) for law in laws), key=_worth)
+    plain, *other = sorted((_of_size(ModeSpec(3, law, with_hall=with_hall), data) for law in laws), key=worth)
     plain = _climbed(plain, lambda size: _of_size(replace(plain.spec, n_modes=size), data), MOST_MODES)
 
     def with_film(size: int) -> DrivenFit:
         return _with_film(_of_size(replace(plain.spec, n_modes=size), data), data)
 
     film = _climbed(with_film(min(plain.spec.n_modes, MOST_WITH_FILM)), with_film, MOST_WITH_FILM)
-    return tuple(sorted((plain, film, *other), key=_worth))
+    return tuple(sorted((plain, film, *other), key=worth))
 
 
 def _climbed(best: DrivenFit, of_size: Callable[[int], DrivenFit], most: int) -> DrivenFit:
@@ -194,7 +194,7 @@ def _climbed(best: DrivenFit, of_size: Callable[[int], DrivenFit], most: int) ->
     for direction in (-1, 1):
         while 0 < (size := best.spec.n_modes + direction) <= most:
             other = of_size(size)
-            if _worth(other) >= _worth(best):
+            if worth(other) >= worth(best):
                 break
             best = other
     return best
@@ -211,7 +211,8 @@ def _with_film(fit: DrivenFit, data: ModeData) -> DrivenFit:
     return min((fitted(spec, data, start, spreads=fit.spreads) for start in starts), key=lambda one: one.loss)
 
 
-def _worth(fit: DrivenFit) -> float:
+def worth(fit: DrivenFit) -> float:
+    """Negative logarithm of the marginal likelihood, with what its searched parameters cost; less is better."""
     return fit.loss + COST * fit.spec.n_searched
 
 
@@ -302,27 +303,29 @@ class LeftOut:
 
     @property
     def factor(self) -> Vector:
-        """(n_responses,): Errors as multiples of what was expected; as few tests say little, they are drawn to 1."""
+        """(n_responses,): Errors as multiples of what was expected, at least 1; few tests say little: drawn to 1."""
         ratio = (self.error_um / self.expected_um) ** 2
         known = np.isfinite(ratio).sum(axis=0)
-        return np.asarray(np.sqrt((np.nansum(ratio, axis=0) + PRIOR_TESTS) / (known + PRIOR_TESTS)))
+        # that tests were off by less may be because their starts, which only they tell, were not as unlike as feared
+        return np.asarray(np.sqrt(np.maximum((np.nansum(ratio, axis=0) + PRIOR_TESTS) / (known + PRIOR_TESTS), 1.0)))
 
 
 def left_out(fit: DrivenFit, data: ModeData, parts: Sequence[Part]) -> LeftOut:
     """Every test predicted by a fit to the others, and again from every change of its speed on (composed duty cycles).
 
     A test at the fastest speed alone is not counted, because nobody asks beyond it; nor is the first of a run, whose
-    state at the start only it can tell.
+    state at the start only it can tell, unless every run is one test: then each begins as a cold duty cycle does.
     """
     n_responses = data.displacement_um.shape[1]
     error, expected = (np.full((len(parts), n_responses), np.nan) for _ in range(2))
+    has_several = len(parts) > len(data.bounds)
     for k, part in enumerate(parts):
         rows = np.zeros(len(data.speed_rpm), np.bool_)
         rows[part.begin : part.end] = True
         rest = data.speed_rpm[~rows]
         if not rest.size or rest.max() < 0.9 * data.speed_rpm[rows].max() or not (data.speed_rpm[rows] > 0).any():
             continue
-        if not any(other.run == part.run and other.begin < part.begin for other in parts) and len(parts) > 3:
+        if len(parts) > 3 and has_several and part.begin == data.bounds[part.run][0]:
             continue
         without = fitted(fit.spec, data, fit.theta, there=~rows, spreads=fit.spreads, rounds=1)
         phi, _ = design(fit.spec, data, without.theta)

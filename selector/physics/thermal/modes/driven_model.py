@@ -19,6 +19,7 @@ from selector.physics.thermal.modes.driven import (
     left_out,
     parts_of,
     tau_intervals,
+    worth,
 )
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
@@ -26,6 +27,11 @@ from selector.types import Vector
 
 Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is left of a start (n_modes,).
 LEAST_HALL_K = 0.1  #: A hall that moves by less drives nothing that could be seen.
+#: Logarithms of likelihoods count as so much less: rows of a model that is not quite right are not independent.
+TEMPERED = 20.0
+#: Standard deviation of the logarithm of true ÷ claimed error by a single test (`benchmarks/bench_claims.py`).
+SPREAD_OF_CLAIMS = 1.14
+COURSE_POINTS = 200
 
 
 @dataclass(frozen=True)
@@ -179,17 +185,34 @@ class DrivenModel:
     def error_um(self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool) -> Vector:
         """Standard deviation of the error [µm], (n_times, n_responses).
 
-        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
-        how far other laws of the speed, and convection that grows or does not, are from this course.
+        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off, and
+        how far other fits are from this course, as likely as they are. Over the duty cycle it is half-way, by ratio,
+        between that and what left-out tests were off, if there are any.
         """
-        time = np.asarray(time_s, dtype=np.float64)
-        moved = self.moved(cyclogram, time, hall, follows=follows)
-        squares = (expected_um(self.fit, moved, time) * self.unseen.factor) ** 2
+        expected = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows)
+        if self.heldout_um is None:
+            return expected
+        whole = self._expected_um(cyclogram, np.linspace(0.0, cyclogram.end_s, COURSE_POINTS), hall, follows=follows)
+        return np.asarray(expected * np.sqrt(self.heldout_um / np.sqrt((whole**2).mean(axis=0))))
+
+    def _expected_um(
+        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool
+    ) -> Vector:
+        """What is expected of the error before left-out tests tell its size [µm], (n_times, n_responses)."""
+        moved = self.moved(cyclogram, time_s, hall, follows=follows)
+        squares = (expected_um(self.fit, moved, time_s) * self.unseen.factor) ** 2
         here = moved @ self.fit.coefficients
-        for other in self.others:
-            there = replace(self, fit=other, others=()).displacement_um(cyclogram, time, hall, follows=follows)
-            squares += (there - here) ** 2 / (len(self.others) + 1)
+        likely = np.exp((worth(self.fit) - np.array([worth(other) for other in self.others])) / TEMPERED)
+        for other, share in zip(self.others, likely / (1.0 + likely.sum()), strict=True):
+            there = replace(self, fit=other, others=()).displacement_um(cyclogram, time_s, hall, follows=follows)
+            squares += share * (there - here) ** 2
         return np.asarray(np.sqrt(squares))
+
+    @property
+    def claim_factor(self) -> float:
+        """Within what factor the claimed error is known, 19 times in 20."""
+        judged = int(np.isfinite(self.unseen.error_um).any(axis=1).sum())
+        return float(np.exp(1.96 * SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1))))
 
     def mode_displacement_um(
         self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool

@@ -13,6 +13,7 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Start, mod
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
 
+PROMISED_FACTOR = 1.5  #: A claimed error that is known better than to this factor is told without a doubt.
 WORTH_TELLING = 0.3  #: Share of the claimed error from which on a difference is worth a warning.
 
 
@@ -111,8 +112,20 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         yield FINDINGS.finding(
             "claimed-error-unknown",
             f"{len(model.parts)} test{'s' * (len(model.parts) > 1)}: none can be left out and predicted by the others, "
-            "so no error is claimed. That needs a test that follows another one in the same record, since how warm the "
-            "machine was at the start of a record only that record tells, and whose speed others surround.",
+            "so no error is claimed. That needs tests whose speed others surround: separate ones, or some that follow "
+            "others in the same record.",
+        )
+        return
+    judged, factor = int(np.isfinite(model.unseen.error_um).any(axis=1).sum()), model.claim_factor
+    if factor > PROMISED_FACTOR:
+        claimed = _rms(claims)
+        spans = [f"{name} {one / factor:.2g} to {one * factor:.2g} {unit}"
+                 for name, one, unit in zip(ask.responses, claimed, ask.units, strict=True)]  # fmt: skip
+        yield FINDINGS.finding(
+            "few-tests",
+            f"The claimed error rests on {judged} test{'s' * (judged > 1)} left out and predicted by the others; it is "
+            f"known to a factor of {factor:.2g}: {', '.join(spans)} (root mean square, 19 times in 20).",
+            evidence={"tests": judged, "factor": factor, "claimed_um": claimed.tolist()},
         )
 
 
