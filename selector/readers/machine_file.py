@@ -154,6 +154,9 @@ def machine(path: Path) -> Machine:
     where = str(path)
     expected, advice = "a machine file (TOML text in UTF-8)", "check the path, and whether this is the machine file"
     text = text_of(path, _MAX_BYTES, lambda found: ReadError(found, expected=expected, where=where, advice=advice))
+    if not text.strip():
+        advice = "write it again (`selector describe FILE --write machine.toml`), or leave it out"
+        raise ReadError("an empty file", expected=expected, where=where, advice=advice)
     return machine_from_text(text, where)
 
 

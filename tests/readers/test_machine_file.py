@@ -140,6 +140,13 @@ def test_files_that_are_no_machine_file(tmp_path: Path):
     assert machine(path).machine.name == "Fräse"
 
 
+def test_a_file_that_lost_its_content_is_refused(tmp_path: Path) -> None:
+    for content in (b"", b"\xef\xbb\xbf\r\n"):
+        (tmp_path / "machine.toml").write_bytes(content)
+        with pytest.raises(ReadError, match="an empty file"):
+            machine(tmp_path / "machine.toml")
+
+
 def test_twenty_thousand_channels_are_read() -> None:
     text = "".join(f'[channels.C{i}]\nrole = "temperature"\nunit = "degC"\n' for i in range(20_000))
     # a search of the whole text for every channel would take an hour
