@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from selector.physics.thermal.prediction.prediction import Method, Prediction, Tolerance
     from selector.telling.account import Account
 
-
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 
 Cycle = Annotated[
