@@ -64,7 +64,6 @@ _SPELLINGS: dict[str, str] = {
     "days": "day",
 }  # fmt: skip
 
-
 _PINT_NAMES = frozenset(_SPELLINGS.values())
 
 

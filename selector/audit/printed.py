@@ -99,7 +99,6 @@ Y_THREE_SENSORS = PrintedModel(
     ("-0.1298", "11.7861", "1.8778", "-0.8547", "1.0439", "-0.1995", "-10.4045"),
 )
 
-
 Verdict = Literal["agrees independently", "agrees by construction", "contradicts", "in tension", "cannot be checked"]
 
 

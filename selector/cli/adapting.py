@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from selector.recording import Recording
     from selector.telling.account import Account
 
-
 Every = Annotated[
     str | None,
     typer.Option("--every", metavar="TIME", help="See the recorded displacement only so often, e.g. 2h, 90min, 3600s."),

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from selector.recording import Recording
     from selector.telling.account import Account
 
-
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 
 Cycle = Annotated[

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from proving_ground.case import Scenario
     from proving_ground.runner import Answerer, Outcome
 
-
 _which = partial(typer.Option, rich_help_panel="Which cases")
 
 Families = Annotated[

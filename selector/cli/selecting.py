@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from selector.study.material import Material
     from selector.telling.account import Account
 
-
 _of_sensors = partial(typer.Option, rich_help_panel="Which sensors")
 _of_model = partial(typer.Option, rich_help_panel="Which model")
 

@@ -32,7 +32,6 @@ SLIGHT_EXCESS = 0.05
 MISSING_SHARE = 0.05
 LAST_SAMPLES = 20
 
-
 PerRun = Mapping[str, Mapping[str, float]]
 
 

@@ -53,7 +53,6 @@ _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
-
 Progress = Callable[[int, int, str], None]  #: Told how far the work is: steps done, steps in all, what is done now.
 
 

@@ -43,7 +43,6 @@ Limit = Annotated[float, Field(gt=0, lt=1e6, allow_inf_nan=False)]
 Seed = Annotated[int, Field(ge=0, lt=_LARGEST_INTEGER)]
 Kind = Literal["recording", "machine", "simulation", "model"]
 
-
 Checked = TypeVar("Checked", bound=BaseModel)
 
 

@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from selector.readers import Reading
     from selector.recording import Recording
 
-
 _of_simulation = partial(typer.Option, rich_help_panel="What it is compared with")
 
 Simulation = Annotated[

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-
 #: Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are.
 _LEAST_TEXT, _LEAST_HEADING = 12, 6
 

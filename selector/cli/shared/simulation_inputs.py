@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from selector.recording import Recording
     from selector.types import Vector
 
-
 _TIME_UNIT = "--simulation-time-unit"
 _UNITS_S = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 #: Part by which a simulated run may be longer or shorter than the recorded one when its unit of time is told by it.

@@ -28,7 +28,6 @@ FORGIVEN_S = 600.0
 #: Over a standstill a memory is filled in 2^4 equal steps: one step would keep a fifth of it where 2 % are left.
 GAP_STEPS_LOG2 = 4
 
-
 RANGE_SLACK = 1e-9  #: Of the width of a valid range: the rounding of a difference of two readings is not an excess.
 CODE_SLACK = 1e-6  #: Relative: break codes pass through float32 (6e-8) and decimal text on their way into a recording.
 

@@ -14,7 +14,6 @@ from selector.findings import Finding
 
 TEST_UM = 10.0  #: Large enough for an indicator of 1 µm, too small to break anything.
 
-
 _UNLESS = (
     f"If the mode is not {Mode.TEST:d}, there is no test and the reading counts for nothing: command 0, let the "
     "program run for some seconds, and command the line again."

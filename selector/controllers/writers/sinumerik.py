@@ -36,7 +36,6 @@ MM_PER_UM, MM_PER_MM_PER_UM_PER_M, MM_PER_M = 0.001, 1e-6, 1000.0
 # an instance data block is retentive as a whole
 _SECTIONS: Mapping[Place, str] = {**SECTIONS, "retained": "VAR"}
 
-
 #: Largest change of the compensation in one interpolation cycle; what is more waits for the next cycles.
 STEP_MM = VELOCITY_MM_PER_MIN * ADD_VELO_FACTOR / 60.0 * IPO_S
 #: Largest tan(beta) [mm/mm]: the largest step over the way of the axis in one cycle at its full velocity.

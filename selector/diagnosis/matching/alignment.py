@@ -80,7 +80,6 @@ def told(run: str, rows: Rows, at_s: Vector, stamps_s: Vector) -> Finding:
 _PART = 0.8  #: Share of a run below which it is said that the rest of it is not compared.
 _LEAST = 0.1  #: Share below which a simulation is not of this run: another unit of time or another programme.
 
-
 _TIME_UNITS = (60.0, 1e3, 3600.0, 6e4, 3.6e6)  #: How many times longer a run is in another unit of time.
 _SAME = 0.03  #: Part by which runs may differ that are the same in another unit.
 

@@ -173,7 +173,6 @@ _WHAT = {
     "total": "the output of the control with what is added",
 }
 
-
 #: Share of the largest speed below which a recording begins at rest: what rounding and smoothing make of standing.
 _AT_REST = 0.01
 #: Samples of a control in one of the recording, or the other way round, that clocks of the two may differ by.

@@ -434,7 +434,6 @@ FAMILY: ModelFamily[ModelFile] = ModelFamily(
 #: The model file at a path, of a text, and of plain values; see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 
-
 _SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes", "run")
 
 

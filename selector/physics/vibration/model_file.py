@@ -440,7 +440,6 @@ FAMILY: ModelFamily[VibrationFile] = ModelFamily(
 #: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 
-
 _TIMES = 10.0
 _SMALLEST = 1e-3  #: Of a force that is there: a line without any is refused.
 

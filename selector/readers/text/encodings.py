@@ -41,7 +41,6 @@ _UNIT_SIGN = re.compile(
 _ODD = frozenset("¤¦¨©¬®¯¸¶§ªº¡¿‡†ƒˆ˜‰‹›šŠœŒžŽŸ¹³¼½¾×÷þÞðÐ™•…–—„“”‘’‚˘˙˛˝´`Ђ Ѓѓ‡€Љ‰ЊЌЋЏђљњќћџЎўЈҐЁЄЇІіґё№єјЅѕї")
 _PLAIN_IN_TEXT = frozenset("–—“”‘’…§²³±·×№ё")
 
-
 MOST_RUNS_OF_ZEROS = 8  #: Stretches of zero bytes in the first 64 kB of a text; binary formats have hundreds.
 
 

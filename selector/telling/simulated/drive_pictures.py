@@ -33,7 +33,6 @@ from selector.types import Vector
 _FREQUENCIES = 600
 _SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to the bandwidth times this.
 
-
 #: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
 Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
 

@@ -24,7 +24,6 @@ from selector.types import Vector
 
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
-
 _USUAL_PRESLIDING_M = 4e-6
 
 #: Of some hundreds of leads that can be told apart, what is left to chance when the highest few are offered.

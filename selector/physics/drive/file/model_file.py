@@ -321,7 +321,6 @@ FAMILY: ModelFamily[DriveFile] = ModelFamily(
 #: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 
-
 _TURNING = {"kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad", "N": "N·m", "m/s": "rad/s", "m": "rad"}
 
 #: ``output`` of an axis in the model file → unit of what its control puts out; none where it is a mere number.

@@ -95,7 +95,6 @@ Above = Annotated[float, limited(0, 1e6, above=True)]
 Feed = Annotated[Above, Unit("mm/min")]
 Degrees = Annotated[float, limited(-360, 360), Unit("°")]
 
-
 ForceStep = tuple[Annotated[float, limited(0, 1e9)], Signed]
 
 
@@ -290,7 +289,6 @@ class DriveFile(Entry):
 
 
 KINDS: Mapping[str, type[DriveFile]] = {"drive": DriveFile}
-
 
 LIKE = {"thc6350-x": thc6350_x_axis}  #: `like` of the file → parts that are known by a name.
 

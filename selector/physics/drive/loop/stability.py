@@ -27,7 +27,6 @@ from selector.types import Vector
 
 GAINS = ("position_gain_per_s", "velocity_gain", "velocity_integral_gain")
 
-
 _BEYOND = 1e3  #: How far the frequencies reach above and below those of the poles; farther off no phase turns any more.
 _A_DECADE, _A_TURN = 60, 48
 _NEAR = np.geomspace(1e-9, 0.5, 60)  #: Distances from a resonance, as a share of its frequency, where it is looked at.

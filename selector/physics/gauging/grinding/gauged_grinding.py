@@ -41,7 +41,6 @@ from selector.types import Vector
 
 MOST_FEED_SD = 0.25  #: Spread of a feed over parts beyond which some part would hardly be fed at all.
 
-
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
 
@@ -120,7 +119,6 @@ STEPS_PER_CORRELATION, STEPS_PER_FILTER, STEPS_PER_LAG, STEPS_PER_TURN = 4.0, 8.
 MOST_STEPS = 500_000_000  #: Of all parts together: about a minute.
 FEWEST_SIZES = 2000  #: Parts from which sizes are told, where a file has fewer.
 MOST_STEPS_OF_PART = 3_000_000  #: Half a second, in which nothing hears Ctrl-C.
-
 
 #: What to do about what asks for too many steps.
 STEPS_ADVICE = {

@@ -181,7 +181,6 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
     }
 )
 
-
 DIRECT_NODES = 60_000  #: Largest number of nodes whose elastic system is factorised; more takes more than 6 GB.
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5

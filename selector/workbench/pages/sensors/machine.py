@@ -22,7 +22,6 @@ from selector.workbench.study_folder import PICTURES, files_in
 
 ID = "sensors"
 
-
 MOST_PHOTO_BYTES = 8_000_000
 _VIEWS = {"front": "front view", "side": "side view"}
 _SIGNS = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
