@@ -26,6 +26,8 @@ PROMISED_FACTOR = 1.5  #: An error that is known better than to this factor is t
 #: Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
 #: begin cold, and with runs that begin warm from other work or with memory (`benchmarks/bench_honesty.py`).
 SPREAD, SPREAD_OF_STARTS = 0.45, 1.0
+#: What a run that begins where another ended repeats of it: six runs in a row tell as much as three and a half.
+SHARE_OF_THE_RUN_BEFORE = 0.5
 #: Share of the rises by which starts differ, sensor against sensor, when a machine begins warm; less is their noise.
 STARTS_APART, START_NOISE_K = 0.1, 0.15
 MIN_RUNS = 6
@@ -283,20 +285,23 @@ def _few_runs(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) 
     warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
     n = len(next(iter(proof.per_response.values())))
     memory = bool(selection.recipe.design.lags)
+    in_a_row = sum(run in datum.follows for run in surveyed.runs)
     # a start that is a little warm does not show in the sensors, and memory rests on it
-    factor = float(np.exp(1.96 * (SPREAD_OF_STARTS if warm or memory else SPREAD) / np.sqrt(n)))
+    spread = SPREAD_OF_STARTS if warm or memory else SPREAD
+    factor = float(np.exp(1.96 * spread / np.sqrt(n - min(in_a_row, n - 1) * SHARE_OF_THE_RUN_BEFORE)))
     if factor <= PROMISED_FACTOR:
         return
     spans = {name: (proof.rmse_um(name) / factor, proof.rmse_um(name) * factor) for name in selection.models}
     said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
     begin = f" that do not begin alike (sensors {apart_k:.2g} K apart from run to run)" if warm else ""
+    begin += f", {in_a_row} of which begin where another ended," if in_a_row else ""
     begin += ", which is little for memory," if memory else ""
     kind = "conditions" if proof.left_out == "condition" else "runs"
     yield FINDINGS.finding(
         FEW_RUNS,
         f"The error on unseen runs rests on {n} {kind}{begin} and is known to a factor of {factor:.2g}: on further "
         f"runs the model may err {said}.",
-        evidence={"runs": n, "factor": factor, "starts_apart_k": apart_k, "between_um": spans},
+        evidence={"runs": n, "factor": factor, "in_a_row": in_a_row, "starts_apart_k": apart_k, "between_um": spans},
         suggestion="record more runs"
         + (", and let the machine cool down before each, or begin each where the last one ended" if warm else ""),
     )

@@ -66,6 +66,10 @@ def test_a_machine_that_never_cools_is_predicted_better_than_from_its_temperatur
         found = select(source, Options(memory=True, max_sensors=2))
         assert ("memory-goes-on" in found_ids(found)) == clocks
         errors[clocks] = found.proof.rmse_um("Z")
+        (few,) = [finding.evidence for finding in found.findings if finding.id == "few-runs"]
+        # five of six begin where another ended, and count half
+        assert few["in_a_row"] == (5 if clocks else 0)
+        assert few["factor"] == pytest.approx(np.exp(1.96 / np.sqrt(6 - 2.5 * clocks)))
         if clocks:
             applied = apply_model(model_file_of(found, source.channels), source).overall["Z"]
             # in sample and with one reading for a start, the applied model is about as good as the proof said

@@ -42,6 +42,8 @@ FLATTEST = 0.25
 APART = 2.2  #: Neighbouring time constants have at least this ratio: a walk and a ripple leave no more to be told.
 FURTHEST = 5.0  #: Spreads stay within so many of the widths that are expected of them.
 REST, SHORTEST_REST_S = 0.25, 1800.0
+#: What is left of the square of an error, at least, when the noise of the gauge is taken off.
+LEAST_SHARE = 0.25
 PRIOR_TESTS = 2.0  #: As many tests as expected are counted to those that were left out.
 
 
@@ -298,7 +300,8 @@ def parts_of(data: ModeData) -> tuple[Part, ...]:
 class LeftOut:
     """What tests that were left out say of the error, counted from their start as that of a duty cycle is."""
 
-    error_um: Vector  #: (n_parts, n_responses): Root mean square [µm]; NaN for tests that only others surround
+    #: (n_parts, n_responses): Root mean square less the noise of the gauge [µm]; NaN for tests that were not judged
+    error_um: Vector
     expected_um: Vector  #: (n_parts, n_responses): What the fit without the test expected [µm]
 
     @property
@@ -339,7 +342,11 @@ def left_out(fit: DrivenFit, data: ModeData, parts: Sequence[Part]) -> LeftOut:
             weight = (data.before_s + data.after_s)[at][:, None] * there
             moved = phi[at] - phi[first]
             off = data.displacement_um[at] - data.displacement_um[first] - moved @ without.coefficients
-            squares.append((weight * off**2).sum(axis=0) / weight.sum(axis=0))
+            # readings scatter, and so does the one that all count from
+            counts = np.maximum(data.counts[at], 1.0)
+            noise = data.noise_um**2 * ((weight / counts).sum(axis=0) / weight.sum(axis=0) + 1.0 / counts[0])
+            square = (weight * off**2).sum(axis=0) / weight.sum(axis=0)
+            squares.append(np.maximum(square - noise, LEAST_SHARE * square))
             spread = expected_um(without, moved, time) ** 2
             variances.append((weight * spread).sum(axis=0) / weight.sum(axis=0))
         if squares:

@@ -182,15 +182,20 @@ class DrivenModel:
         """Displacements from the start of the duty cycle [µm], (n_times, n_responses)."""
         return np.asarray(self.moved(cyclogram, time_s, hall, follows=follows) @ self.fit.coefficients)
 
+    @property
+    def is_separate(self) -> bool:
+        """Whether every test is a run of its own."""
+        return len(self.parts) == len(self.tests)
+
     def error_um(self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool) -> Vector:
         """Standard deviation of the error [µm], (n_times, n_responses).
 
-        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off, and
-        how far other fits are from this course, as likely as they are. Over the duty cycle it is half-way, by ratio,
-        between that and what left-out tests were off, if there are any.
+        What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
+        how far other fits are from this course. Of separate tests it is over the duty cycle half-way, by ratio, between
+        that and what left-out tests were off.
         """
         expected = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows)
-        if self.heldout_um is None:
+        if not self.is_separate or self.heldout_um is None:
             return expected
         whole = self._expected_um(cyclogram, np.linspace(0.0, cyclogram.end_s, COURSE_POINTS), hall, follows=follows)
         return np.asarray(expected * np.sqrt(self.heldout_um / np.sqrt((whole**2).mean(axis=0))))
@@ -202,7 +207,9 @@ class DrivenModel:
         moved = self.moved(cyclogram, time_s, hall, follows=follows)
         squares = (expected_um(self.fit, moved, time_s) * self.unseen.factor) ** 2
         here = moved @ self.fit.coefficients
-        likely = np.exp((worth(self.fit) - np.array([worth(other) for other in self.others])) / TEMPERED)
+        worse = np.array([worth(other) - worth(self.fit) for other in self.others])
+        # of separate tests this was measured; in one long record other fits count alike, as was settled on a real one
+        likely = np.exp(-worse / TEMPERED) if self.is_separate else np.ones(len(worse))
         for other, share in zip(self.others, likely / (1.0 + likely.sum()), strict=True):
             there = replace(self, fit=other, others=()).displacement_um(cyclogram, time_s, hall, follows=follows)
             squares += share * (there - here) ** 2

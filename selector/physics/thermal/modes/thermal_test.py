@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -112,14 +113,14 @@ class ModeData:
         """The fastest tested level [r/min]."""
         return self.levels_rpm[-1]
 
-    @property
+    @cached_property
     def first(self) -> NDArray[np.bool_]:
         """(n_blocks,): Blocks with which a run begins."""
         first = np.zeros(len(self.speed_rpm), dtype=np.bool_)
         first[[begin for begin, _ in self.bounds]] = True
         return first
 
-    @property
+    @cached_property
     def middle_s(self) -> Vector:
         """(n_blocks,): Mean times of the blocks from the start of their run [s]."""
         length = self.before_s + self.after_s
