@@ -11,10 +11,6 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
-from rich import box
-from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions, RenderResult
-from rich.table import Column, Table
 
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
@@ -24,52 +20,6 @@ from selector.telling.account import Account, Captioned, Heading, Note, Paragrap
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
-
-#: Widths down to which words of a text column, and of the heading of numbers, are broken before numbers are.
-_LEAST_TEXT, _LEAST_HEADING = 12, 6
-
-
-class FittedTable(Table):
-    """A table whose columns to the right hold numbers: not broken where the screen is wide enough for them."""
-
-    def __init__(self, title: str) -> None:
-        super().__init__(
-            title=title, title_justify="left", min_width=cell_len(title), box=box.SIMPLE_HEAD, pad_edge=False
-        )
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """As `Table`, once the widths are settled."""
-        between = 3 * len(self.columns) - 1  # a blank at either edge, three between two columns
-        room = options.max_width - between
-        whole = sum(max(_width(column), cell_len(str(column.header))) for column in self.columns)
-        spare = room - sum(_least(column) for column in self.columns)
-        for column in self.columns:
-            column.width = None
-            # where numbers would not fit they had better be broken than lost at the edge
-            if column.justify == "right" and spare >= 0 and room < whole:
-                # words of headings are broken before numbers are
-                wider = min(spare, _narrowest(column) - _least(column))
-                column.width, spare = _least(column) + wider, spare - wider
-        return super().__rich_console__(console, options)
-
-
-def _least(column: Column) -> int:
-    """What a column needs to be read: whole numbers, and some letters of a text or heading."""
-    if column.justify != "right":
-        return min(_narrowest(column), _LEAST_TEXT)
-    return max(_width(column), min(_narrowest(column), _LEAST_HEADING))
-
-
-def _narrowest(column: Column) -> int:
-    """The width of the widest number, or of the longest word of a text, and of the longest word of the heading."""
-    cells = [str(cell) for cell in column.cells]
-    parts = cells if column.justify == "right" else [word for cell in cells for word in cell.split()]
-    return max((cell_len(part) for part in [*parts, *str(column.header).split()]), default=1)
-
-
-def _width(column: Column) -> int:
-    return max((cell_len(str(cell)) for cell in column.cells), default=0)
-
 
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", metavar="")
@@ -125,6 +75,8 @@ def table(
 ) -> Table:
     """A table of plain text; columns in `numeric` are aligned to the right, those and `whole` ones are never broken."""
     from rich.text import Text
+
+    from selector.cli.shared.fitted_table import FittedTable
 
     right, unbroken = set(numeric), set(whole)
     shown = FittedTable(title)
