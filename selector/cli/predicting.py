@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
     from selector.physics.thermal.prediction.answer import Start
     from selector.physics.thermal.prediction.prediction import Method, Prediction, Tolerance
-    from selector.recording import Recording
     from selector.telling.account import Account
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
@@ -98,8 +96,19 @@ class Asked:
     nc: NcProgram = None
     invert: Inverted = None
 
-    def require_usable(self) -> None:
-        """Ends with an error when a number is out of its limits."""
+    def require_usable(self, out: Path | None) -> None:
+        """Ends with an error when a number is out of its limits, or an NC subprogram has nothing to say or to go to."""
+        if self.nc is not None and (out is None or (self.operations is None and not self.tolerance)):
+            raise OptionError(
+                f"--nc {self.nc} without {'--out' if out is None else 'a correction program'}",
+                expected="--operations or --tolerance, and a folder", where="--nc",
+                advice="add --tolerance (µm between corrections) and --out DIR, or leave --nc out",
+            )  # fmt: skip
+        if self.invert and self.nc is None:
+            raise OptionError(
+                "--invert without --nc", expected="an NC subprogram, whose sign it turns", where="--invert",
+                advice="add --nc fanuc or --nc sinumerik, or leave it out",
+            )  # fmt: skip
         self.tolerances_um()
         self.begins()
         _require_positive(self.resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
@@ -220,7 +229,7 @@ def predict(
     from selector.telling.predicted.account import prediction_account
 
     lengths_s = asked.operations_s()
-    asked.require_usable()
+    asked.require_usable(out)
     if out is not None:
         require_writable_folder(out, "--out", ("prediction.json", "report.html"))
         refuse_folder_of_inputs(out, [asked.cycle, *source.machine_files, *source.runs])
@@ -248,7 +257,12 @@ def predict(
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}
     described = {**reading.description(), "drift": drift_of(recording)}
     account = prediction_account(prediction, described, told_of_tests, drawn=out is not None)
-    program = None if asked.nc is None else _nc_program(asked.nc, prediction, recording, asked.invert or (), out)
+    program = None
+    if asked.nc is not None:
+        from selector.controllers.timed_program import timed_program
+
+        axes = {name: recording.channel(name).axis or "" for name in prediction.programs}
+        program = timed_program(asked.nc, prediction.programs, axes, asked.invert or ())
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
     written = [] if out is None else _write(prediction, account, program, out)
@@ -259,25 +273,6 @@ def predict(
         showing.show_answer(console, account, prediction.findings, everything=everything)
     if out is not None:
         showing.show_written(console, out, written)
-
-
-def _nc_program(
-    target: str, prediction: Prediction, recording: Recording, inverted: Sequence[str], out: Path | None
-) -> TimedProgram:
-    """The correction program as an NC subprogram.
-
-    Raises OptionError: there is no program, or nowhere to write it, or as `timed_program`.
-    """
-    from selector.controllers.timed_program import timed_program
-
-    if out is None or not prediction.programs:
-        raise OptionError(
-            f"--nc {target} without {'--out' if out is None else 'a correction program'}",
-            expected="--operations or --tolerance, and a folder", where="--nc",
-            advice="add --tolerance (µm between corrections) and --out DIR, or leave --nc out",
-        )  # fmt: skip
-    axes = {name: recording.channel(name).axis or "" for name in prediction.programs}
-    return timed_program(target, prediction.programs, axes, inverted)
 
 
 def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:

@@ -1,8 +1,8 @@
 """Timed corrections of a duty cycle as an NC subprogram, for a control that counts the time itself."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from selector.controllers.program.language import plain
@@ -12,10 +12,14 @@ from selector.controllers.writers.fanuc import LINEAR_AXES, literal, offset_aske
 from selector.errors import OptionError
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram
 
-LONGEST_OPERATION_S = 86_000.0
-"""The clocks tell the time of the day; an operation of a day or more would begin again."""
-_DAY_S = 86_400
+#: The clocks tell the time of the day, and whether it is the next one: an operation has to be over before it is doubted
+#: which day it began.
+LONGEST_OPERATION_S = 80_000.0
+STAYS_S = (
+    3600  #: So long after the end of its operation the last correction stays; the prediction says nothing of then.
+)
 TARGETS = ("fanuc", "sinumerik")
+_DAY_S = 86_400
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,11 @@ def timed_program(
 
     The subprogram is called with the number of an operation when its zero was set, and without a number between cuts;
     it then writes what is to be taken off at this time, which is minus the offset, or the offset for `inverted`
-    responses. FANUC: the external work offset (G10 L2 P0), the time of day from #3012. SINUMERIK: the setting data
-    43900 of the temperature compensation, the time of day from $A_HOUR ... $A_SECOND.
+    responses. An hour after the end of an operation, on another day than the next one, and in a new month nothing is
+    taken off until the next zero.
+
+    FANUC: the external work offset (G10 L2 P0), date and time from #3011 and #3012. SINUMERIK: the setting data 43900
+    of the temperature compensation, date and time from $A_YEAR ... $A_SECOND.
 
     Raises OptionError: the control is not known, a response has no linear axis of its own, an inverted response does
     not exist, or an operation lasts a day.
@@ -74,160 +81,171 @@ def timed_program(
                 where="--nc", advice="part it with --operations: each begins with a new zero",
             )  # fmt: skip
     signs = {axis: 1.0 if name in inverted else -1.0 for name, axis in zip(programs, taken, strict=True)}
-    stairs = {axis: _stairs(program) for axis, program in zip(taken, programs.values(), strict=True)}
-    return _fanuc(stairs, signs) if target == "fanuc" else _sinumerik(stairs, signs)
+    operations = _operations(dict(zip(taken, programs.values(), strict=True)))
+    return (_fanuc if target == "fanuc" else _sinumerik)(operations, signs)
 
 
-_Stairs = list[list[tuple[int, float]]]
-"""Per operation the whole seconds from its start, and the displacement that is taken off from then on [µm]."""
+@dataclass(frozen=True)
+class _Timed:
+    """An operation that is corrected: its number, and until when [whole s from its start]."""
+
+    number: int
+    until_s: int
+    steps: tuple[tuple[str, int, float], ...]  #: Axis, from when [whole s], displacement that is taken off [µm]
 
 
-def _stairs(program: CorrectionProgram) -> _Stairs:
-    # down, so that none is late
-    return [
-        [
-            (int(at - one.start_s + 1e-6), um)
-            for at, um in zip(one.times_s.tolist(), one.offsets_um.tolist(), strict=True)
-        ]
-        for one in program.operations
-    ]
+def _operations(programs: Mapping[str, CorrectionProgram]) -> list[_Timed]:
+    """Of the programs (axis → program), which have the same operations."""
+    found = []
+    for number, of_axes in enumerate(zip(*(one.operations for one in programs.values()), strict=True), start=1):
+        steps = tuple(
+            # down, so that none is late
+            (axis, int(at - one.start_s + 1e-6), round(um, 3))
+            for axis, one in zip(programs, of_axes, strict=True)
+            for at, um in zip(one.times_s[1:].tolist(), one.offsets_um[1:].tolist(), strict=True)
+        )
+        if steps:
+            found.append(_Timed(number, math.ceil(of_axes[0].end_s - of_axes[0].start_s) + STAYS_S, steps))
+    return found
 
 
 FANUC_FILE, _FANUC_PROGRAM = "O9110.nc", 9110
-_OPERATION, _BEGUN = 990, 991
-"""Common variables that outlive power-off: the operation (0: none), and when it began [s of the day]."""
-_NOW, _PASSED, _FIRST_AXIS = 30, 29, 4
-"""Local variables: two times, and the corrections of the axes [µm]."""
-_GOES_ON, _FIRST_LABEL = 30, 100
+#: Common variables that outlive power-off: the operation (0: none), when [s of the day] and on which day it began.
+_OPERATION, _BEGUN, _DAY = 990, 991, 992
+_CLOCK, _PASSED, _NOW, _FIRST_AXIS = 28, 29, 30, 4  #: Local variables: times, and the corrections of the axes [µm].
+_KNOWN_DAY, _GOES_ON, _FIRST_LABEL = 29, 30, 1000
 
 
-def _fanuc(stairs: Mapping[str, _Stairs], signs: Mapping[str, float]) -> TimedProgram:
-    variables = {axis: _FIRST_AXIS + k for k, axis in enumerate(stairs)}
+def _fanuc(operations: Sequence[_Timed], signs: Mapping[str, float]) -> TimedProgram:
+    variables = {axis: _FIRST_AXIS + k for k, axis in enumerate(signs)}
     begins, goes_on, tests = (f"G65 P{_FANUC_PROGRAM}{letter}" for letter in (" A1.", "", f" B{TEST_UM:g}."))
     lines = ["%", f"O{_FANUC_PROGRAM}(TIMED CORRECTION)"]
     for told in (
         f"{begins} - the zero of operation 1 was set. A0. - off",
         f"{goes_on} - between cuts",
         f"{tests} - sign test",
-        f"keeps the operation in No. {_OPERATION} and when it began in No. {_BEGUN}",
+        f"keeps the operation in No. {_OPERATION} and when it began in No. {_BEGUN} and {_DAY}",
     ):
         lines += remarks(told)
     lines += [
-        *offset_asked(stairs),
-        f"#{_NOW}=FIX[#3012/10000.]*3600.+FIX[#3012/100.]*60.-FIX[#3012/10000.]*6000.",
-        f"#{_NOW}=#{_NOW}+#3012-FIX[#3012/100.]*100.",
+        *offset_asked(signs),
+        # read once: it goes on while it is taken apart
+        f"#{_CLOCK}=#3012",
+        f"#{_NOW}=FIX[#{_CLOCK}/10000.]*3600.+FIX[#{_CLOCK}/100.]*60.",
+        f"#{_NOW}=#{_NOW}-FIX[#{_CLOCK}/10000.]*6000.+#{_CLOCK}-FIX[#{_CLOCK}/100.]*100.",
         f"IF[#{_OPERATION}EQ#0]THEN#{_OPERATION}=0.",
         f"IF[#1EQ#0]GOTO{_GOES_ON}",
         f"#{_OPERATION}=#1",
         f"#{_BEGUN}=#{_NOW}",
+        f"#{_DAY}=#3011",
         f"N{_GOES_ON}",
         f"#{_PASSED}=#{_NOW}-#{_BEGUN}",
-        f"IF[#{_PASSED}LT0.]THEN#{_PASSED}=#{_PASSED}+{_DAY_S}.",
+        f"IF[#3011EQ#{_DAY}]GOTO{_KNOWN_DAY}",
+        f"#{_PASSED}=#{_PASSED}+{_DAY_S}.",
+        f"IF[#3011EQ[#{_DAY}+1.]]GOTO{_KNOWN_DAY}",
+        f"#{_OPERATION}=0.",
+        f"N{_KNOWN_DAY}",
         *(f"#{variable}=0." for variable in variables.values()),
     ]
-    for k, steps in _by_operation(stairs):
-        lines.append(f"IF[#{_OPERATION}NE{k}.]GOTO{_FIRST_LABEL + k}")
-        for axis, from_s, um in steps:
-            correction = literal(round(abs(um), 3))
+    for one in operations:
+        lines.append(f"IF[#{_OPERATION}NE{one.number}.]GOTO{_FIRST_LABEL + one.number}")
+        lines.append(f"IF[#{_PASSED}GT{one.until_s}.]GOTO{_FIRST_LABEL + one.number}")
+        for axis, from_s, um in one.steps:
             sign = "-" if um * signs[axis] < 0.0 else ""
-            lines.append(f"IF[#{_PASSED}GE{from_s}.]THEN#{variables[axis]}={sign}{correction}")
-        lines.append(f"N{_FIRST_LABEL + k}")
+            lines.append(f"IF[#{_PASSED}GE{from_s}.]THEN#{variables[axis]}={sign}{literal(abs(um))}")
+        lines.append(f"N{_FIRST_LABEL + one.number}")
     for axis, variable in variables.items():
         lines.append(f"IF[#2NE#0]THEN#{variable}={'-' if signs[axis] < 0.0 else ''}#2")
     text = "\n".join([*lines, *offset_written(variables), "N900", "M99", "%", ""])
     install = (
         f"Load {FANUC_FILE}. Check in the manual of the control: custom macro B is there; #3012 is the time of day, "
-        f"hhmmss; #{_OPERATION} and #{_BEGUN} are free and outlive power-off; G10 L2 P0 is the external work offset, "
-        "and nothing else uses it: what was in it is gone.",
+        f"hhmmss, and #3011 the date, yyyymmdd; #{_OPERATION} to #{_DAY} are free and outlive power-off; G10 L2 P0 is "
+        "the external work offset, and nothing else uses it: what was in it is gone.",
         f"Set the zero of operation 1, then call {begins}, and the same with the number of each later one. Call "
-        f"{goes_on} between cuts, without contact: the offset comes as one step of up to {_largest_step(stairs):g} um, "
-        "into force in the blocks after the call.",
+        f"{goes_on} between cuts, without contact: the offset comes as one step of up to "
+        f"{_largest_um(operations):g} um, into force in the blocks after the call.",
     )
-    replay = _replayed(text, stairs, signs)
-    told = f"Executed here, block by block, {replay[0]} calls: largest difference {replay[1]:.2g} um."
+    calls, difference_um = replay = _replayed(text, operations, signs)
+    told = f"Executed here, block by block, {calls} calls: largest difference {difference_um:.2g} um."
     sheet = _sheet(install, signs, tests, f"G65 P{_FANUC_PROGRAM} A0.", told)
     return TimedProgram("fanuc", FANUC_FILE, text, sheet, replay)
 
 
-def _replayed(text: str, stairs: Mapping[str, _Stairs], signs: Mapping[str, float]) -> tuple[int, float]:
-    """The subprogram executed at the start of every operation, and one second before and at every correction."""
+def _replayed(text: str, operations: Sequence[_Timed], signs: Mapping[str, float]) -> tuple[int, float]:
+    """The subprogram executed one second before and at every change, the start and the end of operations among them."""
     macro, calls, largest = MacroB(text), 0, 0.0
-    for k, steps in _by_operation(stairs):
-        begun = 17_777 * k  # of the fifth operation it is past midnight
-        moments = sorted({moment for _, from_s, _ in steps for moment in (from_s - 1, from_s) if moment > 0})
-        for passed in (0, *moments):
-            now = (begun + passed) % _DAY_S
+    for one in operations:
+        begun = 17_777 * one.number  # of the fifth operation it is past midnight
+        changes = {0, *(from_s for _, from_s, _ in one.steps), one.until_s + 1}
+        for passed in sorted({moment for change in changes for moment in (change - 1, change) if moment >= 0}):
+            days, now = divmod(begun % _DAY_S + passed, _DAY_S)
+            macro.variables[3011] = 20_260_115.0 + days
             macro.variables[3012] = float(now // 3600 * 10_000 + now // 60 % 60 * 100 + now % 60)
             macro.variables.pop(1, None)
             if passed == 0:
-                macro.variables[1] = float(k)
+                macro.variables[1] = float(one.number)
             macro.call()
             calls += 1
-            due = dict.fromkeys(stairs, 0.0) | {axis: um for axis, from_s, um in steps if from_s <= passed}
-            found = (abs(1000.0 * macro.offsets[axis] - signs[axis] * round(um, 3)) for axis, um in due.items())
+            due = dict.fromkeys(signs, 0.0)
+            if passed <= one.until_s:
+                due |= {axis: um for axis, from_s, um in one.steps if from_s <= passed}
+            found = (abs(1000.0 * macro.offsets[axis] - signs[axis] * um) for axis, um in due.items())
             largest = max(largest, *found)
     return calls, largest
 
 
-def _largest_step(stairs: Mapping[str, _Stairs]) -> float:
-    """In µm; at the end of an operation all that was taken off goes at once."""
-    steps = (
-        abs(b - a)
-        for one in stairs.values()
-        for operation in one
-        for (_, a), (_, b) in pairwise([*operation, (0, 0.0)])
-    )
-    return round(max(steps), 3)
-
-
-def _by_operation(stairs: Mapping[str, _Stairs]) -> Iterator[tuple[int, list[tuple[str, int, float]]]]:
-    """Of each operation that is corrected (axis, from [s], displacement that is taken off [µm])."""
-    for k in range(max(len(one) for one in stairs.values())):
-        steps = [(axis, from_s, um) for axis, one in stairs.items() if k < len(one) for from_s, um in one[k][1:]]
-        if steps:
-            yield k + 1, steps
+def _largest_um(operations: Sequence[_Timed]) -> float:
+    """Of all steps: with a new zero all that was taken off goes at once [µm]."""
+    return max((abs(um) for one in operations for _, _, um in one.steps), default=0.0)
 
 
 SINUMERIK_FILE, _SINUMERIK_NAME = "SELECTOR_TIMED.SPF", "SELECTOR_TIMED"
+_R_OPERATION, _R_BEGUN, _R_DAY = 97, 98, 99  #: R parameters, of which a control has 100 unless told otherwise.
 
 
-def _sinumerik(stairs: Mapping[str, _Stairs], signs: Mapping[str, float]) -> TimedProgram:
+def _sinumerik(operations: Sequence[_Timed], signs: Mapping[str, float]) -> TimedProgram:
     begins, goes_on, tests = (f"{_SINUMERIK_NAME}({what})" for what in ("1", "-1", f"-2,{TEST_UM:g}"))
     lines = [
         f"PROC {_SINUMERIK_NAME}(INT OPERATION, REAL TEST_UM) SAVE DISPLOF",
         f"; {begins}: the zero of operation 1 was set; 0 instead of 1: off",
         f"; {goes_on}: between cuts; {tests}: sign test",
-        f"; R{_OPERATION}: the operation, R{_BEGUN}: when it began [s of the day]",
+        f"; R{_R_OPERATION}: the operation, R{_R_BEGUN}: when it began [s of the day], R{_R_DAY}: on which day",
         "DEF INT NOW",
+        "DEF INT TODAY",
         "DEF INT PASSED",
-        *(f"DEF REAL {axis}_UM=0" for axis in stairs),
+        *(f"DEF REAL {axis}_UM=0" for axis in signs),
         "STOPRE",
         "NOW=$A_HOUR*3600+$A_MINUTE*60+$A_SECOND",
+        "TODAY=$A_YEAR*10000+$A_MONTH*100+$A_DAY",
         "IF OPERATION>=0",
-        f"  R{_OPERATION}=OPERATION",
-        f"  R{_BEGUN}=NOW",
+        f"  R{_R_OPERATION}=OPERATION",
+        f"  R{_R_BEGUN}=NOW",
+        f"  R{_R_DAY}=TODAY",
         "ENDIF",
-        f"PASSED=NOW-R{_BEGUN}",
-        "IF PASSED<0",
+        f"PASSED=NOW-R{_R_BEGUN}",
+        f"IF TODAY<>R{_R_DAY}",
         f"  PASSED=PASSED+{_DAY_S}",
+        f"  IF TODAY<>R{_R_DAY}+1",
+        f"    R{_R_OPERATION}=0",
+        "  ENDIF",
         "ENDIF",
     ]
-    for k, steps in _by_operation(stairs):
-        lines.append(f"IF R{_OPERATION}=={k}")
-        for axis, from_s, um in steps:
-            lines += [f"  IF PASSED>={from_s}", f"    {axis}_UM={signs[axis] * round(um, 3):.3f}", "  ENDIF"]
+    for one in operations:
+        lines.append(f"IF (R{_R_OPERATION}=={one.number}) AND (PASSED<={one.until_s})")
+        for axis, from_s, um in one.steps:
+            lines += [f"  IF PASSED>={from_s}", f"    {axis}_UM={signs[axis] * um:.3f}", "  ENDIF"]
         lines.append("ENDIF")
     lines.append("IF OPERATION==-2")
-    lines += [f"  {axis}_UM={'-' if signs[axis] < 0.0 else ''}TEST_UM" for axis in stairs]
+    lines += [f"  {axis}_UM={'-' if signs[axis] < 0.0 else ''}TEST_UM" for axis in signs]
     lines.append("ENDIF")
-    lines += [f"$SA_TEMP_COMP_ABS_VALUE[{axis}]={axis}_UM/1000" for axis in stairs]
+    lines += [f"$SA_TEMP_COMP_ABS_VALUE[{axis}]={axis}_UM/1000" for axis in signs]
     install = (
         f"Load {SINUMERIK_FILE} into the user cycles; elsewhere the calling program needs EXTERN "
-        f"{_SINUMERIK_NAME}(INT,REAL). R{_OPERATION} and R{_BEGUN} must be there and free (MD28050). Set bit 0 of "
+        f"{_SINUMERIK_NAME}(INT,REAL). R{_R_OPERATION} to R{_R_DAY} must be free. Set bit 0 of "
         "MD32750 $MA_TEMP_COMP_TYPE of the axes, then power on. Nothing else may write SD43900 of these axes.",
         f"Set the zero of operation 1, then call {begins}, and the same with the number of each later one. Call "
         f"{goes_on} between cuts, without contact: it stops the look-ahead for a moment, and the axis makes a step of "
-        f"up to {_largest_step(stairs):g} um.",
+        f"up to {_largest_um(operations):g} um.",
         "After a reset or power-off the last value stays in SD43900 until the next call.",
     )
     told = "Not executed here: there is no SINUMERIK to do so. Try every operation without cutting first."
@@ -241,7 +259,8 @@ def _sheet(install: Sequence[str], signs: Mapping[str, float], test: str, after:
         (
             "Timed corrections: what to do at the machine",
             "This is not a safety function. The times hold for the duty cycle of the prediction: after a stop, predict "
-            "again.",
+            f"again. {STAYS_S // 60} min after the end of an operation, on a day that is not the next one, and from "
+            "midnight of a new month on the correction is 0 until a zero is set again.",
             *(f"{k}. {plain(line)}" for k, line in enumerate(install, start=1)),
             f"{len(install) + 1}. Sign test, before the first part: with an indicator in place of the gauge of the "
             f"tests, call {test} and go to the same place again. The program moves {moves}. The indicator must read "

@@ -421,6 +421,8 @@ def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
     arguments += ["--cycle", str(one_mode.parent / "example.csv"), "--operations", "60,60", "--tolerance", "10"]
     assert exit_status([*arguments, "--nc", "fanuc"]) == 2
     assert "--out" in capsys.readouterr().err
+    assert exit_status([*arguments, "--invert", "Z"]) == 2
+    assert "without --nc" in capsys.readouterr().err
     out = tmp_path / "out"
     # the channel is called Z, and so its axis is known
     assert exit_status([*arguments, "--nc", "fanuc", "--invert", "X", "--out", str(out)]) == 2

@@ -40,6 +40,7 @@ class Fanuc:
         self.macro = MacroB(made.text)
 
     def call(self, second, operation=None, test=None):
+        self.macro.variables[3011] = 20_261_126.0 + second // 86_400 + (70 if second >= 5 * 86_400 else 0)
         self.macro.variables[3012] = clock(second % 86_400)
         for number, value in ((1, operation), (2, test)):
             self.macro.variables.pop(number, None)
@@ -54,18 +55,21 @@ class Sinumerik:
 
     def __init__(self, made):
         self.lines = [line.strip() for line in made.text.splitlines() if not line.startswith(";")]
-        self.kept = {"R990": 0, "R991": 0}
+        self.kept = {"R97": 0, "R98": 0, "R99": 0}
 
     def call(self, second, operation=-1, test=0.0):
-        second %= 86_400
+        day, second = divmod(second, 86_400)
+        # from the fifth day on it is December
+        today = {"$A_YEAR": 2026, "$A_MONTH": 11 if day < 5 else 12, "$A_DAY": 26 + day if day < 5 else day - 4}
         names = {**self.kept, "OPERATION": operation, "TEST_UM": test}
-        day = {"$A_HOUR": second // 3600, "$A_MINUTE": second // 60 % 60, "$A_SECOND": second % 60}
+        day = today | {"$A_HOUR": second // 3600, "$A_MINUTE": second // 60 % 60, "$A_SECOND": second % 60}
         running, written = [True], {}
         for line in self.lines:
             for name, value in day.items():
                 line = line.replace(name, str(value))
             if line.startswith("IF "):
-                running.append(running[-1] and eval(line[3:], {}, names))
+                condition = line[3:].replace("<>", "!=").replace(" AND ", " and ")
+                running.append(running[-1] and eval(condition, {}, names))
             elif line == "ENDIF":
                 running.pop()
             elif not running[-1] or re.match(r"PROC|STOPRE|RET", line):
@@ -105,6 +109,29 @@ def test_every_correction_comes_at_its_second_also_through_midnight(target, cont
 
 
 @CONTROLS
+def test_a_forgotten_operation_corrects_nothing(target, control, tests):
+    machine = control(timed_program(target, {"Z": PRINTED}, AXES))
+    day = 86_400
+    for begun, called, z in (
+        # an hour after its end the last correction still stands, and no longer
+        (30_000, 30_000 + 7200, -20.0),
+        (30_000, 30_000 + 7201, 0.0),
+        # at the same time of the next day, and of those that follow it
+        (30_000, 30_000 + day + 1500, 0.0),
+        (80_000, 2 * day + 1000, 0.0),
+        # past midnight it goes on, but not into a new month
+        (day - 1000, day + 500, -10.0),
+        (5 * day - 1000, 5 * day + 500, 0.0),
+    ):
+        assert machine.call(begun, 1) == {"Z": 0.0}
+        assert machine.call(called) == {"Z": z}
+    # what was over stays over
+    machine.call(80_000, 1)
+    assert machine.call(80_000 + 2 * day) == {"Z": 0.0}
+    assert machine.call(80_000 + 1500) == {"Z": 0.0}
+
+
+@CONTROLS
 def test_the_sign_test_and_a_turned_axis(target, control, tests):
     machine = control(timed_program(target, BOTH, AXES, ["Z"]))
     assert machine.call(100, **tests, test=10.0) == {"Z": 10.0, "X": -10.0}
@@ -127,8 +154,8 @@ def test_the_macro_writes_inches_where_the_control_has_them_and_is_refused_where
 def test_what_was_executed_stands_on_the_sheet_and_the_largest_step_too():
     made = timed_program("fanuc", BOTH, AXES)
     calls, difference = made.replay
-    # the start of each of three operations, and two calls at each of 6 different times
-    assert calls == 3 + 2 * 6
+    # of each of three operations the start and two calls at its end, and two calls at each of 6 different times
+    assert calls == 3 + 2 * 3 + 2 * 6
     assert difference < 1e-9
     assert made.as_dict()["replay"] == {"calls": calls, "max_abs_difference_um": difference}
     # the second and third zero take back 20 µm
