@@ -1,4 +1,4 @@
-"""Finished sizes by two formulas and by Monte Carlo: where they agree, and what each takes.
+"""Finished sizes by eq. 25 and by Monte Carlo: where they agree, and what each takes.
 
 python -m benchmarks.bench_gauging [--parts 20000]
 
@@ -18,7 +18,7 @@ from selector.physics.gauging.gauge.characteristic import characteristic, linear
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, RippleCrest
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding, finished_sizes
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
-from selector.physics.gauging.sizes.size_distribution import size_distribution, trade_off
+from selector.physics.gauging.sizes import sizes_by_formula
 from tests.physics.gauging.examples import TRANSDUCER
 
 GAUGE = LinearGauge(-0.01, 3.0, 0.05)
@@ -42,7 +42,7 @@ def cases() -> dict[str, GaugedGrinding]:
         "noise 0.3 µm, 100/s": replace(BASE, noise=Noise(0.3, 100.0)),
         "noise 1 µm, 100/s": replace(BASE, noise=Noise(1.0, 100.0)),
         "noise 2 µm, 100/s": replace(BASE, noise=Noise(2.0, 100.0)),
-        "T_Φ 3 ms, noise 0.5 µm, 30/s": replace(BASE.with_filter(0.003), gauge=quick, noise=Noise(0.5, 30.0)),
+        "T_Φ 3 ms, noise 0.5 µm, 30/s": replace(BASE, gauge=quick, thresholds_v=(), noise=Noise(0.5, 30.0)),
         "relay noise 2 mV every 10 ms": replace(BASE, relay=Relay(0.02, 0.002)),
         "relay noise, and 0.3 µm, 100/s": replace(BASE, relay=Relay(0.02, 0.002), noise=Noise(0.3, 100.0)),
         "noise 1 µm, 20/s, last 2 µm at 0.5 µm/s": replace(
@@ -87,35 +87,28 @@ def main() -> None:
     parser.add_argument("--parts", type=int, default=20_000)
     options = parser.parse_args()
     finished_sizes(BASE, 1)
-    size_distribution(replace(BASE, noise=Noise(1.0, 10.0)))
-    print("| case | r | wave | linear | first passage | Monte Carlo | holds |\n|---|---|---|---|---|---|---|")
+    print("| case | r | wave | eq. 25 | Monte Carlo |\n|---|---|---|---|---|")
     times = []
     for name, setup in cases().items():
-        linear = size_distribution(setup, method="linear")
         begin = time.perf_counter()
-        passage = size_distribution(setup)
+        formula = sizes_by_formula(setup)
         formula_s = time.perf_counter() - begin
         begin = time.perf_counter()
         sizes = finished_sizes(setup, options.parts, seed=1)
         parts_s = time.perf_counter() - begin
         wanted = setup.wanted_um
-        moved = f", curve {passage.curvature_um:+.3f}" if setup.characteristic is not None else ""
+        moved = f", curve {formula.curvature_um:+.3f}" if setup.characteristic is not None else ""
         print(
-            f"| {name} | {linear.restlessness:.2f} | {linear.ripple_rate:.2f} "
-            f"| {linear.mean_um - wanted:+.3f}, {linear.sd_um:.3f} "
-            f"| {passage.mean_um - wanted:+.3f}, {passage.sd_um:.3f}{moved} "
+            f"| {name} | {formula.restlessness:.2f} | {formula.ripple_rate:.2f} "
+            f"| {formula.mean_um - wanted:+.3f}, {formula.sd_um:.3f}{moved} "
             f"| {sizes.mean_um - wanted:+.4f} ± {sizes.mean_error_um:.4f}, "
-            f"{sizes.sd_um:.4f} ± {sizes.sd_error_um:.4f} "
-            f"| {'a' if passage.linear_holds else ''}{'b' if passage.passage_holds else ''} |"
+            f"{sizes.sd_um:.4f} ± {sizes.sd_error_um:.4f} |"
         )
         steps = sizes.duration_s.mean()
         times.append(
             f"{name}: formula {1e3 * formula_s:.1f} ms, {options.parts / parts_s:.0f} parts/s of {steps:.2f} s"
         )
     print("\n" + "\n".join(times))
-    begin = time.perf_counter()
-    trade_off(replace(BASE, grinding=replace(GRINDING, feed_sd=0.08), noise=Noise(0.5, 30.0)))
-    print(f"trade-off of 33 filters, feed ± 8 %: {time.perf_counter() - begin:.2f} s")
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ PARTS = {
         "How it grinds to size",
         "physics.gauging.gauge.transducer physics.gauging.gauge.vibrating_contact"
         " physics.gauging.gauge.characteristic physics.gauging.process physics.gauging.grinding.gauged_grinding"
-        " physics.gauging.sizes.size_distribution physics.gauging.model_file physics.gauging.gauging_model",
+        " physics.gauging.sizes physics.gauging.model_file physics.gauging.gauging_model",
     ),
     "diagnosis": (
         "What the simulation left out",

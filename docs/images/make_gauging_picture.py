@@ -1,7 +1,7 @@
 """Make the picture of finished-sizes.md: `python docs/images/make_gauging_picture.py` (needs Chromium).
 
-All simulated, the two-stage grinding of benchmarks/bench_gauging.py. Above: error of the size against T_Φ by formula,
-with Monte Carlo. Below: sizes with noise that trips early.
+All simulated, the two-stage grinding of benchmarks/bench_gauging.py. Above: error of the size against T_Φ, ground with
+other filters. Below: sizes with noise that trips early.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from benchmarks.bench_gauging import BASE, GRINDING
 from selector.figures import style
 from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Noise
-from selector.physics.gauging.sizes.size_distribution import size_distribution, trade_off
+from selector.physics.gauging.sizes import sizes_by_formula
 from selector.telling.simulated.gauging_pictures import size_density
 
-PARTS, CHECKED = 4000, 7
+PARTS, FILTERS = 4000, 30
 BIAS, VARIANCE, TOTAL, SIMULATED = style.RESIDUAL, style.PREDICTED, style.INK, style.BEFORE
 NOTE = (
     "Simulated: line of 10 mV/µm, last feed 5 µm/s, relay 20 ms late. Above: noise 0.5 µm, 30/s, feed ± 5 %. "
@@ -36,13 +36,15 @@ NOTE = (
 def page() -> str:
     """Trade-off and sizes one above the other, as an HTML page of the size of the picture."""
     setup = replace(BASE, grinding=replace(GRINDING, feed_sd=0.05), noise=Noise(0.5, 30.0))
-    found = trade_off(setup, time_constants_s=np.geomspace(0.003, 0.8, 60))
-    at = np.geomspace(0.003, 0.8, CHECKED)
+    at = np.geomspace(0.003, 0.8, FILTERS)
     wrong_um = [
-        finished_sizes(setup.with_filter(one), PARTS, seed=1).finished_um - setup.wanted_um for one in at.tolist()
-    ]
-    squares = np.array([np.mean(one**2) for one in wrong_um])
-    errors = np.array([np.std(one**2) / np.sqrt(len(one)) for one in wrong_um])
+        finished_sizes(replace(setup, gauge=replace(setup.gauge, time_constant_s=one), thresholds_v=()), PARTS, seed=1)
+        .finished_um - setup.wanted_um
+        for one in at.tolist()
+    ]  # fmt: skip
+    bias2, variance = (np.array([value(one) for one in wrong_um]) for value in (lambda one: one.mean() ** 2, np.var))
+    squares = bias2 + variance
+    best = int(squares.argmin())
     restless = replace(BASE, noise=Noise(2.0, 100.0))
     sizes = finished_sizes(restless, 20_000, seed=1).size_um
     drawn = make_subplots(
@@ -50,39 +52,30 @@ def page() -> str:
         cols=1,
         vertical_spacing=0.15,
         subplot_titles=(
-            f"Mean square error of the size: best at {1e3 * found.best_s:.0f} ms, {found.best_rms_um:.2f} µm",
+            f"Mean square error of the size: best at {1e3 * at[best]:.0f} ms, {np.sqrt(squares[best]):.2f} µm",
             "Restless noise: parts too large, and not normal",
         ),
     )
     for name, values, colour, dash in (
-        ("bias²", found.bias_um**2, BIAS, "dash"),
-        ("variance", found.sd_um**2, VARIANCE, "dot"),
-        ("sum", found.rms_um**2, TOTAL, "solid"),
+        ("bias²", bias2, BIAS, "dash"),
+        ("variance", variance, VARIANCE, "dot"),
+        ("sum", squares, TOTAL, "solid"),
     ):
         line = {"color": colour, "width": 2.5, "dash": dash}
-        drawn.add_scatter(x=1e3 * found.time_constant_s, y=values, name=name, line=line, row=1, col=1)
+        drawn.add_scatter(x=1e3 * at, y=values, name=name, line=line, row=1, col=1)
     drawn.add_scatter(
-        x=1e3 * at, y=squares, mode="markers", name=f"Monte Carlo, {PARTS} parts", row=1, col=1,
-        marker={"color": "#fff", "size": 10, "line": {"color": TOTAL, "width": 2}},
-        error_y={"array": 2 * errors, "color": TOTAL},
-    )  # fmt: skip
-    drawn.add_scatter(
-        x=[1e3 * found.best_s], y=[found.best_rms_um**2], mode="markers", name="best", row=1, col=1,
+        x=[1e3 * at[best]], y=[squares[best]], mode="markers", name="best", row=1, col=1,
         marker={"color": "#e9a800", "size": 16, "symbol": "star", "line": {"color": "#fff", "width": 1}},
     )  # fmt: skip
     drawn.add_histogram(
         x=sizes - 2.0, histnorm="probability density", nbinsx=70, marker_color=SIMULATED, name="Monte Carlo, 20 000",
         legend="legend2", row=2, col=1,
     )  # fmt: skip
-    for name, method, colour, dash in (
-        ("G eq. 25", "linear", BIAS, "dash"),
-        ("first passage", "first-passage", VARIANCE, "solid"),
-    ):
-        size, density = size_density(size_distribution(restless, method=method))  # type: ignore[arg-type]
-        drawn.add_scatter(
-            x=size - 2.0, y=density, name=name, line={"color": colour, "width": 2.5, "dash": dash}, legend="legend2",
-            row=2, col=1,
-        )  # fmt: skip
+    size, density = size_density(sizes_by_formula(restless))
+    drawn.add_scatter(
+        x=size - 2.0, y=density, name="G eq. 25", line={"color": BIAS, "width": 2.5, "dash": "dash"}, legend="legend2",
+        row=2, col=1,
+    )  # fmt: skip
     drawn.update_xaxes(type="log", title_text="T_Φ [ms]", dtick=1, row=1, col=1)
     drawn.update_yaxes(type="log", title_text="µm²", range=[-4, 0.2], dtick=1, exponentformat="power", row=1, col=1)
     drawn.update_xaxes(title_text="finished size less the wanted one [µm]", range=[-2.6, 3.2], row=2, col=1)

@@ -17,7 +17,7 @@ from selector.types import Vector
 if TYPE_CHECKING:
     from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
     from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
-    from selector.physics.gauging.sizes.size_distribution import TradeOff
+    from selector.physics.gauging.gauging_advice import Setting
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SEEN, TRUE = style.RESIDUAL, style.PREDICTED
@@ -316,14 +316,14 @@ def sizes_over_parts(
     return drawn
 
 
-def filter_trade_off(one: TradeOff, title: str) -> go.Figure:
+def filter_trade_off(filters: Sequence[Setting], best: Setting, present: Setting, title: str) -> go.Figure:
     """Bias², variance and their sum over the time constant of the filter, both on logarithmic axes.
 
     The present filter is the one of the gauge with its own threshold. `title` is plain text, as `style.label` makes it.
     """
-    time_constant_s, bias2, variance = one.time_constant_s, one.bias_um**2, one.sd_um**2
+    time_constant_s = np.array([one.time_constant_s for one in filters])
+    bias2, variance = np.array([one.bias_um for one in filters]) ** 2, np.array([one.sd_um for one in filters]) ** 2
     total = bias2 + variance
-    best, present = (one.best_s, one.best_rms_um**2), (one.present_s, one.present_rms_um**2)
     drawn = style.figure(title, 400)
     for values, name, colour, dash, width in (
         (bias2, "bias²", style.RESIDUAL, "dash", 1.8),
@@ -335,15 +335,18 @@ def filter_trade_off(one: TradeOff, title: str) -> go.Figure:
             continue
         hover = f"%{{x:.4g}} ms: %{{y:.4g}} µm²<extra>{name}</extra>"
         style.curve(drawn, 1e3 * time_constant_s[seen], values[seen], colour, name, hover, width=width, dash=dash)
-    for (at_s, value), name, colour, symbol in (
+    for one, name, colour, symbol in (
         (best, "best", style.CHOSEN, "star"),
         (present, "present", style.BASELINES["all sensors"], "diamond"),
     ):
+        at_s, value = one.time_constant_s, one.rms_um**2
         text, hover = f"{name}: {number_text(1e3 * at_s)} ms", f"{name}: %{{x:.4g}} ms, %{{y:.4g}} µm²"
         look = {"symbol": symbol, "line": {"color": "#ffffff", "width": 1}}
         place = [_rounded(1e3 * at_s)], [_rounded(value)]
         style.points(drawn, *place, colour, text, hover, size=13, marker=look)
-    positive = np.concatenate([row[row > 0] for row in (bias2, variance, total, np.array([best[1], present[1]]))])
+    positive = np.concatenate(
+        [row[row > 0] for row in (bias2, variance, total, np.array([best.rms_um, present.rms_um]) ** 2)]
+    )
     high = math.log10(float(positive.max()))
     low = max(math.log10(float(positive.min())), high - _DECADES)
     drawn.update_layout(

@@ -2,7 +2,7 @@
 
 Every setting is a model file that could be run: its time constant and all its thresholds are round numbers, and its
 mean and spread are those of parts ground with just these. Of a number a part has the same noise, feed
-and start in all settings.
+and start in all settings, so that filters compare by few parts.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from selector.physics.model_text import plain_values
 if TYPE_CHECKING:
     from selector.physics.gauging.gauging_model import GaugingModel
     from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
-    from selector.physics.gauging.sizes.size_distribution import TradeOff
 
 PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
 
@@ -31,6 +31,9 @@ _FINE_UM = 1e-3
 _MOST_RUNS = 7
 _STEEP = 4.0  #: By how much the change of size with the voltage may differ from the gain of the gauge.
 _FILTER_DIGITS = 2
+#: Filters that are looked at: up to this share of the last stage, which has to be long against its filter, or so many
+#: times the present one.
+_FILTERS, _SHARE_OF_STAGE, _DECADES, _ROUND_PRESENT = 12, 0.3, 2.5, 3.0
 _MISSED = 0.01  #: Share of the parts that may miss a threshold more than do now.
 
 
@@ -79,31 +82,47 @@ def limit_text(setting: Setting) -> str:
     return " (the end of what was looked at, as a stage has to be long against its filter)" if setting.at_limit else ""
 
 
-#: Parts ground as a model says, all with the same noise, feeds and starts.
-Sizes = Callable[["GaugingModel"], "FinishedSizes"]
+#: Parts ground as a model says, all with the same noise, feeds and starts; few of them if so said.
+Sizes = Callable[["GaugingModel", bool], "FinishedSizes"]
 
 
 def gauging_settings(
-    model: GaugingModel, present: FinishedSizes, filters: TradeOff, sizes_of: Sizes
-) -> tuple[Setting, ...]:
-    """As it is; its last threshold moved until the mean is as wanted; the best filter, by eq. 23 and centred.
+    model: GaugingModel, present: FinishedSizes, sizes_of: Sizes
+) -> tuple[tuple[Setting, ...], tuple[Setting, ...]]:
+    """Filters with thresholds of eq. 23, T_Φ increasing, by few parts; and the settings that are worth comparing.
 
-    The filters are the best ones of the trade-off, by formula. What no file may say is left out, such as thresholds
-    that do not rise or that the gauge does not show, and settings with which more parts miss a threshold.
+    These are: as it is; its last threshold moved until the mean is as wanted; the best filter, by eq. 23 and centred.
+    What no file may say is left out, such as thresholds that do not rise or that the gauge does not show, and settings
+    with which more parts miss a threshold.
     """
     bench = _Bench(model, present, sizes_of)
-    ends = (float(filters.time_constant_s[0]), float(filters.time_constant_s[-1]))
     now = model.setup.thresholds_v
     found = [_setting(PRESENT, model, present), _centred(CENTRED, bench, model, now, now[-1], present)]
-    best = bench.with_filter(_rounded(filters.best_s, _FILTER_DIGITS))
-    if best is not None:
-        volts = bench.rounded(best.advised_thresholds_v)
-        found.append(bench.setting(BEST_FILTER, best, volts, at_limit=filters.best_s in ends))
-    steady = bench.with_filter(_rounded(filters.centred_s, _FILTER_DIGITS))
-    if steady is not None:
-        volts, first_v = steady.advised_thresholds_v, filters.centred_best_v
-        found.append(_centred(BEST_CENTRED, bench, steady, volts, first_v, at_limit=filters.centred_s in ends))
-    return tuple(one for one in found if one is not None)
+    looked = [bench.looked_at(at_s) for at_s in _filters_s(model)]
+    filters = tuple(one for one in looked if one is not None)
+    for name, error in ((BEST_FILTER, "rms_um"), (BEST_CENTRED, "sd_um")):
+        best = min(filters, key=attrgetter(error), default=None)
+        other = None if best is None else bench.with_filter(best.time_constant_s)
+        if best is None or other is None:
+            continue
+        at_limit = best in (filters[0], filters[-1])
+        if name == BEST_FILTER:
+            found.append(bench.setting(name, other, best.thresholds_v, at_limit=at_limit))
+        else:
+            first_v = best.threshold_v - model.setup.gauge.gain_v_per_um * best.bias_um
+            found.append(_centred(name, bench, other, best.thresholds_v, first_v, at_limit=at_limit))
+    return filters, tuple(one for one in found if one is not None)
+
+
+def _filters_s(model: GaugingModel) -> list[float]:
+    """Round time constants on an even logarithmic scale, around the present one."""
+    setup = model.setup
+    ends = [setup.grinding.allowance_um, *(stage.until_um for stage in setup.grinding.stages)]
+    lasts_s = (ends[-2] - ends[-1]) / setup.rates_um_per_s[-1]
+    present = setup.gauge.time_constant_s
+    high = max(_SHARE_OF_STAGE * lasts_s, _ROUND_PRESENT * present)
+    low = min(high * 10.0**-_DECADES, present / _ROUND_PRESENT)
+    return sorted({_rounded(float(one), _FILTER_DIGITS) for one in np.geomspace(low, high, _FILTERS)})
 
 
 class _Bench:
@@ -126,14 +145,27 @@ class _Bench:
         plain.pop("thresholds", None)
         return _made(plain)
 
+    def looked_at(self, time_constant_s: float) -> Setting | None:
+        """What this filter gives with thresholds of eq. 23, by few parts."""
+        made = self.with_filter(time_constant_s)
+        if made is None:
+            return None
+        return self.setting(BEST_FILTER, made, self.rounded(made.advised_thresholds_v), few=True)
+
     def setting(
-        self, name: str, model: GaugingModel, volts: tuple[float, ...], *, at_limit: bool = False
+        self,
+        name: str,
+        model: GaugingModel,
+        volts: tuple[float, ...],
+        *,
+        at_limit: bool = False,
+        few: bool = False,
     ) -> Setting | None:
         """What these thresholds give; None if no file may say them, or if more parts miss one than do now."""
         made = _made(_unbound(model) | {"thresholds": {"volts": list(volts)}})
         if made is None:
             return None
-        sizes = self._sizes_of(made)
+        sizes = self._sizes_of(made, few)
         if _missed(sizes) > _missed(self._present) + _MISSED:
             return None
         return _setting(name, made, sizes, at_limit=at_limit)

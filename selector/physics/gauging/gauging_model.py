@@ -385,7 +385,7 @@ def gauging_model(file: GaugingFile) -> GaugingModel:
     return model
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def _characteristic(transducer: Transducer) -> Characteristic:
     return characteristic(transducer)
 

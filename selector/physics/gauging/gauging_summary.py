@@ -32,67 +32,96 @@ from selector.physics.gauging.grinding.gauged_grinding import (
     steps_in,
 )
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
-from selector.physics.gauging.sizes.first_passage import on_line, relay_law
-from selector.physics.gauging.sizes.size_distribution import (
-    Capability,
-    SizeDistribution,
-    TradeOff,
-    capability,
-    size_distribution,
-    trade_off,
-)
+from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
 from selector.physics.simulation_kind import Progress
 
 _TURNS = 2048
 _EARLY_SHARE = 0.1  #: Share of the standard deviation from which on an early command is told.
 _MOSTLY = 0.7  #: Share of an early command from which on one cause is named alone.
 #: Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told.
-_EARLY_ERRORS, _SHARE, _EARLY_LEAST_UM = 4.0, 0.15, 1e-3
+_EARLY_ERRORS, _SHARE, _LEAST_EARLY_UM = 4.0, 0.15, 1e-3
+_QUIET_PARTS = 500  #: Ground once more without noise of the relay, to tell what is due to it.
 
 
-def early_findings(model: GaugingModel, formula: SizeDistribution, linear: SizeDistribution) -> Iterator[Finding]:
-    """Surfaces, noise that the gauge sees, and noise of the relay that trip it early; `formula` is by first passage."""
-    setup = model.setup
-    early_um = formula.mean_um - linear.mean_um
+def formula_holds(model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes) -> bool:
+    """Whether mean and spread by eq. 25 are those of parts that are ground, as far as matters and these can tell."""
+    least = max(min(_SHARE * sizes.sd_um, 0.5 * mattering_um(model)), _LEAST_EARLY_UM)
+    off = (
+        (sizes.mean_um - formula.mean_um - formula.curvature_um, sizes.mean_error_um),
+        (sizes.sd_um - formula.sd_um, sizes.sd_error_um),
+    )
+    return all(abs(one) <= max(_EARLY_ERRORS * error, least) for one, error in off)
+
+
+def formula_findings(
+    model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes, seed: int
+) -> Iterator[Finding]:
+    """Why parts come out otherwise than by eq. 25: surfaces and noise that trip the relay early, or what is left."""
+    early_um = sizes.mean_um - formula.mean_um - formula.curvature_um
+    least_um = max(_EARLY_SHARE * formula.sd_um, _EARLY_ERRORS * sizes.mean_error_um, _LEAST_EARLY_UM)
     if formula.ripple_rate >= 1.0:
         yield _of_surface(model, formula, early_um)
-    elif early_um > _EARLY_SHARE * formula.sd_um and early_um > _EARLY_LEAST_UM:
-        relay_um = float(relay_law(setup, np.array([0.5])).mean_um)
-        share = relay_um / early_um
-        seen = (
+    elif early_um > least_um and max(formula.restlessness, model.setup.relay.noise_v) > 0:
+        yield _of_noise(model, formula, sizes, early_um, seed)
+    elif not formula_holds(model, formula, sizes):
+        by_formula = formula.mean_um + formula.curvature_um
+        yield FINDINGS.finding(
+            "formula-differs",
+            f"The formula says {by_formula:.3g} ± {formula.sd_um:.3g} µm (mean and standard deviation), Monte Carlo "
+            f"{sizes.mean_um:.3g} ± {sizes.sd_um:.3g} µm; the latter counts, with standard errors of "
+            f"{sizes.mean_error_um:.1g} and {sizes.sd_error_um:.1g} µm.",
+            evidence={
+                "formula_um": by_formula,
+                "formula_sd_um": formula.sd_um,
+                "mean_um": sizes.mean_um,
+                "sd_um": sizes.sd_um,
+            },
+        )
+
+
+def _of_noise(
+    model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes, early_um: float, seed: int
+) -> Finding:
+    """Noise that the gauge sees, of the relay, or both, by grinding some parts again without that of the relay."""
+    setup, relay_um = model.setup, 0.0
+    if setup.relay.noise_v > 0:
+        parts = min(_QUIET_PARTS, model.file.run.parts if model.is_wearing else FEWEST_SIZES)
+        quiet = finished_sizes(replace(setup, relay=replace(setup.relay, noise_v=0.0)), parts, seed=seed)
+        both = quiet.tripped & sizes.tripped[:parts]
+        relay_um = float(np.mean((sizes.size_um[:parts] - quiet.size_um)[both])) if both.any() else 0.0
+    share = relay_um / early_um
+    hold_ms = 1e3 * setup.relay.noise_hold_s
+    causes, helps = [], []
+    if share < _MOSTLY:
+        causes.append(
             f"noise that the gauge sees moves the smoothed voltage {formula.restlessness:.2g} times as fast as the "
             "feed does and so reaches the threshold early"
         )
-        hold_ms = 1e3 * setup.relay.noise_hold_s
-        own = (
+        helps.append("give the filter more time")
+    if share > 1.0 - _MOSTLY:
+        causes.append(
             f"noise of the relay, {1e3 * setup.relay.noise_v:.3g} mV and new every {hold_ms:.3g} ms, makes one of many "
             "comparisons early"
         )
-        causes, helps = [], []
-        if share < _MOSTLY:
-            causes.append(seen)
-            helps.append("give the filter more time")
-        if share > 1.0 - _MOSTLY:
-            causes.append(own)
-            helps.append("quiet the relay or let it average")
-        said = "; ".join(causes)
-        yield FINDINGS.finding(
-            "noise-trips-early",
-            f"{said[0].upper()}{said[1:]}. Parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
-            f"has it. The linear spread (eq. 25) is {linear.sd_um:.3g} µm; with early commands it is "
-            f"{formula.sd_um:.3g} µm.",
-            evidence={
-                "restlessness": formula.restlessness,
-                "early_um": early_um,
-                "of_relay_um": relay_um,
-                "sd_by_eq_25_um": linear.sd_um,
-            },
-            suggestion=f"{', '.join(helps)}, feed faster in the last stage, or move the last threshold",
-            level="info" if early_um < mattering_um(model) else "warning",
-        )
+        helps.append("quiet the relay or let it average")
+    said = "; ".join(causes)
+    return FINDINGS.finding(
+        "noise-trips-early",
+        f"{said[0].upper()}{said[1:]}. Parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
+        f"has it. The linear spread (eq. 25) is {formula.sd_um:.3g} µm; with early commands it is "
+        f"{sizes.sd_um:.3g} µm.",
+        evidence={
+            "restlessness": formula.restlessness,
+            "early_um": early_um,
+            "of_relay_um": relay_um,
+            "sd_by_eq_25_um": formula.sd_um,
+        },
+        suggestion=f"{', '.join(helps)}, feed faster in the last stage, or move the last threshold",
+        level="info" if early_um < mattering_um(model) else "warning",
+    )
 
 
-def _of_surface(model: GaugingModel, formula: SizeDistribution, early_um: float) -> Finding:
+def _of_surface(model: GaugingModel, formula: SizesByFormula, early_um: float) -> Finding:
     setup = model.setup
     surface = on_line(setup).surface
     mean_um = -mean_surface_um(surface)
@@ -109,33 +138,6 @@ def _of_surface(model: GaugingModel, formula: SizeDistribution, early_um: float)
             "ripple_rate": formula.ripple_rate,
             "early_um": early_um,
             "mean_um": mean_um,
-        },
-    )
-
-
-def differing_findings(model: GaugingModel, formula: SizeDistribution, sizes: FinishedSizes) -> Iterator[Finding]:
-    """Where the formula, by first passage, is not to be trusted: by what it misses of the simulated `sizes`."""
-    by_formula = formula.mean_um + formula.curvature_um
-    mean_um, sd_um = sizes.mean_um - by_formula, sizes.sd_um - formula.sd_um
-    least = max(min(_SHARE * sizes.sd_um, 0.5 * mattering_um(model)), _EARLY_LEAST_UM)
-    beyond = [
-        abs(one) > max(_EARLY_ERRORS * error, least)
-        for one, error in ((mean_um, sizes.mean_error_um), (sd_um, sizes.sd_error_um))
-    ]
-    if not any(beyond):
-        return
-    why = "" if formula.passage_holds else " Noise or allowances still decide how the last stage begins."
-    yield FINDINGS.finding(
-        "formula-differs",
-        f"The formula says {by_formula:.3g} ± {formula.sd_um:.3g} µm (mean and standard deviation), Monte Carlo "
-        f"{sizes.mean_um:.3g} ± {sizes.sd_um:.3g} µm; the latter counts, with standard errors of "
-        f"{sizes.mean_error_um:.1g} and {sizes.sd_error_um:.1g} µm.{why}",
-        evidence={
-            "formula_um": by_formula,
-            "formula_sd_um": formula.sd_um,
-            "mean_um": sizes.mean_um,
-            "sd_um": sizes.sd_um,
-            "passage_holds": formula.passage_holds,
         },
     )
 
@@ -166,7 +168,7 @@ def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> 
 
 
 def _capability(
-    model: GaugingModel, formula: SizeDistribution, known: Capability | None, steady: Setting | None
+    model: GaugingModel, formula: SizesByFormula, known: Capability | None, steady: Setting | None
 ) -> Iterator[Finding]:
     tolerance = model.values.tolerance
     if known is None or tolerance is None or known.cpk >= CAPABLE:
@@ -274,8 +276,9 @@ def threshold_findings(model: GaugingModel, seed: int) -> Iterator[Finding]:
         )
 
 
-#: Steps of all parts of one trial of other thresholds: a second or so; and parts that it has at least.
-_TRIAL_STEPS, _FEWEST_TRIALS = 10_000_000, 200
+#: Steps of all parts of one trial of other thresholds, and parts that it has at least: a second or so for a setting
+#: that is told, a fifth of it for a filter that is only looked at.
+_TRIAL, _FEW = (10_000_000, 200), (2_000_000, 100)
 
 
 @dataclass(frozen=True)
@@ -296,12 +299,11 @@ class GaugingSummary:
     gauge: LinearGauge  #: The line at the end of the last stage
     characteristic: Characteristic | None  #: Of a whole gauge; None of a linear one
     stages: tuple[StageSummary, ...]  #: In the order of the grinding
-    #: formula and linear: Of finished sizes, by first passage and by eq. 25
-    formula: SizeDistribution
-    linear: SizeDistribution
+    formula: SizesByFormula  #: Of finished sizes, by eq. 25
+    formula_holds: bool  #: Whether `sizes` are as it says
     sizes: FinishedSizes  #: By Monte Carlo: of the parts of the file, or of as many such batches as make 2000 parts
     capability: Capability | None  #: None where the file has no tolerance
-    trade_off: TradeOff  #: Error of the finished size against T_Φ
+    filters: tuple[Setting, ...]  #: Other T_Φ, increasing, with their thresholds of eq. 23, by few parts
     #: What other filters and last thresholds give, by Monte Carlo; see `gauging_advice.gauging_settings`
     settings: tuple[Setting, ...]
     #: Allowances between which the line is within `linear_within_um` of size; of a linear gauge all that is ground [µm]
@@ -317,7 +319,7 @@ def gauging_summary(
 
     `progress` is told how many parts of how many are done, and what is being done.
 
-    Raises ModelFileError: no part reaches its thresholds. Raises InputError as `size_distribution` and `trade_off`.
+    Raises ModelFileError: no part reaches its thresholds.
     """
     setup, parts = model.setup, model.file.run.parts
     told = None if simulation is None else simulation.recording.provenance["simulated"]["seed"]
@@ -330,11 +332,12 @@ def gauging_summary(
             where="key thresholds.volts" if model.file.thresholds is not None else "key grinding.stages",
             advice="lower the thresholds, or leave them out: they are then calculated (eq. 23)",
         )
-    formula, linear = size_distribution(setup, parts=parts), size_distribution(setup, method="linear", parts=parts)
+    formula = sizes_by_formula(setup, parts=parts)
     tolerance, curve = model.values.tolerance, model.characteristic
     known = None if tolerance is None else capability(sizes.finished_um, tolerance)
-    filters = trade_off(setup, parts=parts)
-    settings = gauging_settings(model, sizes, filters, lambda other: _sizes(other, seed, progress, is_trial=True))
+    filters, settings = gauging_settings(
+        model, sizes, lambda other, few: _sizes(other, seed, progress, trial=_FEW if few else _TRIAL)
+    )
     by_name = {one.name: one for one in settings}
     return GaugingSummary(
         gauge=setup.gauge,
@@ -344,10 +347,10 @@ def gauging_summary(
             for stage, rate, volts in zip(setup.grinding.stages, setup.rates_um_per_s, setup.thresholds_v, strict=True)
         ),
         formula=formula,
-        linear=linear,
+        formula_holds=formula_holds(model, formula, sizes),
         sizes=sizes,
         capability=known,
-        trade_off=filters,
+        filters=filters,
         settings=settings,
         linear_range_um=(setup.wanted_um, setup.grinding.allowance_um)
         if curve is None
@@ -355,24 +358,26 @@ def gauging_summary(
         linear_within_um=mattering_um(model),
         findings=(
             *threshold_findings(model, seed),
-            *early_findings(model, formula, linear),
+            *formula_findings(model, formula, sizes, seed),
             *_off(model, sizes, by_name.get(CENTRED)),
             *_capability(model, formula, known, by_name.get(BEST_CENTRED)),
             *_filter(by_name),
-            *differing_findings(model, formula, sizes),
         ),
     )
 
 
-def _sizes(model: GaugingModel, seed: int, progress: Progress | None, *, is_trial: bool = False) -> FinishedSizes:
+def _sizes(
+    model: GaugingModel, seed: int, progress: Progress | None, *, trial: tuple[int, int] | None = None
+) -> FinishedSizes:
     """Batches of the file's parts; where no part differs from the next, one long batch; of a trial some seconds' worth.
 
     Each part has the noise, feed and start that belong to its number, whatever the model.
     """
     parts, enough = model.file.run.parts, FEWEST_SIZES
-    if is_trial:
-        enough = int(np.clip(_TRIAL_STEPS / _steps_of_part(model), _FEWEST_TRIALS, FEWEST_SIZES))
-    batch = parts if model.is_wearing else enough if is_trial else max(parts, enough)
+    if trial is not None:
+        steps, fewest = trial
+        enough = int(np.clip(steps / _steps_of_part(model), fewest, FEWEST_SIZES))
+    batch = parts if model.is_wearing else max(parts, enough) if trial is None else enough
     batches = math.ceil(enough / batch)
     seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))
 
@@ -380,7 +385,7 @@ def _sizes(model: GaugingModel, seed: int, progress: Progress | None, *, is_tria
 
     def told(done: int, of: int) -> None:
         if progress is not None:
-            progress(len(found) * of + done, batches * of, "settings" if is_trial else "sizes")
+            progress(len(found) * of + done, batches * of, "sizes" if trial is None else "settings")
 
     for one in seeds:
         found.append(finished_sizes(model.setup, batch, seed=int(one), progress=told))

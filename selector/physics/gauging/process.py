@@ -183,13 +183,3 @@ def smoothed_surface(surface: Surface, time_constant_s: float, turn: ArrayLike) 
         value = value - surface.groove_depth_um * filled
         rate = rate - surface.groove_depth_um * (inside - filled) / time_constant_s
     return value, rate
-
-
-def ripple_bound_um(surface: Surface, time_constant_s: float) -> float:
-    """What the smoothed surface never exceeds in size [µm]."""
-    per_s = surface.workpiece_rpm / 60.0
-    bound = surface.runout_um / math.hypot(1.0, 2 * math.pi * per_s * time_constant_s)
-    if surface.grooves and surface.groove_depth_um > 0:
-        pitch = 1.0 / (surface.grooves * per_s) / time_constant_s
-        bound += surface.groove_depth_um * -math.expm1(-surface.groove_share * pitch) / -math.expm1(-pitch)
-    return bound

@@ -9,7 +9,7 @@ from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulati
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes.size_distribution import CONFIDENCE, Capability
+from selector.physics.gauging.sizes import CONFIDENCE, Capability
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
 from selector.telling.numbers import NONE, listed, ms_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
@@ -25,10 +25,6 @@ SETTINGS = {
     CENTRED: "last threshold centred",
     BEST_FILTER: "best filter, calculated thresholds (eq. 23)",
     BEST_CENTRED: "best filter, last threshold centred",
-}
-_METHODS = {
-    "linear": "formula, threshold passed once (linear, eq. 25)",
-    "first-passage": "formula, early trips counted (first passage)",
 }
 
 
@@ -113,10 +109,8 @@ def verdict(summary: GaugingSummary) -> Verdict:
 
 
 def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
-    """Mean and spread by Monte Carlo with standard errors, and by both formulas."""
-    sizes = summary.sizes
-    formulas = {one.method: one for one in (summary.formula, summary.linear)}
-    formula = summary.formula
+    """Mean and spread by Monte Carlo with standard errors, and by eq. 25."""
+    sizes, formula = summary.sizes, summary.formula
     # counted from the wanted size too, where that is another number
     zeros = (0.0,) if wanted_um == 0 else (0.0, wanted_um)
     rows = [
@@ -125,24 +119,20 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
             *(spread_text(sizes.mean_um - zero, sizes.mean_error_um) for zero in zeros),
             spread_text(sizes.sd_um, sizes.sd_error_um),
             *(NONE,) * 2,
-        )
-    ]
-    rows += [
+        ),
         (
-            _METHODS[method],
-            *(_um(one.mean_um - zero) for zero in zeros),
-            _um(one.sd_um),
-            _um(one.within_um),
-            _um(one.between_um),
-        )
-        for method, one in formulas.items()
+            "formula (linear, eq. 25)" if summary.formula_holds else "formula (linear, eq. 25): does not hold here",
+            *(_um(formula.mean_um - zero) for zero in zeros),
+            _um(formula.sd_um),
+            _um(formula.within_um),
+            _um(formula.between_um),
+        ),
     ]
     heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
     note = (
         "± one standard error. Within: the same part ground again and again; between: what differs from part to part. "
-        "Eq. 25, the published one, lets the reading pass its threshold once. It holds where σ of the rate of the "
-        f"smoothed noise is far below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)}"
-        " of it. First passage: noise that touches the threshold for the first time ends the feed, however early."
+        "Eq. 25 lets the reading pass its threshold once. It holds where σ of the rate of the smoothed noise is far "
+        f"below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)} of it."
     )
     if formula.ripple_rate > 0:
         note += (
@@ -150,7 +140,10 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
             "the allowance falls; from 1 on it reaches the threshold more than once."
         )
     if summary.characteristic is not None:
-        note += f" The curved characteristic moves the mean by {_um(formula.curvature_um, 2)} µm, which no formula has."
+        note += (
+            f" The curved characteristic moves the mean by {_um(formula.curvature_um, 2)} µm, which eq. 25 does not "
+            "have."
+        )
     return table(["", *heads, ">sd [µm]", ">within [µm]", ">between [µm]"], rows, note)
 
 
@@ -194,11 +187,14 @@ def trade_off_table(summary: GaugingSummary) -> Table:
         f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
         "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
         "Calculated thresholds, eq. 23: the voltage of the wanted size, ahead by what is still ground off while "
-        "filter, relay and springs are late. A centred one is moved until the mean is as wanted. The best filters are "
-        f"looked for by formula from {ms_text(float(summary.trade_off.time_constant_s[0]))} to "
-        f"{ms_text(float(summary.trade_off.time_constant_s[-1]))}, because the last stage has to be long against its "
-        "filter."
+        "filter, relay and springs are late. A centred one is moved until the mean is as wanted."
     )
+    if summary.filters:
+        ends = (summary.filters[0], summary.filters[-1])
+        note += (
+            f" The best filters are looked for from {ms_text(ends[0].time_constant_s)} to "
+            f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
+        )
     if len(summary.settings) < len(SETTINGS):
         note += " What no model file may say, or with which more parts miss a threshold, is left out."
     heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
@@ -343,7 +339,8 @@ def _thresholds(one: Setting) -> str:
 
 def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSummary) -> dict[str, Any]:
     """`gauging` of `selector.simulation/1`."""
-    curve, filters = summary.characteristic, summary.trade_off
+    curve, filters = summary.characteristic, summary.filters
+    gain = model.setup.gauge.gain_v_per_um
     within = {"linear_range_um": list(summary.linear_range_um), "linear_within_um": summary.linear_within_um}
     return {
         "gauge": {**vars(summary.gauge), **within},
@@ -359,10 +356,12 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
         "wanted_um": model.setup.wanted_um,
         "parts": None if simulation.sizes is None else _parts_data(simulation.sizes),
         "monte_carlo": _monte_carlo(summary.sizes),
-        "formula": {name: one for name, one in vars(summary.formula).items() if name not in ("probability", "size_um")},
+        "formula": {"method": "linear", **vars(summary.formula), "linear_holds": summary.formula_holds},
         "capability": None if summary.capability is None else _capability_data(summary.capability),
         "trade_off": {
-            **{name: getattr(filters, name) for name in _OF_TRADE_OFF},
+            **{name: [getattr(one, name) for one in filters] for name in _OF_TRADE_OFF},
+            "centred_threshold_v": [one.threshold_v - gain * one.bias_um for one in filters],
+            "at_edge": any(one.at_limit for one in summary.settings),
             "settings": [
                 {
                     "setting": setting.name,
@@ -383,7 +382,7 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
     }
 
 
-_OF_TRADE_OFF = ("time_constant_s", "bias_um", "sd_um", "threshold_v", "centred_threshold_v", "at_edge")
+_OF_TRADE_OFF = ("time_constant_s", "bias_um", "sd_um", "threshold_v")
 _OF_PART = ("size_um", "duration_s", "tripped", "at_once")
 _OF_CAPABILITY = ("cp", "cpk", "share_outside")  #: Those with an interval.
 

@@ -13,10 +13,11 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
+from selector.physics.gauging.gauging_advice import BEST_FILTER, PRESENT, Setting
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
-from selector.physics.gauging.sizes.size_distribution import SizeDistribution
+from selector.physics.gauging.sizes import SizesByFormula
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text
 from selector.telling.simulated.gauging import MATTERS, spread_text
@@ -26,16 +27,14 @@ from selector.types import Vector
 MOST_PARTS, MOST_RUNS = 1, 3  #: Parts that are drawn in time, as a whole and near the stop; recorded runs that are.
 _BEFORE_S = 12.0  #: So many times T_Φ and delay before the stop, the end of a part is drawn once more, enlarged.
 _SHARE_OF_PART = 0.5
-#: Shares of the standard deviation by which densities by formula are smoothed: of whole surfaces; of grooves and
-#: run-out, of which some dozens of turns and feeds are pooled.
-_SMOOTHED, _SMOOTHED_TURNS, _DENSITY_POINTS = 0.15, 0.4, 161
+_DENSITY_POINTS, _DENSITY_SIGMAS = 161, 4.0
 
 
 def drawings(result: SimulationResult) -> dict[str, list[Block]]:
     """Section of the account → its drawings."""
     return {
         "sizes": _sizes(result),
-        "filter": [Drawing(filter_trade_off(result.summary.trade_off, filter_title(result.summary)), _FILTER)],
+        "filter": _filter(result.summary),
         "parts": _parts(result),
         "gauge": _gauge(result),
     }
@@ -45,11 +44,7 @@ def _sizes(result: SimulationResult) -> list[Block]:
     model, summary, ground = result.simulated.model, result.summary, result.simulated.details.sizes
     tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
     limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
-    curves = {
-        name: size_density(one)
-        for name, one in (("formula, early trips", summary.formula), ("eq. 25", summary.linear))
-        if one.sd_um > 0
-    }
+    curves = {"eq. 25": size_density(summary.formula)} if summary.formula.sd_um > 0 else {}
     histogram = size_histogram(summary.sizes.finished_um, curves, limits, wanted_um, sizes_title(summary))
     drawn: list[Block] = [Drawing(histogram, _HISTOGRAM)]
     if ground is not None and len(ground.size_um) > 1:
@@ -126,19 +121,23 @@ def _in_time(result: SimulationResult) -> dict[str, _InTime]:
     return found
 
 
-def size_density(one: SizeDistribution) -> tuple[Vector, Vector]:
-    """Sizes and density there [µm], [1/µm]: the quantiles, smoothed by a share of their spread that is not added to it.
+def _filter(summary: GaugingSummary) -> list[Block]:
+    if not summary.filters:
+        return []
+    best, present = _best_and_present(summary)
+    return [Drawing(filter_trade_off(summary.filters, best, present, filter_title(summary)), _FILTER)]
 
-    Quantiles of parts that are pooled stand in heaps, of which a difference quotient would show each one.
-    """
-    share_of_sd = _SMOOTHED_TURNS if one.ripple_rate > 0 else _SMOOTHED
-    width = share_of_sd * one.sd_um
-    shrunk = one.mean_um + (one.size_um - one.mean_um) / math.sqrt(1.0 + share_of_sd**2)
-    middle, share = (shrunk[1:] + shrunk[:-1]) / 2.0, np.diff(one.probability)
-    at = np.linspace(shrunk[0] - 3.0 * width, shrunk[-1] + 3.0 * width, _DENSITY_POINTS)
-    kernels = np.exp(-0.5 * ((at[:, None] - middle) / width) ** 2) / (math.sqrt(2.0 * math.pi) * width)
-    # no matrix product: its last digits depend on where the memory lies
-    return at, (kernels * share).sum(axis=1)
+
+def _best_and_present(summary: GaugingSummary) -> tuple[Setting, Setting]:
+    by_name = {one.name: one for one in summary.settings}
+    return by_name.get(BEST_FILTER, by_name[PRESENT]), by_name[PRESENT]
+
+
+def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
+    """Sizes and the density there, normal about the mean with its curvature [µm], [1/µm]."""
+    at = np.linspace(-_DENSITY_SIGMAS, _DENSITY_SIGMAS, _DENSITY_POINTS)
+    density = np.exp(-0.5 * at**2) / (math.sqrt(2.0 * math.pi) * one.sd_um)
+    return one.mean_um + one.curvature_um + one.sd_um * at, density
 
 
 def sizes_title(summary: GaugingSummary) -> str:
@@ -146,7 +145,7 @@ def sizes_title(summary: GaugingSummary) -> str:
     sizes, formula = summary.sizes, summary.formula
     return (
         f"Simulated: mean size {spread_text(sizes.mean_um, sizes.sd_um)} µm (standard deviation); by formula "
-        f"{spread_text(formula.mean_um, formula.sd_um)} µm"
+        f"{spread_text(formula.mean_um + formula.curvature_um, formula.sd_um)} µm"
     )
 
 
@@ -158,23 +157,22 @@ def parts_title(ground: FinishedSizes) -> str:
 
 def filter_title(summary: GaugingSummary) -> str:
     """What the trade-off shows, as plain text for a figure."""
-    one = summary.trade_off
-    text = f"Computed: {number_text(one.present_rms_um)} µm (rms) with the filter of {ms_text(one.present_s)}"
-    if one.best_rms_um > MATTERS * one.present_rms_um:
+    best, present = _best_and_present(summary)
+    text = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
+    if best.rms_um > MATTERS * present.rms_um:
         return f"{text}; the best one would make little difference"
-    ends = (one.time_constant_s[0], one.time_constant_s[-1])
-    edge = ", the end of what was looked at" if one.best_s in ends else ""
-    return f"{text}, {number_text(one.best_rms_um)} µm with {ms_text(one.best_s)}{edge}"
+    edge = ", the end of what was looked at" if best.at_limit else ""
+    return f"{text}, {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)}{edge}"
 
 
 _HISTOGRAM = (
-    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Lines: formulas. Eq. 25 lets the reading "
-    "pass its threshold once; the other counts that noise reaches it early."
+    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Line: eq. 25, which lets the reading pass "
+    "its threshold once."
 )
 _CHART = "In the order of grinding."
 _CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
 _FILTER = (
-    "By formula: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
+    "Simulated: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
     "present one with the threshold that it has. A longer filter quiets the noise, but makes the gauge late, and how "
     "much that is in size depends on the feed of the part."
 )

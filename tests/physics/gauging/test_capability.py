@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes.size_distribution import capability
+from selector.physics.gauging.sizes import capability
 
 LIMITS = Tolerance(-3.0, 3.0)
 

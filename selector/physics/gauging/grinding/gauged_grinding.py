@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -108,10 +108,6 @@ class GaugedGrinding:
         """
         steady = abs(self.gauge.gain_v_per_um) * self.rates_um_per_s[-1]
         return voltage_rate_sd_v_per_s(self.gauge, self.noise) / steady
-
-    def with_filter(self, time_constant_s: float) -> "GaugedGrinding":
-        """The same with another T_Φ and the thresholds of eq. 23 for it."""
-        return replace(self, gauge=replace(self.gauge, time_constant_s=time_constant_s), thresholds_v=())
 
 
 #: Steps in 1/β, T_Φ, lag_s and a turn with run-out: more of them change sizes by less than 20 000 parts can tell.
