@@ -96,7 +96,7 @@ def command(folder: Path, results: str, *arguments: str) -> list[str]:
     text = (folder / "FLEET.toml").read_text()
     named = folder / f"FLEET-{results}.toml"
     named.write_text(f'results = "{results}"\n{text}')
-    return [sys.executable, "-m", "selector.cli", "fleet", "run", str(named), *arguments, "--json"]
+    return [sys.executable, "-m", "selector", "fleet", "run", str(named), *arguments, "--json"]
 
 
 def run(line: list[str]) -> tuple[dict[str, Any], float]:

@@ -31,7 +31,7 @@ def page() -> str:
         out = Path(folder) / "virtual"
         model, inputs = ROOT / "fixtures" / "thermal" / "candidates.toml", ROOT / "fixtures" / "vmc37"
         arguments = ["simulate", "thermal", str(model), "--inputs", str(inputs), "--seed", "1", "--out", str(out)]
-        subprocess.run([sys.executable, "-m", "selector.cli", *arguments], check=True, capture_output=True)  # noqa: S603
+        subprocess.run([sys.executable, "-m", "selector", *arguments], check=True, capture_output=True)  # noqa: S603
         recording = read([out], machine=out / "machine.toml").recording
     recording = without_faults(recording, inspect(recording))
     selection = select(recording, Options(responses=("Z", "Y"), max_sensors=4))

@@ -175,7 +175,7 @@ def _started(command: Sequence[str], folder: Path) -> subprocess.Popen[str]:
         {"creationflags": getattr(subprocess, "CREATE_NO_WINDOW", 0)} if _IS_WINDOWS else {"start_new_session": True}
     )
     return subprocess.Popen(  # noqa: S603 (a list of words; no shell)
-        [sys.executable, "-P", "-m", "selector.cli", *command],
+        [sys.executable, "-P", "-m", "selector", *command],
         cwd=folder,
         env=environment,
         stdin=subprocess.DEVNULL,

@@ -74,7 +74,7 @@ def _run(job: Job, checkout: Path, folder: Path) -> None:
     for mode in MODES:
         out = folder / mode / job.name
         out.mkdir(parents=True)
-        argv = [sys.executable, "-P", "-m", "selector.cli", *job.words(mode)]
+        argv = [sys.executable, "-P", "-c", "from selector.cli import main; main()", *job.words(mode)]
         done = subprocess.run(argv, cwd=folder, env=environment, capture_output=True, text=True, check=False)
         (out / "stdout.txt").write_text(done.stdout, encoding="utf-8")
         refused = done.stderr if done.returncode else ""

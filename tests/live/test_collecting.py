@@ -190,7 +190,7 @@ def test_killed_at_any_moment_the_lake_can_be_read(tmp_path, capsys):
     text = IO.format(kind="file", url="day.csv").replace("period_s = 1.0", "period_s = 0.02")
     (tmp_path / "io.toml").write_text(text, "utf-8")
     run = subprocess.Popen(
-        [sys.executable, "-m", "selector.cli", "collect", str(tmp_path / "io.toml"), "--out", str(tmp_path / "lake")],
+        [sys.executable, "-m", "selector", "collect", str(tmp_path / "io.toml"), "--out", str(tmp_path / "lake")],
         stdout=subprocess.DEVNULL,
     )
     try:

@@ -87,7 +87,7 @@ def selector(
 ) -> subprocess.CompletedProcess[str]:
     """The program in a process of its own."""
     return subprocess.run(
-        [sys.executable, "-m", "selector.cli", *arguments],
+        [sys.executable, "-m", "selector", *arguments],
         capture_output=True, text=True, encoding=encoding, timeout=300, check=False,
         env=ENVIRONMENT | (environment or {}),
     )  # fmt: skip
@@ -384,7 +384,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no `head` there")
 def test_a_reader_that_goes_away_is_no_defect(folder):
-    line = f"{sys.executable} -m selector.cli describe runs --json | head -c 1"
+    line = f"{sys.executable} -m selector describe runs --json | head -c 1"
     ended = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],
         capture_output=True, text=True, timeout=300, check=False, env=ENVIRONMENT,

@@ -60,7 +60,7 @@ def done(plant):
     """The fleet done by two processes: the file, what was printed, and what stood on stderr."""
     fleet = fleet_file(plant, TEXT)
     found = subprocess.run(
-        [sys.executable, "-m", "selector.cli", "fleet", "run", str(fleet), "--jobs", "2", "--json"],
+        [sys.executable, "-m", "selector", "fleet", "run", str(fleet), "--jobs", "2", "--json"],
         capture_output=True, text=True, encoding="utf-8", check=True,
     )  # fmt: skip
     return fleet, json.loads(found.stdout), found.stderr

@@ -45,7 +45,7 @@ def program(monkeypatch, tmp_path):
         real = jobs_module.subprocess.Popen
 
         def started(words, **options):
-            return real([sys.executable, str(path), *words[words.index("selector.cli") + 1 :]], **options)
+            return real([sys.executable, str(path), *words[words.index("selector") + 1 :]], **options)
 
         monkeypatch.setattr(jobs_module.subprocess, "Popen", started)
 

@@ -26,10 +26,8 @@ from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulati
 from selector.physics.gauging.grinding.gauged_grinding import (
     FEWEST_SIZES,
     FinishedSizes,
-    feeds_s,
     finished_sizes,
-    longest_step_s,
-    steps_in,
+    steps_per_part,
 )
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
@@ -376,7 +374,7 @@ def _sizes(
     parts, enough = model.file.run.parts, FEWEST_SIZES
     if trial is not None:
         steps, fewest = trial
-        enough = int(np.clip(steps / _steps_of_part(model), fewest, FEWEST_SIZES))
+        enough = int(np.clip(steps / max(steps_per_part(model.setup), 1.0), fewest, FEWEST_SIZES))
     batch = parts if model.is_wearing else max(parts, enough) if trial is None else enough
     batches = math.ceil(enough / batch)
     seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))
@@ -391,10 +389,3 @@ def _sizes(
         found.append(finished_sizes(model.setup, batch, seed=int(one), progress=told))
     columns = {one.name: [getattr(batch, one.name) for batch in found] for one in fields(FinishedSizes)}
     return FinishedSizes(**{name: np.concatenate(values) for name, values in columns.items()})
-
-
-def _steps_of_part(model: GaugingModel) -> float:
-    made = model.values
-    duration_s = feeds_s(made.grinding, made.relay, [stage.until_um for stage in made.grinding.stages])
-    step_s = longest_step_s(made.filter_s, made.grinding, made.surface, made.noise)
-    return max(steps_in(duration_s, step_s, made.surface, made.relay), 1.0)
