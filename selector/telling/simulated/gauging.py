@@ -121,7 +121,7 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
             *(NONE,) * 2,
         ),
         (
-            "formula (linear, eq. 25)" if summary.formula_holds else "formula (linear, eq. 25): does not hold here",
+            "by eq. 25" if summary.formula_holds else "by eq. 25, which does not hold here",
             *(_um(formula.mean_um - zero) for zero in zeros),
             _um(formula.sd_um),
             _um(formula.within_um),
