@@ -29,6 +29,14 @@ def run(
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Instead: the workers of this Dask scheduler.")
     ] = None,
+    refit: Annotated[
+        bool,
+        typer.Option(
+            "--refit",
+            metavar="",
+            help="Keep each model unless one from later recordings is better in still later ones.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Does the study of every machine, and keeps each as soon as it is done.
@@ -49,7 +57,7 @@ def run(
     asked = read_fleet(fleet)
     try:
         with fleet_progress() as tell:
-            answer = run_fleet(asked, _workers(asked, jobs, dask), tell)
+            answer = run_fleet(asked, _workers(asked, jobs, dask), tell, refit=refit)
     except KeyboardInterrupt:
         raise CancelledError(
             f"stopped. What is done is kept in {asked.results}; the same command goes on from there."

@@ -1,7 +1,7 @@
 """Many machines, the same question: studies in processes or on a cluster, and what is done is not done again."""
 
 from selector.fleet.fleet_file import Fleet, read_fleet
-from selector.fleet.machine_study import Answer, answered, key_of
+from selector.fleet.machine_study import Answer, Refit, answered, key_of
 from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
 from selector.fleet.watching import FleetWatch, WatchedMachine, watch_fleet
 from selector.fleet.workers import Cluster, Processes, Workers
@@ -14,6 +14,7 @@ __all__ = [
     "FleetAnswer",
     "FleetWatch",
     "Processes",
+    "Refit",
     "WatchedMachine",
     "Workers",
     "answered",

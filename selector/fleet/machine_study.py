@@ -35,6 +35,20 @@ class _Document(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
+class Refit(_Document):
+    """Whether a new model took the place of the one in use."""
+
+    promoted: bool
+    because: str
+    challenger: str | None = None  #: Key of the new model's answer
+    runs: tuple[str, ...] = ()  #: On which both were compared
+    #: champion_rmse_um and challenger_rmse_um: Response → error in these runs
+    champion_rmse_um: dict[str, float] = Field(default_factory=dict)
+    challenger_rmse_um: dict[str, float] = Field(default_factory=dict)
+    #: By how much the mean square error falls at least, all responses together
+    least_gain_um2: float | None = None
+
+
 class Answer(_Document):
     """What came of one machine."""
 
@@ -44,12 +58,14 @@ class Answer(_Document):
     sensors: tuple[str, ...] = ()  #: Those that were chosen
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again
+    refit: Refit | None = None  #: None: no new model was tried
 
     @property
     def in_short(self) -> str:
         """For a line of progress."""
         told = self.error or f"{', '.join(self.sensors)}, {self.seconds:.1f} s"
-        return f"{self.status}: {told}"
+        refit = "" if self.refit is None else f"; {'promoted' if self.refit.promoted else 'kept'}: {self.refit.because}"
+        return f"{self.status}: {told}{refit}"
 
 
 class Done(_Document):
@@ -115,7 +131,7 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
         machine_sha256 = None if machine is None else hashes[machine]
         key = key_of(study, [(name, hashes[file]) for file, name in _names(found.files)], machine_sha256)
         tell_key(key)
-        known = _known(task.results / key)
+        known = known_answer(task.results / key)
         if known is not None:
             return _answer("reused", key, known)
 
@@ -173,7 +189,7 @@ def _names(files: Sequence[Path]) -> list[tuple[Path, str]]:
     return [(file, file.name if counts[file.stem] == 1 else f"{file.parent.name}/{file.name}") for file in files]
 
 
-def _known(place: Path) -> Done | None:
+def known_answer(place: Path) -> Done | None:
     """The answer in a folder, if all of it is there as it was written."""
     try:
         done = Done.model_validate_json((place / DONE_FILE).read_bytes())

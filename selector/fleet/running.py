@@ -2,18 +2,20 @@
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from selector.atomic_file import write_whole
-from selector.errors import ResultError
+from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.machine_study import Answer, Task, overdue_words
+from selector.fleet.machine_study import Answer, Task, known_answer, overdue_words
+from selector.fleet.refitting import Challenge, challenge_of, kept, settled
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
+from selector.study.study_file import Study
 
 RESULT_FILE = "fleet.json"
 TRIES = 2
@@ -43,19 +45,25 @@ class FleetAnswer(BaseModel):
         return cls(done=counts["done"], reused=counts["reused"], failed=counts["failed"], machines=answers)
 
 
-def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None) -> FleetAnswer:
+def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit: bool = False) -> FleetAnswer:
     """The answers of all machines, in the order of the fleet file; those of each are kept as soon as they are there.
 
-    What ends it early (Ctrl-C, a cluster that is gone) leaves all answers so far in the results folder.
+    What ends it early (Ctrl-C, a cluster that is gone) leaves all answers so far in the results folder. With `refit` a
+    machine that has a model keeps it, unless one that learnt from later recordings is better; see `challenge_of`.
+
+    Raises ResultError: with `refit`, the fleet was never run.
     """
     fleet.results.mkdir(parents=True, exist_ok=True)
-    found: dict[str, Answer] = {}
+    found: dict[str, Answer] = read_answer(fleet.results).machines if refit else {}
+    champions = {name: one for name, one in found.items() if one.status != "failed" and name in fleet.studies}
+    told: list[str] = []
     written = time.monotonic()
     try:
-        for name, answer in _answers(fleet, workers):
+        for name, answer in _answers(fleet, workers, champions):
             found[name] = answer
+            told.append(name)
             if tell is not None:
-                tell(name, answer, len(found), len(fleet.studies))
+                tell(name, answer, len(told), len(fleet.studies))
             if time.monotonic() - written > _WRITE_S:
                 _write(fleet, found)
                 written = time.monotonic()
@@ -82,8 +90,30 @@ def read_answer(results: Path) -> FleetAnswer:
         ) from error
 
 
-def _answers(fleet: Fleet, workers: Workers) -> Iterator[tuple[str, Answer]]:
-    waiting = deque(Task(name, study, fleet.results, fleet.time_limit_s) for name, study in fleet.studies.items())
+def _answers(fleet: Fleet, workers: Workers, champions: Mapping[str, Answer]) -> Iterator[tuple[str, Answer]]:
+    challenges: dict[str, Challenge] = {}
+    studies = dict(fleet.studies)
+    for name, champion in champions.items():
+        if champion.key is None or known_answer(fleet.results / champion.key) is None:
+            continue
+        challenge = _challenge(studies.pop(name), champion, fleet)
+        if isinstance(challenge, Answer):
+            yield name, challenge
+        else:
+            challenges[name], studies[name] = challenge, challenge.study
+    for name, answer in _studied(fleet, studies, workers):
+        yield name, settled(challenges[name], answer, fleet.results) if name in challenges else answer
+
+
+def _challenge(study: Study, champion: Answer, fleet: Fleet) -> Challenge | Answer:
+    try:
+        return challenge_of(study, champion, fleet.results)
+    except InputError as error:
+        return kept(champion, f"what was recorded since cannot be used: {error}")
+
+
+def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> Iterator[tuple[str, Answer]]:
+    waiting = deque(Task(name, study, fleet.results, fleet.time_limit_s) for name, study in studies.items())
     tries: dict[str, int] = {}
     begun: dict[str, tuple[Task, float]] = {}
     while waiting or begun:

@@ -16,8 +16,9 @@ from selector.controllers.model_file import read_model
 from selector.errors import InputError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.places import local_paths
+from selector.fleet.refitting import by_age
 from selector.fleet.running import read_answer
-from selector.readers import Reading, read
+from selector.readers import read
 from selector.readers.files import recording_files
 from selector.study.applied import applied
 from selector.study.asked import overrides_of
@@ -102,7 +103,7 @@ def _watched(study: Study, place: Path, key: str) -> WatchedMachine:
         machine = local_paths(named, Path(folder, "machine"))[0] if named else files.machine
         reading = read(new, machine=machine, overrides=overrides_of(study))
         application, _ = applied(model, reading)
-    runs = _by_age(reading)
+    runs = by_age(reading)
     proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
     responses = {}
     for output in model.outputs:
@@ -118,15 +119,6 @@ def _watched(study: Study, place: Path, key: str) -> WatchedMachine:
         responses=responses,
         findings=tuple(one.as_dict() for one in application.findings if one.level != "info"),
     )
-
-
-def _by_age(reading: Reading) -> list[str]:
-    """Runs as they were recorded, by their clock where each has one; else as they are named."""
-    starts = {run.name: run.start for run in reading.runs}
-    names = list(reading.recording.runs)
-    if any(starts.get(name) is None for name in names):
-        return names
-    return sorted(names, key=lambda name: str(starts[name]))
 
 
 def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n_responses: int) -> Watched:

@@ -16,6 +16,9 @@ def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: st
     n, right = len(answer.machines) + len(missing), answer.done + answer.reused
     again = f", {answer.reused} of them from an earlier run" if answer.reused else ""
     sentences = [f"{right} of {_machines(n)} {'has' if right == 1 else 'have'} a model{again}."]
+    tried = [one.refit.promoted for one in answer.machines.values() if one.refit is not None]
+    if tried:
+        sentences.append(f"{sum(tried)} of {len(tried)} models in use gave way to a better one.")
     if failed:
         sentences.append(f"{_machines(len(failed))} failed; the reason stands beside each.")
     if missing:
@@ -114,7 +117,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
             *(_error(one.heldout_rmse_um.get(response)) for response in responses),
             ", ".join(one.sensors) or NONE,
             f"{one.seconds:.1f}",
-            one.error or "",
+            one.error or ("" if one.refit is None else f"{'' if one.refit.promoted else 'kept: '}{one.refit.because}"),
         )
         for name, one in ordered
     ]

@@ -25,6 +25,16 @@ SLOW_NOISE = changed(LINEAR, ("noise", {"sd_um": 0.3, "rate_per_s": 0.2}))
 TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _quick_trials():
+    """Half the filters, a tenth of the parts of each setting."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selector.physics.gauging.gauging_summary._TRIAL", (1_000_000, 200))
+        patch.setattr("selector.physics.gauging.gauging_summary._FEW", (300_000, 50))
+        patch.setattr("selector.physics.gauging.gauging_advice._FILTERS", 6)
+        yield
+
+
 @cache
 def example(name):
     built = gauging_model(read_model_file(FIXTURES / f"{name}.toml"))
@@ -37,11 +47,7 @@ def of(values, *changes):
 
 @cache
 def _summary_of(text):
-    # trials of other thresholds are long in the examples
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selector.physics.gauging.gauging_summary._TRIAL", (1_000_000, 200))
-        patch.setattr("selector.physics.gauging.gauging_summary._FEW", (300_000, 50))
-        return gauging_summary(gauging_model(checked_model_file(json.loads(text))))
+    return gauging_summary(gauging_model(checked_model_file(json.loads(text))))
 
 
 def told(summary):
@@ -110,7 +116,7 @@ def test_volts_that_centre_a_keyway_are_quiet_though_eq_23_says_others():
     volts = ("thresholds", {"volts": list(centred.thresholds_v)})
     moved = gauging_model(checked_model_file(changed(plain_values(built.file), volts)))
     assert list(threshold_findings(moved, moved.file.run.seed)) == []
-    sizes = finished_sizes(moved.setup, 2000, seed=moved.file.run.seed)
+    sizes = finished_sizes(moved.setup, centred.parts, seed=moved.file.run.seed)
     # the same parts as in the advice
     assert sizes.mean_um == pytest.approx(centred.bias_um, abs=1e-12)
 
@@ -233,7 +239,8 @@ def test_filters_are_ground_and_the_best_of_them_is_told():
     assert best.rms_um == pytest.approx(errors[at], rel=0.25)
     assert best.bias_um < summary.filters[0].bias_um
     steady = of(LINEAR, ("noise", {"sd_um": 0.5, "rate_per_s": 30.0}))
-    assert {one.name: one for one in steady.settings}["best-filter"].time_constant_s > best.time_constant_s
+    # a slow filter is late by what the feed of a part makes of it
+    assert steady.filters[-1].sd_um < 0.7 * summary.filters[-1].sd_um
 
 
 def test_capability_is_told_with_what_would_help():
