@@ -1,6 +1,6 @@
 """How often a model in use is replaced although nothing changed, and what it helps where the machine did change.
 
-    python benchmarks/bench_refit.py [--machines 40] [--jobs 2]
+    python benchmarks/bench_refit.py [--machines 40] [--jobs 2] [--seed 8000]
 
 Machines of four thermometers and eight recorded days get a model by `fleet run`. Then come twelve days more, before the
 last six of which something has changed for good (or, in the rows *day 9*, before the first of them); then `fleet run
@@ -64,6 +64,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=40)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=8000)
     asked = parser.parse_args()
     print(
         "| change | replaced | by a worse one | old model [µm] | in use after it [µm] | refitted without asking [µm] |"
@@ -74,15 +75,15 @@ def main() -> None:
             root = Path(temporary)
             names = [f"m{k}" for k in range(asked.machines)]
             for k, name in enumerate(names):
-                days(root / "plant" / name, 7000 + k, range(1, KNOWN + 1), since, change)
+                days(root / "plant" / name, asked.seed + k, range(1, KNOWN + 1), since, change)
             (root / "FLEET.toml").write_text('folders = ["plant/*"]\n', encoding="utf-8")
             fleet = read_fleet(root / "FLEET.toml")
             run_fleet(fleet, Processes(asked.jobs))
             old = read_answer(fleet.results).machines
             for k, name in enumerate(names):
-                days(root / "plant" / name, 7000 + k, range(KNOWN + 1, KNOWN + LATER + 1), since, change)
+                days(root / "plant" / name, asked.seed + k, range(KNOWN + 1, KNOWN + LATER + 1), since, change)
                 later = range(KNOWN + LATER + 1, KNOWN + LATER + UNSEEN + 1)
-                days(root / "unseen" / name, 7000 + k, later, since, change)
+                days(root / "unseen" / name, asked.seed + k, later, since, change)
             new = run_fleet(fleet, Processes(asked.jobs), refit=True).machines
             rows = []
             for name in names:

@@ -45,8 +45,8 @@ class Refit(_Document):
     #: champion_rmse_um and challenger_rmse_um: Response → error in these runs
     champion_rmse_um: dict[str, float] = Field(default_factory=dict)
     challenger_rmse_um: dict[str, float] = Field(default_factory=dict)
-    #: By how much the mean square error falls at least, all responses together
-    least_gain_um2: float | None = None
+    #: Share of the error that the new model takes away at least, all responses together; below 0: it may be worse
+    least_fall: float | None = None
 
 
 class Answer(_Document):

@@ -18,8 +18,10 @@ from selector.study.applied import applied
 from selector.study.asked import overrides_of
 from selector.study.inputs import sha256_of
 from selector.study.study_file import Recordings, Study
+from selector.types import Vector
 
 FEWEST_JUDGED = 4  #: Later runs on which two models are compared, at least.
+_LEAST_UM2 = 1e-12  #: Two models without an error are equal.
 CONFIDENCE = 0.95  #: Of the one-sided interval beyond which the challenger has to be better.
 
 
@@ -80,10 +82,10 @@ def _compared(champion: Answer, challenger: Answer, before: _Squares, after: _Sq
     runs = [run for run in next(iter(before.values())) if all(run in of for of in (*before.values(), *after.values()))]
     if len(runs) < FEWEST_JUDGED:
         return kept(champion, f"{len(runs)} of the newest runs have the displacement, and {FEWEST_JUDGED} are needed")
-    gains = {name: np.array([before[name][run] - after[name][run] for run in runs]) for name in before}
-    worse = [name for name, gain in gains.items() if _least(-gain) > 0.0]
-    least = _least(np.sum(list(gains.values()), axis=0))
-    promoted = least > 0.0 and not worse
+    old, new = (np.array([[of[name][run] for run in runs] for name in before]) for of in (before, after))
+    worse = [name for name, was, now in zip(before, old, new, strict=True) if _least_fall(now, was) > 0.0]
+    least = _least_fall(old.sum(axis=0), new.sum(axis=0))
+    promoted = least > 0.0 and not worse and bool(new.sum() < old.sum())
     how = f"worse in {', '.join(worse)}" if worse else "better" if promoted else "not better beyond chance"
     refit = Refit(
         promoted=promoted,
@@ -92,16 +94,20 @@ def _compared(champion: Answer, challenger: Answer, before: _Squares, after: _Sq
         runs=tuple(runs),
         champion_rmse_um=_rms_um(before, runs),
         challenger_rmse_um=_rms_um(after, runs),
-        least_gain_um2=least,
+        least_fall=least,
     )
     in_use = challenger if promoted else champion.model_copy(update={"status": "reused"})
     return in_use.model_copy(update={"refit": refit})
 
 
-def _least(gain: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    """The mean of a gain, less what so few runs leave open (Student's t, one side)."""
-    n = len(gain)
-    return float(gain.mean() - stats.t.ppf(CONFIDENCE, n - 1) * gain.std(ddof=1) / math.sqrt(n))
+def _least_fall(old: Vector, new: Vector) -> float:
+    """Share of the error that falls away at least: the mean over runs, less what so few leave open (Student's t).
+
+    `old` and `new` are mean squares of the runs; their ratio counts, as one wild day is many times a quiet one.
+    """
+    gain = 0.5 * np.log(np.maximum(old, _LEAST_UM2) / np.maximum(new, _LEAST_UM2))
+    margin = stats.t.ppf(CONFIDENCE, len(gain) - 1) * gain.std(ddof=1) / math.sqrt(len(gain))
+    return float(-np.expm1(margin - gain.mean()))
 
 
 def _rms_um(squares: _Squares, runs: Sequence[str]) -> dict[str, float]:

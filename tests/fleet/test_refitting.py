@@ -58,7 +58,7 @@ def test_a_machine_that_has_changed_gets_a_new_model(fleet):
     assert one.status == "done"
     assert one.key == one.refit.challenger != before.key
     assert one.refit.challenger_rmse_um["Z"] < 0.8 * one.refit.champion_rmse_um["Z"]
-    assert one.refit.least_gain_um2 > 0.0
+    assert one.refit.least_fall > 0.0
     assert [done for *_, done, _ in told] == [1, 2]
     # it is the one in use from now on
     assert read_answer(fleet.results).machines["m"].key == one.key
