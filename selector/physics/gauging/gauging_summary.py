@@ -27,7 +27,7 @@ from selector.physics.gauging.grinding.gauged_grinding import (
     FEWEST_SIZES,
     FinishedSizes,
     finished_sizes,
-    steps_per_part,
+    usual_steps,
 )
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
@@ -374,7 +374,7 @@ def _sizes(
     parts, enough = model.file.run.parts, FEWEST_SIZES
     if trial is not None:
         steps, fewest = trial
-        enough = int(np.clip(steps / max(steps_per_part(model.setup), 1.0), fewest, FEWEST_SIZES))
+        enough = int(np.clip(steps / max(usual_steps(model.setup), 1.0), fewest, FEWEST_SIZES))
     batch = parts if model.is_wearing else max(parts, enough) if trial is None else enough
     batches = math.ceil(enough / batch)
     seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))

@@ -192,6 +192,11 @@ def steps_per_part(setup: GaugedGrinding, steps: int | None = None) -> float:
     return max(_steps_until(setup, step_s, ends) for ends in (_wanted_um(setup), _lowest_um(setup)))
 
 
+def usual_steps(setup: GaugedGrinding) -> float:
+    """Steps of a part that ends where it is wanted."""
+    return _steps_until(setup, setup.gauge.time_constant_s / steps_per_filter(setup), _wanted_um(setup))
+
+
 def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Plan:
     """The numbers for the loop; `steps` in T_Φ, None: as many as resolve what happens in it.
 
