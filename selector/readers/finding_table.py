@@ -18,6 +18,7 @@ UNREADABLE_CELLS = "unreadable-cells"
 FINDINGS = Kinds.of(
     """
 read-in-pieces [info] the recordings are large and were read in pieces; faults were looked for in a part of the rows
+means-taken [info] means over some seconds were taken in place of samples, as asked
 opaque-objects [warning] a MAT file holds objects that only MATLAB can read; they are left out
     → convert them to plain vectors in MATLAB
 other-length [info, warning] variables or channels have another number of samples than the rest of the file; they are

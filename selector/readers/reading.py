@@ -21,6 +21,7 @@ from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
+from selector.readers.window import files_within, require_some, thinning, within
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -222,12 +223,17 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         findings.append(FINDINGS.finding("machine-file-found", used, Where(file=str(found.machine))))
     options = time_options(declared, overrides)
     timed: list[TimedRun] = []
+    rows = 0
     columns = [c.column or n for n, c in declared.channels.items()] if declared is not None else []
     with quiet(), np.errstate(all="ignore"):
-        for path in found.files:
+        for path in files_within(found.files, overrides):
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
-                timed += [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
+                read_runs = [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
+                rows += sum(len(run.time_s) for run in read_runs)
+                timed += [kept for run in read_runs if (kept := within(run, overrides)) is not None]
+        require_some(timed, overrides)
+        findings += thinning(rows, timed, overrides)
         runs, planned, noticed = settled(timed, declared, overrides)
         recording, told = assembled(runs, planned)
     said = condensed([*findings, *noticed, *told])

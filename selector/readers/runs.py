@@ -66,7 +66,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     time_s = result.time_s
     if len(time_s) < 2:
         raise _too_short(table, len(time_s))
-    values = _averaged(matrix[result.rows], result.groups, len(time_s))
+    values = averaged(matrix[result.rows], result.groups, len(time_s))
     # what is wrong with cells of the time column is told by the rows that have no time
     own = [f for f in table.findings if not (f.id == UNREADABLE_CELLS and f.where.channel in told.columns)]
     findings = [*own, *told.findings, *result.findings]
@@ -86,7 +86,7 @@ def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:
     )
 
 
-def _averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: int) -> NDArray[np.float64]:
+def averaged(values: NDArray[np.float64], groups: NDArray[np.int64], n_samples: int) -> NDArray[np.float64]:
     """One row per group: the mean of the values that are there; equal values stay bit for bit what they are."""
     if len(values) == n_samples:
         return values

@@ -34,6 +34,10 @@ class Overrides:
     time_unit: str | None = None
     date_order: str | None = None  #: {"dmy", "mdy", "ymd"} or None: Order of day, month and year in dates
     period_s: float | None = None  #: Sampling period [s] of a recording without a time column
+    #: since and until: Date, or date and time, by the recordings' own clock: samples from then on, and before then
+    since: str | None = None
+    until: str | None = None
+    mean_s: float | None = None  #: Means over so many seconds [s] are taken in place of samples
     #: units and roles: Unit and role by channel or column name
     units: Mapping[str, str] = field(default_factory=dict)
     roles: Mapping[str, str] = field(default_factory=dict)

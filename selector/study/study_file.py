@@ -71,6 +71,9 @@ class ReadingSection(Table):
     time_unit: Name | None = None
     date_order: Literal["dmy", "mdy", "ymd"] | None = None
     period_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    since: Name | None = None
+    until: Name | None = None
+    mean_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
     units: Mapping[Name, Name] = Field(default_factory=dict)
     roles: Mapping[Name, Name] = Field(default_factory=dict)
 

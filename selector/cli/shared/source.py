@@ -49,6 +49,13 @@ Period = Annotated[
     float | None, _of_reading("--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.")
 ]
 Sheet = Annotated[str | None, _of_reading("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.")]
+Since = Annotated[
+    str | None, _of_reading("--since", metavar="DATE", help="Only samples from then on, e.g. 2026-03-01T06:00.")
+]
+Until = Annotated[str | None, _of_reading("--until", metavar="DATE", help="Only samples before then.")]
+Mean = Annotated[
+    float | None, _of_reading("--mean-s", metavar="SECONDS", help="Means over so many seconds in place of samples.")
+]
 Units = Annotated[list[str] | None, _of_reading("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.")]
 Roles = Annotated[list[str] | None, _of_reading("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.")]
 
@@ -68,6 +75,9 @@ class Source:
     time_unit: TimeUnit = None
     date_order: DateOrder = None
     period_s: Period = None
+    since: Since = None
+    until: Until = None
+    mean_s: Mean = None
     units: Units = None
     roles: Roles = None
 
@@ -113,6 +123,7 @@ class Source:
         said = {name: value for name, value in vars(self).items() if name not in ("runs", "machine")}
         _one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order")
         _positive(self.period_s, "--period-s")
+        _positive(self.mean_s, "--mean-s")
         return Overrides(**said | {"units": pairs(self.units, "--unit"), "roles": pairs(self.roles, "--role")})
 
 

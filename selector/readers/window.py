@@ -1,0 +1,157 @@
+"""Long records by window and rate: of each file only the window is kept, and it is thinned before the next is read."""
+
+import datetime
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from selector.errors import OptionError, ReadError
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS
+from selector.readers.runs import TimedRun, averaged
+from selector.readers.tables import Overrides
+
+_DAY = re.compile(r"\d{4}-\d\d-\d\d")
+_BEGIN, _END = datetime.datetime.min, datetime.datetime.max
+
+
+def files_within(files: Sequence[Path], overrides: Overrides) -> list[Path]:
+    """The files that may hold something of the window: those of a lake are called by their day.
+
+    Raises OptionError: the window is none.
+    """
+    since, until = _window(overrides)
+    kept = []
+    for path in files:
+        begins = _day_of(path)
+        if begins is None or (begins < until and begins + datetime.timedelta(days=1) > since):
+            kept.append(path)
+    if files and not kept:
+        raise _nothing(overrides, f"{len(files)} files of other days, {files[0].name} to {files[-1].name}")
+    return kept
+
+
+def within(run: TimedRun, overrides: Overrides) -> TimedRun | None:
+    """What a run has of the window, as means where these are asked for; None: fewer than two samples.
+
+    A mean stands at the first sample that it is of.
+
+    Raises OptionError: the run has no date to compare the window with.
+    """
+    if overrides.since is not None or overrides.until is not None:
+        run = _cut(run, *_window(overrides))
+    if overrides.mean_s is not None and len(run.time_s):
+        groups = np.floor(run.time_s / overrides.mean_s + 1e-9).astype(np.int64)
+        first = np.flatnonzero(np.r_[True, np.diff(groups) > 0])
+        columns = [
+            replace(column, values=averaged(column.values[:, None], groups, len(first))[:, 0]) for column in run.columns
+        ]
+        # the table, of which nothing is read any more, would keep all samples in memory
+        table = replace(run.table, columns=())
+        run = replace(run, time_s=run.time_s[first], columns=tuple(columns), table=table)
+    return run if len(run.time_s) > 1 else None
+
+
+def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
+    """Ends with an error where nothing is left of any file.
+
+    Raises ReadError: so it is.
+    """
+    if not runs:
+        raise _nothing(overrides, "nothing of it in these recordings")
+
+
+def thinning(rows: int, runs: Sequence[TimedRun], overrides: Overrides) -> Iterator[Finding]:
+    """That means stand in place of samples: `rows` were read."""
+    if overrides.mean_s is not None:
+        left = sum(len(run.time_s) for run in runs)
+        yield FINDINGS.finding(
+            "means-taken",
+            f"Means over {overrides.mean_s:g} s were taken: {rows} rows were read, and {left} means are in the window.",
+            evidence={"mean_s": overrides.mean_s, "rows": rows, "means": left},
+        )
+
+
+def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> TimedRun:
+    if run.start is None:
+        raise OptionError(
+            f"run {run.name}, whose clock has no date",
+            expected="recordings with date and time",
+            where="--since and --until",
+            advice="leave the two options out, or name the column with the date (--time-column)",
+        )
+    begins = datetime.datetime.fromisoformat(run.start).replace(tzinfo=None)
+    low, high = ((end - begins).total_seconds() for end in (since, until))
+    inside = (run.time_s >= low) & (run.time_s < high)
+    if inside.all() or not inside.any():
+        return run if inside.all() else replace(run, time_s=run.time_s[:0])
+    zero = float(run.time_s[inside][0])
+    length = float(run.time_s[inside][-1]) - zero
+    start = datetime.datetime.fromisoformat(run.start) + datetime.timedelta(seconds=zero)
+    return replace(
+        run,
+        time_s=run.time_s[inside] - zero,
+        columns=tuple(replace(column, values=column.values[inside]) for column in run.columns),
+        start=start.isoformat(timespec="seconds" if start.microsecond == 0 else "milliseconds"),
+        findings=tuple(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None),
+    )
+
+
+def _moved(finding: Finding, zero: float, length: float) -> Finding | None:
+    """A finding with its place counted from another start; None: it lies outside."""
+    where = finding.where
+    if where.from_s is None:
+        return finding
+    begin, end = where.from_s - zero, (where.from_s if where.to_s is None else where.to_s) - zero
+    if end < 0.0 or begin > length:
+        return None
+    last = None if where.to_s is None else min(end, length)
+    return replace(finding, where=Where(where.channel, where.run, max(begin, 0.0), last, where.file))
+
+
+def _day_of(path: Path) -> datetime.datetime | None:
+    named = _DAY.match(path.name) if path.parent.name.startswith("month=") else None
+    try:
+        return None if named is None else datetime.datetime.fromisoformat(named[0])
+    except ValueError:
+        return None
+
+
+def _window(overrides: Overrides) -> tuple[datetime.datetime, datetime.datetime]:
+    since = _BEGIN if overrides.since is None else _moment(overrides.since, "--since")
+    until = _END if overrides.until is None else _moment(overrides.until, "--until")
+    if not since < until:
+        raise OptionError(
+            f"a window from {overrides.since} to {overrides.until}",
+            expected="an end after the beginning",
+            where="--since and --until",
+            advice="the end itself is not in the window: --since 2026-03-01 --until 2026-04-01 is all of March",
+        )
+    return since, until
+
+
+def _moment(text: str, where: str) -> datetime.datetime:
+    try:
+        moment = datetime.datetime.fromisoformat(text)
+    except ValueError:
+        moment = _BEGIN.replace(tzinfo=datetime.UTC)
+    if moment.tzinfo is not None:
+        raise OptionError(
+            repr(text),
+            expected="a date, or date and time, by the clock of the recordings",
+            where=where,
+            advice="e.g. 2026-03-01 or 2026-03-01T06:00",
+        )
+    return moment
+
+
+def _nothing(overrides: Overrides, found: str) -> ReadError:
+    return ReadError(
+        found,
+        expected=f"samples from {overrides.since or 'the beginning'} to {overrides.until or 'the end'}",
+        where="--since and --until",
+        advice="widen the window; `selector describe` shows when the runs begin",
+    )
