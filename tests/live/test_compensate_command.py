@@ -98,6 +98,7 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
         ('url = "given.csv"', 'url = "day.csv"', "other columns"),
         ('at = "program"', 'at = "day"', "other columns"),
         ("period_s = 1.0", "perid_s = 1.0", "period_s"),
+        ("period_s = 1.0", 'period_s = 1.0\nmachine = "lathe 3"', "letters, digits"),
         ("[outputs.Z]", "[outputs.Q]", "'Z'"),
     ],
 )
