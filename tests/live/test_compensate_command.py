@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import json
 import os
+import signal
 
 import pytest
 
 from selector.cli import exit_status
 from selector.controllers import sealed
 from selector.controllers.model_file import write_model
+from selector.live.compensating import Compensation
 from selector.live.io_file import read_io
 from tests.live.plants import beyond_the_guard, model
+from tests.patience import PATIENCE_S
 
 IO = """
 period_s = 1.0
@@ -70,6 +74,21 @@ def test_a_recorded_day(folder, capsys):
     }  # fmt: skip
     assert "not a safety function" in (folder / "out" / "status.html").read_text("utf-8")
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Ctrl-C ends at once elsewhere")
+def test_a_second_ctrl_c_does_not_say_that_nothing_was_written(folder, capsys, monkeypatch):
+    async def run(process, cycles):
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(PATIENCE_S)
+
+    monkeypatch.setattr(Compensation, "run", run)
+    assert command(folder) == 130
+    said = capsys.readouterr().err
+    assert "at the control" in said
+    assert "Nothing was written" not in said
 
 
 def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
