@@ -15,15 +15,16 @@ from selector.errors import OptionError
 def write_whole(path: Path, content: bytes) -> None:
     """Write `content` to `path`; a reader sees the old file or the new one, never a part.
 
-    The new file is made beside the old one and then takes its name, in one step.
+    The new file is made beside the old one and then takes its name, in one step. Folders that are missing are made.
 
     Raises
     ------
     OptionError
-        The folder does not exist, or nothing can be written there; the old file is untouched.
+        Nothing can be written there; the old file is untouched.
     """
     draft = path.with_name(f".{path.name[:60]}.{secrets.token_hex(8)}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with draft.open("xb") as file:
                 file.write(content)
@@ -36,7 +37,7 @@ def write_whole(path: Path, content: bytes) -> None:
         is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         raise OptionError(
             f"the file cannot be written: {error.strerror or error}",
-            expected="a path in an existing folder where you may write",
+            expected="a path in a folder where you may write",
             where=str(path),
             advice="free some space, or write to another disk"
             if is_full

@@ -81,4 +81,4 @@ class StudyError(InputError):
 
 
 class CancelledError(SelectorError):
-    """The user stopped long work; nothing was written."""
+    """The user stopped long work; its text says what was written, if anything was."""

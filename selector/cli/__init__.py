@@ -33,6 +33,7 @@ from selector.cli import (
     workbench,
 )
 from selector.cli.shared import running
+from selector.errors import OptionError
 from selector.physics.simulation_kind import own_kinds, simulation_kinds
 
 __all__ = ["app", "exit_status", "main"]
@@ -69,10 +70,31 @@ def _selector(
         typer.echo(context.get_help())
 
 
+class _OnceEach(typer.core.TyperCommand):
+    """A command that refuses an option given twice, of which the last alone would count."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The arguments that are left.
+
+        Raises OptionError: an option with one value has two.
+        """
+        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        for option in given:
+            single = isinstance(option, typer.core.TyperOption) and not (option.multiple or option.is_flag)
+            if single and given.count(option) > 1:
+                name = max(option.opts, key=len)
+                raise OptionError(
+                    f"{name} {given.count(option)} times", expected="one value", where=name,
+                    advice="leave all of them out but one",
+                )  # fmt: skip
+        return super().parse_args(ctx, args)
+
+
 def _command(name: str, command: Callable[..., None], group: typer.Typer = app) -> None:
     """Adds a command; line breaks inside a paragraph of its docstring are not line breaks on the screen."""
     paragraphs = inspect.cleandoc(command.__doc__ or "").split("\n\n")
-    group.command(name, help="\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs))(command)
+    told = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+    group.command(name, cls=_OnceEach, help=told)(command)
 
 
 _command("describe", reading.describe)

@@ -57,7 +57,7 @@ def ballbar(
         raise _option(f"--axes {axes}", "two axes that differ", "e.g. --axes X,Y")
     for option, value in (("--radius", radius), ("--feed", feed)):
         if value is not None and not 0 < value < 1e6:
-            raise _option(f"{option} {value:g}", "a number above 0", "correct the option")
+            raise _option(f"{option} {value:g}", "a number above 0 and below 1e6", "correct the option")
     leads = dict(_lead(one) for one in lead or ())
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))

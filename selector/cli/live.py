@@ -16,7 +16,7 @@ from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import written_folder
 from selector.cli.shared.showing import AsJson
-from selector.errors import OptionError
+from selector.errors import CancelledError, OptionError
 
 if TYPE_CHECKING:
     from selector.live.collecting import Collection
@@ -114,4 +114,4 @@ async def _until_stopped(made: Callable[[], Compensation | Collection], cycles: 
     try:
         return await task
     except asyncio.CancelledError:
-        raise KeyboardInterrupt from None
+        raise CancelledError("stopped at once. What was written until then stays, also at the control.") from None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.atomic_file import begins_with, folder_written_whole, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
@@ -275,6 +275,16 @@ def predict(
         showing.show_written(console, out, written)
 
 
+#: File that not every prediction has → what its beginning holds if an earlier one wrote it.
+_NOT_ALWAYS = {
+    "program.csv": "response,operation,correction,",
+    "program.txt": "Timed corrections of",
+    "nc_sheet.txt": "Timed corrections: what to do",
+    "O9110.nc": "(TIMED CORRECTION)",
+    "SELECTOR_TIMED.SPF": "PROC SELECTOR_TIMED(",
+}
+
+
 def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
     """The names of the files that were written."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
@@ -286,7 +296,8 @@ def _write(prediction: Prediction, account: Account, program: TimedProgram | Non
         files["program.txt"] = program_blocks(prediction.programs)
     if program is not None:
         files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
-    with folder_written_whole(out) as folder:
+    earlier = [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
+    with folder_written_whole(out, earlier) as folder:
         for name, text in files.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
         write_account(account, folder / "report.html")

@@ -96,7 +96,7 @@ Degree = Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest pow
 Interactions = Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")]
 Memory = Annotated[bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")]
 Formula = Annotated[
-    list[str] | None,
+    str | None,
     _of_model(
         "--formula",
         metavar="TEXT",
@@ -165,20 +165,8 @@ class Asked:
             "never": tuple(self.never or ()),
             "cost": {name: _number(text, f"--cost {name}") for name, text in pairs(self.cost, "--cost").items()},
             "conditions": pairs(self.conditions, "--condition"),
-            "formula": _only_formula(self.formula),
         }
         return Options(**vars(self) | read)
-
-
-def _only_formula(given: list[str] | None) -> str | None:
-    if given and len(given) > 1:
-        raise OptionError(
-            f"{len(given)} formulas",
-            expected="one; all its responses have the same terms",
-            where="--formula",
-            advice='several responses stand left of the tilde, "Z + Y ~ T1 + T3"; other terms are another study',
-        )
-    return given[0] if given else None
 
 
 def date_of(text: str | None) -> str | None:

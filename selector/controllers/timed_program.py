@@ -53,13 +53,18 @@ def timed_program(
     FANUC: the external work offset (G10 L2 P0), date and time from #3011 and #3012. SINUMERIK: the setting data 43900
     of the temperature compensation, date and time from $A_YEAR ... $A_SECOND.
 
-    Raises OptionError: the control is not known, a response has no linear axis of its own, an inverted response does
-    not exist, or an operation lasts a day.
+    Raises OptionError: the control is not known, there is no program, a response has no linear axis of its own, an
+    inverted response does not exist, or an operation lasts a day.
     """
     if target not in TARGETS:
         raise OptionError(
             repr(target), expected=" or ".join(TARGETS), where="--nc", advice="take program.csv for other controls"
         )
+    if not programs:
+        raise OptionError(
+            "responses that are temperatures", expected="a displacement", where="--nc",
+            advice="name a displacement with --response, or leave --nc out",
+        )  # fmt: skip
     unknown = [name for name in inverted if name not in programs]
     if unknown:
         raise OptionError(
@@ -172,8 +177,26 @@ def _fanuc(operations: Sequence[_Timed], signs: Mapping[str, float]) -> TimedPro
 
 
 def _replayed(text: str, operations: Sequence[_Timed], signs: Mapping[str, float]) -> tuple[int, float]:
-    """The subprogram executed one second before and at every change, the start and the end of operations among them."""
+    """The subprogram executed one second before and at every change, the start and the end of operations among them.
+
+    First the sign test, and the call that ends it.
+    """
     macro, calls, largest = MacroB(text), 0, 0.0
+
+    def call(due: Mapping[str, float], **arguments: float) -> None:
+        nonlocal calls, largest
+        for letter, number in (("A", 1), ("B", 2)):
+            macro.variables.pop(number, None)
+            if letter in arguments:
+                macro.variables[number] = arguments[letter]
+        macro.call()
+        calls += 1
+        found = (abs(1000.0 * macro.offsets[axis] - sign * due.get(axis, 0.0)) for axis, sign in signs.items())
+        largest = max(largest, *found)
+
+    macro.variables |= {3011: 20_260_115.0, 3012: 120_000.0}
+    call(dict.fromkeys(signs, TEST_UM), B=TEST_UM)
+    call({}, A=0.0)
     for one in operations:
         begun = 17_777 * one.number  # of the fifth operation it is past midnight
         changes = {0, *(from_s for _, from_s, _ in one.steps), one.until_s + 1}
@@ -181,16 +204,8 @@ def _replayed(text: str, operations: Sequence[_Timed], signs: Mapping[str, float
             days, now = divmod(begun % _DAY_S + passed, _DAY_S)
             macro.variables[3011] = 20_260_115.0 + days
             macro.variables[3012] = float(now // 3600 * 10_000 + now // 60 % 60 * 100 + now % 60)
-            macro.variables.pop(1, None)
-            if passed == 0:
-                macro.variables[1] = float(one.number)
-            macro.call()
-            calls += 1
-            due = dict.fromkeys(signs, 0.0)
-            if passed <= one.until_s:
-                due |= {axis: um for axis, from_s, um in one.steps if from_s <= passed}
-            found = (abs(1000.0 * macro.offsets[axis] - signs[axis] * um) for axis, um in due.items())
-            largest = max(largest, *found)
+            due = {axis: um for axis, from_s, um in one.steps if from_s <= passed <= one.until_s}
+            call(due, **({"A": float(one.number)} if passed == 0 else {}))
     return calls, largest
 
 

@@ -153,7 +153,6 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
             material.source, options, findings=material.findings, provenance=material.provenance, progress=in_time
         )
         place = task.results / key
-        place.mkdir(parents=True, exist_ok=True)
         write_whole(place / "selection.json", (json_text(selection.as_dict()) + "\n").encode("utf-8"))
         write_model(model_file_of(selection, material.source.channels, source=material.source), place / "model.json")
         done = Done(

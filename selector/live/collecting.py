@@ -128,7 +128,6 @@ class Lake:
             return None
 
     def _write(self, path: Path, frame: pd.DataFrame) -> None:
-        path.parent.mkdir(exist_ok=True)
         names = [name for name in self._schema.names if name in frame]
         # channels that an earlier IO file had stay
         others = [name for name in frame if name not in self._schema.names]

@@ -13,7 +13,7 @@ from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import ModelFile
 from selector.errors import StudyError
 from selector.study.inputs import path_at
-from selector.study.study_file import LARGEST_FILE_BYTES, Name, Table, checked, study_sections
+from selector.study.study_file import LARGEST_FILE_BYTES, FolderName, Name, Table, checked, study_sections
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS, unit_for_role
 
@@ -101,7 +101,7 @@ class IoFile(Table):
     """An IO file as it is written."""
 
     schema_: Annotated[Literal["selector.io/1"], Field(alias="schema")] = "selector.io/1"
-    machine: Annotated[str, Field(pattern=r"^[\w][\w.-]{0,99}$")] = "machine"
+    machine: FolderName = "machine"
     period_s: Seconds = 1.0
     stale_after_s: Annotated[float, Field(gt=0, le=10, allow_inf_nan=False, strict=False)] = 5.0
     mistrust_s: Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False, strict=False)] = 60.0

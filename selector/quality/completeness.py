@@ -231,12 +231,13 @@ def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
 
 
 def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iterator[Finding]:
-    """Stretches of missing samples, as windows between the last and the next sample that is there."""
+    """Stretches of missing samples, as windows from the first of them to the next sample that is there."""
     time = survey.time[series.run]
     before = np.r_[-1, series.rows]
     after = np.r_[series.rows, time.size]
     holes = np.flatnonzero(after - before > 1)
-    windows = [(float(time[before[k] + 1]), float(time[after[k] - 1])) for k in holes]
+    ends = np.minimum(after, time.size - 1)
+    windows = [(float(time[before[k] + 1]), float(time[ends[k]])) for k in holes]
     longest = int(np.max(after[holes] - before[holes]) - 1)
     if longest < 3 and missing < 0.02 * time.size:
         return  # single lost samples

@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as pq
 
+from selector.atomic_file import write_whole
 from selector.csv_text import csv_text
 from selector.errors import OptionError
 from selector.readers.machine_file import Machine, MachineSection, TimeSection, machine_text
@@ -28,8 +29,7 @@ def write_machine_file(
 
     Raises OptionError: The path cannot be written.
     """
-    text = machine_text(machine, undeclared, guessed_clock)
-    _write_whole({path: lambda target: target.write_text(text, encoding="utf-8", newline="\n")})
+    write_whole(path, machine_text(machine, undeclared, guessed_clock).encode("utf-8"))
     return path
 
 

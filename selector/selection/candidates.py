@@ -331,7 +331,7 @@ def _chosen_screening(
     best = max(eligible, key=rank)[0]
     groups = len(best.rounds[0].partition.members)
     equally = (
-        f"of the {len(scored)} ways to group, {len(eligible)} lead to "
+        f"of the {len(scored)} ways to group, {len(eligible)} lead{'s' * (len(eligible) == 1)} to "
         "sensors that predict unseen runs equally well within one standard error, and this one "
     )
     if best.fuzzy is not None:

@@ -81,7 +81,8 @@ class Options:
                 advice="leave one of the two out",
             )  # fmt: skip
         if not 0 <= self.seed < _LARGEST_SEED:
-            raise OptionError(str(self.seed), expected="a whole number from 0", where="--seed", advice="e.g. --seed 0")
+            expected = "a whole number from 0 below 2^53"
+            raise OptionError(str(self.seed), expected=expected, where="--seed", advice="e.g. --seed 0")
         for level in self.levels or ():
             if not (math.isfinite(level) and 0.0 <= level <= 1.0):
                 raise OptionError(

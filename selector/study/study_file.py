@@ -33,7 +33,14 @@ def _file_name(text: str) -> str:
 
 KeyPath = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_usable_path)]
 FileName = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_file_name)]
-Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+_SHA256, _DATE, _FOLDER = "^[0-9a-f]{64}$", r"^\d{4}-\d{2}-\d{2}$", r"^[\w][\w.-]{0,99}$"
+_FORMS = {
+    _SHA256: "a SHA-256: 64 hexadecimal digits, 0-9 and a-f",
+    _DATE: "a date as YYYY-MM-DD",
+    _FOLDER: "letters, digits, . _ and - without blanks, as of a folder, 100 at most",
+}
+Sha256 = Annotated[str, Field(pattern=_SHA256)]
+FolderName = Annotated[str, Field(pattern=_FOLDER)]
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Names = Annotated[tuple[Name, ...], Field(strict=False, max_length=MOST_FILES)]
 Paths = Annotated[tuple[KeyPath, ...], Field(strict=False, min_length=1, max_length=MOST_FILES)]
@@ -175,7 +182,7 @@ class Study(Table):
 
     schema_: Annotated[Literal["selector.study/1"], Field(alias="schema")] = "selector.study/1"
     version: Annotated[str, Field(max_length=100)] = ""
-    date: Annotated[str, Field(pattern=r"^\d{4}-\d{2}-\d{2}$")] | None = None
+    date: Annotated[str, Field(pattern=_DATE)] | None = None
     recordings: Recordings
     reading: ReadingSection = ReadingSection()
     select: SelectSection | None = None
@@ -332,7 +339,7 @@ def _expected(key: tuple[str | int, ...], problem: Mapping[str, Any]) -> str:
     if key[-1] == "lambda":
         return _LEVEL
     if problem["type"] == "string_pattern_mismatch":
-        return "a date as YYYY-MM-DD" if key[-1] == "date" else "a SHA-256: 64 hexadecimal digits, 0-9 and a-f"
+        return _FORMS[problem["ctx"]["pattern"]]
     return expected_text(problem)
 
 

@@ -434,3 +434,8 @@ def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
     assert told["replay"]["calls"] > 4
     assert {"O9110.nc", "nc_sheet.txt", "program.csv"} <= {path.name for path in out.iterdir()}
     assert json.loads((out / "prediction.json").read_text(encoding="utf-8"))["nc"] == told
+    # what another answer left in the folder would be loaded by mistake; somebody's own file stays
+    (out / "SELECTOR_TIMED.SPF").write_text("PROC MY_OWN\n", encoding="utf-8")
+    without = [word for word in arguments if word not in ("--operations", "60,60", "--tolerance", "10")]
+    assert exit_status([*without, "--out", str(out)]) == 0
+    assert {path.name for path in out.iterdir()} == {"prediction.json", "report.html", "SELECTOR_TIMED.SPF"}

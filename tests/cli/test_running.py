@@ -104,6 +104,28 @@ def test_stopped_by_the_user(error, capfd):
     assert "Nothing was written" in err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["select", "a.csv", "--seed", "1", "--seed=2"],
+        ["select", "a.csv", "--formula", "Z ~ T1", "--formula", "Z ~ T3"],
+        ["simulate", "thermal", "a.toml", "--out", "a", "--out", "b"],
+        ["report", "a.json", "-o", "a.html", "--out", "b.html"],
+    ],
+)
+def test_one_value_given_twice_is_refused_and_not_forgotten(words, capfd):
+    assert cli.exit_status(words) == 2
+    err = capfd.readouterr().err
+    assert "2 times" in err
+    assert next(word for word in words if word.startswith("--")).partition("=")[0] in err
+
+
+def test_flags_and_lists_may_be_repeated(capfd):
+    assert cli.exit_status(["effects", "--json", "--json"]) == 0
+    assert cli.exit_status(["select", "absent.csv", "--must", "T1", "--must", "T2"]) == 2
+    assert "absent.csv" in capfd.readouterr().err
+
+
 def test_messages_survive_a_code_page_that_lacks_letters(monkeypatch, tmp_path):
     error = OptionError("通道 T1 и µ", expected="x", where="温度.csv", advice="y")
     path = tmp_path / "stderr.txt"

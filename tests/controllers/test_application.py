@@ -300,11 +300,6 @@ def test_output_names_are_never_formulas_either(tmp_path):
     assert (tmp_path / "p.csv").read_text(encoding="utf-8").startswith("run,time_s,'=Z\n")
 
 
-def test_nothing_is_written_into_a_missing_folder(tmp_path):
-    with pytest.raises(OptionError):
-        write_predictions(apply_model(rise_model(), recording_of({"r": perfect_run()})), tmp_path / "no" / "p.csv")
-
-
 def test_break_codes_come_from_the_model_file():
     model = rise_model(guard=Guard(break_codes=(77.0,)))
     table = perfect_run()

@@ -340,10 +340,11 @@ def test_a_failed_write_leaves_the_old_file_and_no_draft(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["m.json"]
 
 
-def test_writing_into_a_missing_folder_says_so(tmp_path):
-    with pytest.raises(OptionError, match="existing folder"):
-        write_model(rise_model(), tmp_path / "no" / "m.json")
-    assert list(tmp_path.iterdir()) == []
+def test_missing_folders_are_made_and_a_file_in_their_place_is_told(tmp_path):
+    write_model(rise_model(), tmp_path / "new" / "er" / "m.json")
+    with pytest.raises(OptionError, match="cannot be written"):
+        write_model(rise_model(), tmp_path / "new" / "er" / "m.json" / "m.json")
+    assert [path.name for path in tmp_path.rglob("*")] == ["new", "er", "m.json"]
 
 
 def test_the_written_file_replaces_the_old_one(tmp_path):

@@ -154,8 +154,9 @@ def test_the_macro_writes_inches_where_the_control_has_them_and_is_refused_where
 def test_what_was_executed_stands_on_the_sheet_and_the_largest_step_too():
     made = timed_program("fanuc", BOTH, AXES)
     calls, difference = made.replay
-    # of each of three operations the start and two calls at its end, and two calls at each of 6 different times
-    assert calls == 3 + 2 * 3 + 2 * 6
+    # the sign test and its end; of each of three operations the start and two calls at its end, and two at each
+    # of 6 different times
+    assert calls == 2 + 3 + 2 * 3 + 2 * 6
     assert difference < 1e-9
     assert made.as_dict()["replay"] == {"calls": calls, "max_abs_difference_um": difference}
     # the second and third zero take back 20 µm
@@ -185,3 +186,11 @@ def test_what_cannot_be_written_is_refused(target, axes, inverted, said):
 def test_an_operation_of_a_day_is_refused_because_the_clock_begins_again():
     with pytest.raises(OptionError, match="an operation of 24 h"):
         timed_program("fanuc", {"Z": program(([700, 740], [0, 10]))}, AXES)
+
+
+def test_what_corrects_nothing_is_executed_too_and_temperatures_have_no_subprogram():
+    made = timed_program("fanuc", {"Z": program(([60], [0]))}, AXES)
+    # the sign test, and the call after it
+    assert made.replay == (2, 0.0)
+    with pytest.raises(OptionError, match="temperatures"):
+        timed_program("fanuc", {}, {})

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import csv
 import json
 import os
+import signal
 
 import pytest
 
 from selector.cli import exit_status
 from selector.controllers import sealed
 from selector.controllers.model_file import write_model
+from selector.live.compensating import Compensation
 from selector.live.io_file import read_io
 from tests.live.plants import beyond_the_guard, model
+from tests.patience import PATIENCE_S
 
 IO = """
 period_s = 1.0
@@ -72,6 +76,21 @@ def test_a_recorded_day(folder, capsys):
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
 
 
+@pytest.mark.skipif(os.name != "posix", reason="Ctrl-C ends at once elsewhere")
+def test_a_second_ctrl_c_does_not_say_that_nothing_was_written(folder, capsys, monkeypatch):
+    async def run(process, cycles):
+        for _ in range(2):
+            os.kill(os.getpid(), signal.SIGINT)
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(PATIENCE_S)
+
+    monkeypatch.setattr(Compensation, "run", run)
+    assert command(folder) == 130
+    said = capsys.readouterr().err
+    assert "at the control" in said
+    assert "Nothing was written" not in said
+
+
 def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     text = (folder / "day.csv").read_text("utf-8")
     broken = text.replace("\n50,", "\nnoon,").replace("\n60,", '\n60\n"\n').replace("\n70,", "\n70,,\n71,")
@@ -98,6 +117,7 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
         ('url = "given.csv"', 'url = "day.csv"', "other columns"),
         ('at = "program"', 'at = "day"', "other columns"),
         ("period_s = 1.0", "perid_s = 1.0", "period_s"),
+        ("period_s = 1.0", 'period_s = 1.0\nmachine = "lathe 3"', "letters, digits"),
         ("[outputs.Z]", "[outputs.Q]", "'Z'"),
     ],
 )

@@ -294,8 +294,17 @@ def test_gaps_of_rows_and_of_a_channel(tables):
     hits = [f for f in inspect(plain_recording(tables)) if f.id == "gap"]
     assert [(f.where.channel, f.where.run, f.where.from_s, f.where.to_s) for f in hits] == [
         (None, "r1", 3980.0, 6000.0),
-        ("T3", "r2", 1000.0, 2980.0),
+        ("T3", "r2", 1000.0, 3000.0),
     ]
+
+
+def test_single_samples_that_are_lost_last_a_period_each(tables):
+    table = tables["r1"]
+    table.iloc[np.arange(len(table)) % 25 == 7, table.columns.get_loc("T3")] = np.nan
+    (hit,) = [f for f in inspect(plain_recording(tables)) if f.id == "gap"]
+    period_s = table.index[1] - table.index[0]
+    assert hit.evidence["longest_s"] == period_s
+    assert hit.evidence["total_s"] == pytest.approx(hit.evidence["samples"] * period_s)
 
 
 def test_a_channel_that_is_sampled_more_seldom_has_no_gaps(tables):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from selector.cli import exit_status
 from selector.controllers.from_selection import model_file_of
 from selector.errors import OptionError
 from selector.readers import read
@@ -71,12 +70,6 @@ def test_a_formula_comes_back_from_its_result_its_study_and_its_model(patent, tm
     assert options_of(parsed_study(study_text(made))) == selection.options
     model = model_file_of(selection, patent.channels, source=patent)
     assert {entry.name for entry in model.inputs} == {"T1", "T3"}
-
-
-def test_a_second_formula_is_refused_and_not_forgotten(capsys):
-    words = ["select", str(shipped("patent8")), "--formula", "Z_embodiment2 ~ T1", "--formula", "Z_embodiment2 ~ T3"]
-    assert exit_status(words) == 2
-    assert "2 formulas" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

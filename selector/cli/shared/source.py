@@ -204,14 +204,14 @@ def pairs(values: list[str] | None, option: str) -> dict[str, str]:
         if not (mark and name and right):
             raise OptionError(
                 f"{value!r}",
-                expected="NAME=VALUE, e.g. T1=degC",
+                expected="NAME=VALUE",
                 where=option,
-                advice=f"write it as {option} NAME=VALUE, in quotes if it has blanks, once for each channel",
+                advice=f"write it as {option} NAME=VALUE, in quotes if it has blanks, once for each name",
             )
         if name in found:
             raise OptionError(
                 f"{name!r} is given twice",
-                expected="one value for each channel",
+                expected="one value for each name",
                 where=option,
                 advice=f"keep one {option} {name}=…",
             )
