@@ -6,10 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_triangular
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.modes._drift import UNKNOWN_UM, _whitened_loop
+from selector.physics.thermal.modes._drift import _whitened_loop
 from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.driven_model import driven_model
@@ -188,20 +187,46 @@ def test_convection_that_grows_with_the_speed_is_followed():
     assert np.abs(found - (true - true[0]))[:, 0].max() < 0.02 * 60.0
 
 
-def test_whitening_is_the_cholesky_factor_of_walk_ripple_and_noise():
+def test_whitening_is_generalised_least_squares_upon_an_unknown_zero():
     rng = np.random.default_rng(5)
     time = np.cumsum(rng.uniform(60.0, 900.0, 30))
     variance = rng.uniform(0.01, 0.1, 30)
+    variance[:2] = np.inf  # rows that tell nothing
     values = rng.standard_normal((30, 3))
-    first = np.arange(30) == 0
-    found, logs = _whitened_loop(values, time, variance, 1e-4, 0.3, 1200.0, first)
-    since = time - time[0]
-    covariance = UNKNOWN_UM**2 + 1e-4 * np.minimum.outer(since, since)
-    covariance += 0.3 * np.exp(-np.abs(np.subtract.outer(since, since)) / 1200.0) + np.diag(variance)
-    root = np.linalg.cholesky(covariance)
-    # an unknown zero of 1e8 µm² beside 0.01 µm²: ten of sixteen digits are its
-    np.testing.assert_allclose(found, solve_triangular(root, values, lower=True), atol=1e-4)
-    assert logs == pytest.approx(np.log(np.diag(root)).sum(), abs=1e-4)
+    found, logs = _whitened_loop(values, time, variance, 1e-4, 0.3, 1200.0, np.arange(30) == 0)
+    since, values, variance = (time - time[2])[2:], values[2:], variance[2:]
+    covariance = 1e-4 * (time[2] + np.minimum.outer(since, since)) + np.diag(variance)
+    covariance += 0.3 * np.exp(-np.abs(np.subtract.outer(since, since)) / 1200.0)
+    known = np.linalg.inv(covariance)
+    of_zero = known.sum(axis=0)
+    without_zero = known - np.outer(of_zero, of_zero) / of_zero.sum()
+    np.testing.assert_allclose(found.T @ found, values.T @ without_zero @ values, rtol=1e-9)
+    assert logs == pytest.approx(0.5 * (np.linalg.slogdet(covariance)[1] + np.log(of_zero.sum())), abs=1e-9)
+
+
+def test_where_gauge_and_thermometer_stood_at_first_does_not_matter(record, model):
+    test = record[0]
+    moved = replace(
+        test, displacement_um=test.displacement_um + np.array([10.0, -300.0]), ambient_degc=test.ambient_degc + 5.0
+    )
+    other = driven_model([moved], PAIR)
+    np.testing.assert_array_equal(other.fit.tau_s, model.fit.tau_s)
+    time, hall, _ = truth_after(record[1])
+    warmer = AmbientCourse(hall.time_s, hall.ambient_degc + 5.0, hall.names)
+    here = model.displacement_um(CYCLE, time, hall, follows=True)
+    there = other.displacement_um(CYCLE, time, warmer, follows=True)
+    np.testing.assert_allclose(there, here, atol=1e-9)  # roundings
+
+
+def test_runs_with_zeros_of_their_own_are_as_one_zero():
+    rng = np.random.default_rng(4)
+    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
+    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+    moved = [replace(one, displacement_um=one.displacement_um + 100.0 * k) for k, one in enumerate(tests)]
+    cycle = Cyclogram.of_segments((60, 1000.0), (30, 0.0))
+    for method in ("modal", "piecewise"):
+        one, other = (predict(runs, RESPONSES, cycle, method=method) for runs in (tests, moved))
+        np.testing.assert_allclose(other.displacement_um, one.displacement_um, atol=1e-9)  # roundings
 
 
 def test_separate_tests_in_a_hall_claim_an_error_that_is_borne_out():
