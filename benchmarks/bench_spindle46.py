@@ -50,7 +50,8 @@ def predicted(before: pd.DataFrame, after: pd.DataFrame, responses: tuple[str, .
     course = AmbientCourse(time, after[["t16"]].to_numpy(), ("t16",))
     true = after[columns].to_numpy() - after[columns].to_numpy()[0]
     found = model.displacement_um(cycle, time, course, follows=not separate)
-    claimed = np.sqrt((model.error_um(cycle, time, course, follows=not separate) ** 2).mean(axis=0))
+    errors = model.error_um(cycle, time, course, follows=not separate, told=not separate)
+    claimed = np.sqrt((errors**2).mean(axis=0))
     hours = ", ".join(f"{tau / 3600:.2f}" for tau in model.fit.tau_s)
     print(f"\n{model.fit.spec.n_modes} modes ({hours} h), {model.fit.spec.law_kind}")
     print(f"claims known to a factor of {model.claim_factor:.2g}")

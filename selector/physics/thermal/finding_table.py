@@ -27,6 +27,8 @@ claimed-error-unknown [warning] no test can be left out and predicted by the oth
     → record two or three heating and cooling tests one after the other in one record
 few-tests [warning] the claimed error rests on few tests that were left out: it is known to a factor only
     → record more heating and cooling tests, at speeds between those tested
+gain-uncertain [warning] the error may be as large as the movement predicted: a correction may leave more than none
+    → leave this displacement uncorrected, or record more tests that begin as the duty cycle does
 ambient-not-used [info] the duty cycle has a temperature of which the tests do not show that it drives a displacement
 start-not-at-rest [info, warning] a run does not begin at rest and cold; the state at its start is fitted too
     → Let the machine rest until it is cold before a heating test.

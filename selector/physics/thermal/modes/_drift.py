@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from selector.types import Vector
 
-UNKNOWN_UM = 1e4  #: Standard deviation of a zero that nothing is known of [µm].
-
 
 def _whitened_loop(
     values: Vector,
@@ -22,20 +20,21 @@ def _whitened_loop(
 ) -> tuple[Vector, float]:
     """Values (n, n_columns) less what the rows before predict, per standard deviation, and the sum of its logarithms.
 
-    Every run begins (`first`) with an unknown zero, which then walks by `walk` [µm²/s]. Upon it is a ripple of variance
-    `ripple` [µm²] that forgets itself within `ripple_s` [s], and white noise of `variance` (n,) [µm²]; where that is
-    infinite the row tells nothing and becomes 0. A Kalman filter of two states.
+    Every run begins (`first`) with a zero of which nothing is known, which then walks by `walk` [µm²/s]. Upon it is a
+    ripple of variance `ripple` [µm²] that forgets itself within `ripple_s` [s], and white noise of `variance` (n,)
+    [µm²]; where that is infinite the row tells nothing and becomes 0. So does the first row that tells something: it
+    is the zero. A Kalman filter of two states.
     """
     n, columns = values.shape
     out = np.zeros((n, columns))
     zero, wave = np.zeros(columns), np.zeros(columns)
     a, b, c = 0.0, 0.0, 0.0  # covariance of zero and ripple: [[a, b], [b, c]]
-    logs = 0.0
+    logs, known = 0.0, False
     for i in range(n):
         if first[i]:
             zero[:] = 0.0
             wave[:] = 0.0
-            a, b, c = UNKNOWN_UM**2, 0.0, ripple
+            a, b, c, known = 0.0, 0.0, ripple, False
         else:
             since = time_s[i] - time_s[i - 1]
             kept = np.exp(-since / ripple_s)
@@ -44,7 +43,9 @@ def _whitened_loop(
             c = ripple + (c - ripple) * kept * kept
             for j in range(columns):
                 wave[j] *= kept
-        if np.isfinite(variance[i]):
+        if not np.isfinite(variance[i]):
+            continue
+        if known:
             total = a + 2.0 * b + c + variance[i]
             gain, other, scale = (a + b) / total, (b + c) / total, 1.0 / np.sqrt(total)
             for j in range(columns):
@@ -57,6 +58,9 @@ def _whitened_loop(
             b -= gain * bc
             c -= other * bc
             logs += 0.5 * np.log(total)
+        else:
+            zero[:] = values[i]
+            a, b, known = c + variance[i], -c, True
     return out, logs
 
 

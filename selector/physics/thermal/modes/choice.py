@@ -58,14 +58,10 @@ def choice_findings(
     for run in fit.spec.free_starts:
         begin, end = data.bounds[run]
         turning = bool((data.speed_rpm[begin:end] > 0.01 * data.fastest_rpm).any())
-        yield FINDINGS.finding(
-            "start-not-at-rest",
-            f"Run {tests[run].run} does not begin at rest and cold"
-            + (": only a start of its own explains it." if turning else ": the spindle never turns in it.")
-            + " The state at its start was fitted too, so it says less about the steady levels.",
-            Where(run=tests[run].run),
-            suggestion="let the machine rest until it is cold before a heating test" if turning else "",
-            level="warning" if turning else "info",
+        yield start_finding(
+            tests[run].run,
+            "only a start of its own explains it" if turning else "the spindle never turns in it",
+            turning=turning,
         )
     noisy = np.flatnonzero(np.sqrt(_mean_square(fit, data)) > 3.0 * data.noise_um)
     for r in noisy.tolist():
@@ -77,6 +73,18 @@ def choice_findings(
             Where(channel=responses[r]),
             evidence={"residual_um": value, "noise_um": noise},
         )
+
+
+def start_finding(run: str, why: str, *, turning: bool = True) -> Finding:
+    """That a run does not begin at rest and cold, and by what this is seen; whether the spindle turns in it."""
+    return FINDINGS.finding(
+        "start-not-at-rest",
+        f"Run {run} does not begin at rest and cold: {why}. The state at its start was fitted too, so it says less "
+        "about the steady levels.",
+        Where(run=run),
+        suggestion="let the machine rest until it is cold before a heating test" if turning else "",
+        level="warning" if turning else "info",
+    )
 
 
 def _mean_square(fit: Fit, data: ModeData) -> Vector:

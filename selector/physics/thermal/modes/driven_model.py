@@ -32,6 +32,8 @@ TEMPERED = 20.0
 #: Standard deviation of the logarithm of true ÷ claimed error by a single test (`benchmarks/bench_claims.py`).
 SPREAD_OF_CLAIMS = 1.14
 COURSE_POINTS = 200
+#: What a start moves in its run, in standard deviations and as a share of the movement, from where on it began warm.
+WARM, WARM_SHARE = 2.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -187,8 +189,26 @@ class DrivenModel:
         """Whether every test is a run of its own."""
         return len(self.parts) == len(self.tests)
 
-    def error_um(self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool) -> Vector:
+    @property
+    def begins_warm(self) -> NDArray[np.bool_]:
+        """(n_tests,): Runs that did not begin cold: what their start moves is no chance, and no trifle."""
+        phi, kinds = design(self.fit.spec, self.data, self.fit.theta)
+        found = []
+        for begin, end in self.data.bounds:
+            starts = (phi[begin:end] - phi[begin]) * (kinds == 2)
+            squares = ((starts @ self.fit.coefficients) ** 2).mean(axis=0)
+            known = np.array([np.einsum("ij,jk,ik->i", starts, one, starts).mean() for one in self.fit.covariance])
+            moves = ((self.data.displacement_um[begin:end] - self.data.displacement_um[begin]) ** 2).mean(axis=0)
+            found.append((squares > np.maximum(WARM**2 * known, WARM_SHARE**2 * moves)).any())
+        return np.array(found)
+
+    def error_um(
+        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool, told: bool = True
+    ) -> Vector:
         """Standard deviation of the error [µm], (n_times, n_responses).
+
+        Where nobody `told` how the duty cycle begins and separate tests began warm, it may begin as these end, as
+        likely as a test began warm: how far that course is from this one is part of the error.
 
         What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
         how far other fits are from this course. Of separate tests it is over the duty cycle half-way, by ratio, between
@@ -198,7 +218,12 @@ class DrivenModel:
         if not self.is_separate or self.heldout_um is None:
             return expected
         whole = self._expected_um(cyclogram, np.linspace(0.0, cyclogram.end_s, COURSE_POINTS), hall, follows=follows)
-        return np.asarray(expected * np.sqrt(self.heldout_um / np.sqrt((whole**2).mean(axis=0))))
+        squares = expected**2 * self.heldout_um / np.sqrt((whole**2).mean(axis=0))
+        if not told:
+            # in a hall that stays: its step from the day of the tests to that of the duty cycle is no warm start
+            here, there = (self.displacement_um(cyclogram, time_s, None, follows=one) for one in (follows, not follows))
+            squares = squares + self.begins_warm.mean() * (there - here) ** 2
+        return np.asarray(np.sqrt(squares))
 
     def _expected_um(
         self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool

@@ -1,7 +1,7 @@
 """Heating and cooling tests: what modes and characteristics are fitted to, as block averages, and their stretches."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 
@@ -76,6 +76,7 @@ def _held(values: Vector) -> Vector:
     return values[np.where(last < 0, int(np.argmax(there)), last)]
 
 
+FINEST = 2.0**-20  #: Step [µm, K] to which readings count: far below what a gauge resolves.
 #: Length of a block as a share of the time since the speed last changed. The mean of e^(−t/τ) over a block differs from
 #: its value at the mean time by at most 0.54·GROWTH²/24 = 1.4e-4 of the mode's amplitude: far below any noise.
 GROWTH = 0.08
@@ -97,7 +98,8 @@ class ModeData:
     before_s: Vector
     after_s: Vector
     speed_rpm: Vector  #: (n_blocks,): Mean speed [r/min]
-    displacement_um: Vector  #: (n_blocks, n_responses): Mean displacement [µm]; 0 where `counts` is 0
+    #: (n_blocks, n_responses): Mean displacement since the first reading of the run [µm]; 0 where `counts` is 0
+    displacement_um: Vector
     counts: Vector  #: (n_blocks, n_responses): Samples in each mean
     ambient_k: Vector | None  #: (n_blocks, n_halls): Mean hall temperatures against the start of the run [K]
     ambient_start_degc: Vector | None  #: (n_runs, n_halls): Hall temperatures at the start of the runs [°C]
@@ -140,9 +142,10 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         _check(test)
     jitter = max(_roughness(test.speed_rpm) for test in tests)
     same_rpm = float(np.clip(6.0 * jitter, SAME_SPEED * fastest, MOST_JITTER * fastest))
-    pieces = [_blocks(test, same_rpm) for test in tests]
+    pieces = [_blocks(_since_first(test), same_rpm) for test in tests]
     ends = np.cumsum([len(piece["speed"]) for piece in pieces]).tolist()
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    at_first_degc = np.array([_first(test.ambient_degc) for test in tests if test.ambient_degc is not None])
     halls = all(test.ambient_degc is not None and np.isfinite(test.ambient_degc).any(axis=0).all() for test in tests)
     return ModeData(
         before_s=joined["before"],
@@ -151,9 +154,9 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         displacement_um=joined["displacement"],
         counts=joined["counts"],
         ambient_k=joined["ambient"] if halls else None,
-        ambient_start_degc=np.array([piece["ambient_start"] for piece in pieces]) if halls else None,
+        ambient_start_degc=np.array([piece["ambient_start"] for piece in pieces]) + at_first_degc if halls else None,
         bounds=tuple(zip([0, *ends[:-1]], ends, strict=True)),
-        noise_um=_noise(tests),
+        noise_um=_noise([_since_first(test) for test in tests]),
         levels_rpm=_levels(joined["speed"], joined["before"] + joined["after"], same_rpm),
         period_s=float(np.median(np.concatenate([np.diff(test.time_s) for test in tests]))),
         longest_s=max(float(test.time_s[-1] - test.time_s[0]) for test in tests),
@@ -170,6 +173,27 @@ def _check(test: ThermalTest) -> None:
 
 def _unusable(found: str, expected: str, where: str) -> InputError:
     return InputError(found, expected=expected, where=where, advice="record heating and cooling, or leave this run out")
+
+
+def _first(values: Vector) -> Vector:
+    """The first reading of every column; NaN where there is none."""
+    return np.asarray(values[np.isfinite(values).argmax(axis=0), np.arange(values.shape[1])])
+
+
+def _since_first(test: ThermalTest) -> ThermalTest:
+    """The test with displacements and hall temperatures against their first readings, as multiples of `FINEST`.
+
+    Where a gauge stood at first says nothing. The multiples take off what it leaves in the last digit, by which a
+    search with several equal ends would choose among them.
+    """
+
+    def moved(values: Vector) -> Vector:
+        return np.asarray(np.round((values - _first(values)) / FINEST) * FINEST)
+
+    hall = test.ambient_degc
+    return replace(
+        test, displacement_um=moved(test.displacement_um), ambient_degc=None if hall is None else moved(hall)
+    )
 
 
 def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:

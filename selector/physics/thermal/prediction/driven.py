@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS
-from selector.physics.thermal.modes.choice import loose_findings
+from selector.physics.thermal.modes.choice import loose_findings, start_finding
 from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.driven_model import DrivenModel
 from selector.physics.thermal.prediction.answer import Answer, Asked, Start, modes_of
@@ -32,7 +32,10 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
         mode_course=lambda time: model.mode_displacement_um(cycle, time, hall, follows=follows),
         residual_um=model.residual_um,
         heldout_um=heldout,
-        error_um=lambda time: (np.nan if heldout is None else 1.0) * model.error_um(cycle, time, hall, follows=follows),
+        error_um=lambda time: (
+            (np.nan if heldout is None else 1.0)
+            * model.error_um(cycle, time, hall, follows=follows, told=ask.start is not None)
+        ),
         left_out_um={
             name: errors for name, errors in zip(names, model.unseen.error_um, strict=True) if np.isfinite(errors).any()
         },
@@ -74,18 +77,22 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
     yield from loose_findings(np.sort(fit.tau_s), model.data, model.tau_low_s, model.tau_high_s)
     yield from longer_than_tests(ask.tests, cycle)
     time = np.linspace(0.0, cycle.end_s, 200)
-    claims = model.error_um(cycle, time, hall, follows=start == "tests")
-    other = model.displacement_um(cycle, time, hall, follows=start != "tests")
-    differs = _rms(other - model.displacement_um(cycle, time, hall, follows=start == "tests"))
+    known = ask.start is not None
+    claims = model.error_um(cycle, time, hall, follows=start == "tests", told=known)
+    course = model.displacement_um(cycle, time, hall, follows=start == "tests")
+    differs = _rms(model.displacement_um(cycle, time, hall, follows=start != "tests") - course)
+    unsure = not known and model.is_separate and bool(model.begins_warm.any())
     begins = {"tests": "where the tests end", "cold": "at rest and in equilibrium with the hall"}
     told = ask.listed(differs)
     yield FINDINGS.finding(
         "start-of-the-duty-cycle",
         f"The duty cycle is taken to begin {begins[start]}. If it began "
-        f"{begins['cold' if start == 'tests' else 'tests']}, the course would differ by {told} (root mean square).",
+        f"{begins['cold' if start == 'tests' else 'tests']}, the course would differ by {told} (root mean square)."
+        + " Since tests began warm and nothing was said, that is part of the claimed error."
+        * unsure,
         evidence={"start": start, "difference_um": differs.tolist()},
         suggestion=f"If that is wrong, give --start {'cold' if start == 'tests' else 'tests'}.",
-        level="warning" if ask.start is None and (differs > WORTH_TELLING * _rms(claims)).any() else "info",
+        level="warning" if not known and (differs > WORTH_TELLING * _rms(claims)).any() else "info",
     )
     if model.ambients:
         yield from _of_hall(model, ask, hall)
@@ -116,6 +123,7 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
             "others in the same record.",
         )
         return
+    yield from _of_gain(ask, _rms(course), _rms(claims), model.claim_factor)
     judged, factor = int(np.isfinite(model.unseen.error_um).any(axis=1).sum()), model.claim_factor
     if factor > PROMISED_FACTOR:
         claimed = _rms(claims)
@@ -129,7 +137,22 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         )
 
 
+def _of_gain(ask: Asked, moves: Vector, claims: Vector, factor: float) -> Iterator[Finding]:
+    """Of responses whose error may be as large as what they are predicted to move."""
+    for name, unit, moved, claimed in zip(ask.responses, ask.units, moves, claims, strict=True):
+        if claimed * factor >= moved:
+            yield FINDINGS.finding(
+                "gain-uncertain",
+                f"{name} is predicted to move by {moved:.2g} {unit}; the error, {claimed:.2g} {unit}, may be up to "
+                f"{claimed * factor:.2g} {unit} (root mean square): a correction may leave more than none.",
+                Where(channel=name),
+                {"moves_um": float(moved), "claimed_um": float(claimed), "factor": factor},
+            )
+
+
 def _of_tests(model: DrivenModel) -> Iterator[Finding]:
+    for run in np.flatnonzero(model.begins_warm if model.is_separate else ()).tolist():
+        yield start_finding(model.tests[run].run, "what is left of its start moves it")
     for run, test in enumerate(model.tests):
         cuts = [part.from_s for part in model.parts if part.run == run]
         if len(cuts) > 1:
