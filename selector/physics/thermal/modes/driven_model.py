@@ -22,7 +22,7 @@ from selector.physics.thermal.modes.driven import (
     worth,
 )
 from selector.physics.thermal.modes.modes import SpeedLaw, require_tested
-from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
+from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data, since_first
 from selector.types import Vector
 
 Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is left of a start (n_modes,).
@@ -285,7 +285,7 @@ def driven_model(
 
     Raises InputError if the tests cannot be used: none, none that turns, too few samples.
     """
-    data = mode_data(tests)
+    data = mode_data([replace(test, displacement_um=since_first(test.displacement_um)) for test in tests])
     parts = parts_of(data)
     moves = data.ambient_k is not None and float(np.ptp(data.ambient_k, axis=0).max()) > LEAST_HALL_K
     if not whatever and len(parts) == len(tests) and not (moves and hall_drives(data)):

@@ -1,7 +1,7 @@
 """Heating and cooling tests: what modes and characteristics are fitted to, as block averages, and their stretches."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
 
@@ -98,8 +98,7 @@ class ModeData:
     before_s: Vector
     after_s: Vector
     speed_rpm: Vector  #: (n_blocks,): Mean speed [r/min]
-    #: (n_blocks, n_responses): Mean displacement since the first reading of the run [µm]; 0 where `counts` is 0
-    displacement_um: Vector
+    displacement_um: Vector  #: (n_blocks, n_responses): Mean displacement [µm]; 0 where `counts` is 0
     counts: Vector  #: (n_blocks, n_responses): Samples in each mean
     ambient_k: Vector | None  #: (n_blocks, n_halls): Mean hall temperatures against the start of the run [K]
     ambient_start_degc: Vector | None  #: (n_runs, n_halls): Hall temperatures at the start of the runs [°C]
@@ -142,10 +141,9 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         _check(test)
     jitter = max(_roughness(test.speed_rpm) for test in tests)
     same_rpm = float(np.clip(6.0 * jitter, SAME_SPEED * fastest, MOST_JITTER * fastest))
-    pieces = [_blocks(_since_first(test), same_rpm) for test in tests]
+    pieces = [_blocks(test, same_rpm) for test in tests]
     ends = np.cumsum([len(piece["speed"]) for piece in pieces]).tolist()
     joined = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-    at_first_degc = np.array([_first(test.ambient_degc) for test in tests if test.ambient_degc is not None])
     halls = all(test.ambient_degc is not None and np.isfinite(test.ambient_degc).any(axis=0).all() for test in tests)
     return ModeData(
         before_s=joined["before"],
@@ -154,9 +152,9 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         displacement_um=joined["displacement"],
         counts=joined["counts"],
         ambient_k=joined["ambient"] if halls else None,
-        ambient_start_degc=np.array([piece["ambient_start"] for piece in pieces]) + at_first_degc if halls else None,
+        ambient_start_degc=np.array([piece["ambient_start"] for piece in pieces]) if halls else None,
         bounds=tuple(zip([0, *ends[:-1]], ends, strict=True)),
-        noise_um=_noise([_since_first(test) for test in tests]),
+        noise_um=_noise(tests),
         levels_rpm=_levels(joined["speed"], joined["before"] + joined["after"], same_rpm),
         period_s=float(np.median(np.concatenate([np.diff(test.time_s) for test in tests]))),
         longest_s=max(float(test.time_s[-1] - test.time_s[0]) for test in tests),
@@ -180,20 +178,13 @@ def _first(values: Vector) -> Vector:
     return np.asarray(values[np.isfinite(values).argmax(axis=0), np.arange(values.shape[1])])
 
 
-def _since_first(test: ThermalTest) -> ThermalTest:
-    """The test with displacements and hall temperatures against their first readings, as multiples of `FINEST`.
+def since_first(values: Vector) -> Vector:
+    """Values (n_samples, n_columns) against their first readings, as multiples of `FINEST`.
 
     Where a gauge stood at first says nothing. The multiples take off what it leaves in the last digit, by which a
     search with several equal ends would choose among them.
     """
-
-    def moved(values: Vector) -> Vector:
-        return np.asarray(np.round((values - _first(values)) / FINEST) * FINEST)
-
-    hall = test.ambient_degc
-    return replace(
-        test, displacement_um=moved(test.displacement_um), ambient_degc=None if hall is None else moved(hall)
-    )
+    return np.asarray(np.round((values - _first(values)) / FINEST) * FINEST)
 
 
 def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
@@ -218,7 +209,8 @@ def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
     weight = there.any(axis=1).astype(np.float64)
     total = np.add.reduceat(weight, first)
     middle = np.where(total > 0, np.add.reduceat(time * weight, first) / np.maximum(total, 1.0), time[first])
-    filled = np.column_stack([_filled(time, one) for one in halls.T]) if halls.shape[1] else halls
+    rise = since_first(halls)
+    filled = np.column_stack([_filled(time, one) for one in rise.T]) if halls.shape[1] else halls
     at_start = np.array([_at_start(time, one) for one in filled.T])
     return {
         "before": middle - time[first],
@@ -227,7 +219,7 @@ def _blocks(test: ThermalTest, same_rpm: float) -> dict[str, Vector]:
         "displacement": sums / np.maximum(counts, 1.0),
         "counts": counts,
         "ambient": np.add.reduceat(filled * held_s[:, None], first) / length_s[:, None] - at_start,
-        "ambient_start": at_start,
+        "ambient_start": at_start + _first(halls),
     }
 
 
