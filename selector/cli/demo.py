@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from selector.atomic_file import folder_written_whole
+from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
+from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source
@@ -17,7 +18,10 @@ from selector.cli.shared.source import Source
 
 def demo(
     out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Where to write; the report is DIR/report.html.")
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", parser=written_folder, help="Where to write; the report is DIR/report.html."
+        ),
     ] = Path("selector-demo"),
     everything: Everything = False,
 ) -> None:
@@ -31,6 +35,7 @@ def demo(
     from selector.shipped import shipped
     from selector.telling.selected.account import selection_account, write_report
 
+    require_writable_folder(out, "--out")
     console = showing.screen()
     studies = {
         "spindle46": Options(responses=("X1", "Y1", "Z"), memory=True),

@@ -13,6 +13,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
+from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 from selector.errors import OptionError
@@ -75,7 +76,9 @@ Cases = Annotated[
 ]
 Out = Annotated[
     Path | None,
-    typer.Option("--out", metavar="DIR", help="Write score.json, cases.csv and report.html, all or none."),
+    typer.Option(
+        "--out", metavar="DIR", parser=written_folder, help="Write score.json, cases.csv and report.html, all or none."
+    ),
 ]
 
 

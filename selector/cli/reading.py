@@ -7,8 +7,14 @@ from typing import Annotated, Any
 
 import typer
 
-from selector.atomic_file import folder_written_whole, refuse_to_overwrite, refuse_to_replace_input
+from selector.atomic_file import (
+    folder_written_whole,
+    refuse_to_overwrite,
+    refuse_to_replace_input,
+    require_writable_folder,
+)
 from selector.cli.shared import showing
+from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -75,7 +81,9 @@ def describe(
 @with_source
 def convert(
     source: Source,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder that receives the recordings.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Folder that receives the recordings.")
+    ],
     table_format: Annotated[
         TableFormat, typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
     ] = TableFormat.CSV,
@@ -91,6 +99,7 @@ def convert(
     from selector.quality.finding_table import SENSOR_BREAK
     from selector.readers import convert as converted
 
+    require_writable_folder(out, "--out")
     with progress_bar() as progress:
         progress("reading", None)
         reading = source.reading()

@@ -15,6 +15,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
+from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
@@ -208,7 +209,10 @@ def _number(text: str, where: str) -> float:
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="DIR", help="Write selection.json, model.json, report.html and study.toml, all or none."
+        "--out",
+        metavar="DIR",
+        parser=written_folder,
+        help="Write selection.json, model.json, report.html and study.toml, all or none.",
     ),
 ]
 

@@ -36,7 +36,7 @@ from selector.controllers.closed_values import (
     refuse,
     without,
 )
-from selector.controllers.strict_json import LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
+from selector.controllers.strict_json import JSON_KINDS, LARGEST_COLLECTION, json_path, json_text, parsed_json, shown
 from selector.errors import ModelFileError
 from selector.text_file import text_of
 from selector.units import CANONICAL_UNITS
@@ -395,15 +395,6 @@ def _check_names(path: KeyPath, found: Iterable[str], expected: Iterable[str]) -
 
 LARGEST_FILE_BYTES = 16_000_000  #: A model of 37 sensors with all pair products and 37 fallbacks takes half of it.
 
-_EXPECTED = {
-    "model_type": "an object",
-    "dict_type": "an object",
-    "tuple_type": "an array",
-    "float_type": "a number",
-    "int_type": "an integer",
-    "string_type": "a text",
-    "string_unicode": "a text of whole characters",
-}
 # of the pattern of names; hashes and dates have others
 _OF_NAMES = "^[^"
 
@@ -563,7 +554,7 @@ def _model_file_error(error: ValidationError, where: str) -> ModelFileError:
     else:
         found, expected = (
             shown(first["input"]),
-            _EXPECTED.get(first["type"], first["msg"].removeprefix("Input should be ")),
+            JSON_KINDS.get(first["type"], first["msg"].removeprefix("Input should be ")),
         )
         if first["type"] == "string_pattern_mismatch":
             pattern = first["ctx"]["pattern"]

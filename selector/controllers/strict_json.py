@@ -22,6 +22,18 @@ LARGEST_DOCUMENT = 500_000
 SHOWN_CHARACTERS = 80
 
 
+#: Kind of a problem that pydantic found → what was expected, in words of JSON.
+JSON_KINDS = {
+    "model_type": "an object",
+    "dict_type": "an object",
+    "tuple_type": "an array",
+    "float_type": "a number",
+    "int_type": "an integer",
+    "string_type": "a text",
+    "string_unicode": "a text of whole characters",
+}
+
+
 def json_path(parts: Sequence[str | int]) -> str:
     """A place in a JSON document as text.
 

@@ -338,6 +338,8 @@ def _fuzzy(told: _FuzzyPart, partition: Partition) -> FuzzyGroups:
     memberships = _array(told.memberships)
     if memberships.shape != (len(partition.labels), len(partition.members)):
         raise ValueError(f"memberships of shape {memberships.shape} of {len(partition.labels)} sensors")
+    if memberships.min() < 0.0 or not np.allclose(memberships.sum(axis=1), 1.0):
+        raise ValueError("memberships of a sensor that do not add up to 1, or are below 0")
     return FuzzyGroups(memberships, partition)
 
 

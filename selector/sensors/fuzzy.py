@@ -103,17 +103,20 @@ def cut_beside(axis: LambdaAxis, n_groups: int) -> float:
 
 
 def between_finding(fuzzy: FuzzyGroups) -> tuple[Finding, ...]:
-    """The finding `between-groups` of all sensors that belong to two groups nearly alike."""
-    names, groups = fuzzy.partition.names, fuzzy.partition.groups
+    """The finding `between-groups` of all sensors that belong to two groups nearly alike.
+
+    A group is called after the sensor that belongs to it most.
+    """
+    names, shares = fuzzy.partition.names, fuzzy.memberships
+    core = [names[i] for i in shares.argmax(axis=0)]
     told = [
-        f"{names[i]} ({fuzzy.memberships[i, first]:.2f} with {groups[first][0]}, "
-        f"{fuzzy.memberships[i, second]:.2f} with {groups[second][0]})"
+        f"{names[i]} ({shares[i, first]:.2f} with {core[first]}, {shares[i, second]:.2f} with {core[second]})"
         for i, first, second in fuzzy.between
     ]
     if not told:
         return ()
     one = len(told) == 1
-    statement = f"{', '.join(told)} {'stands' if one else 'stand'} between two of {len(groups)} fuzzy groups."
-    evidence = {"sensors": [names[i] for i, _, _ in fuzzy.between], "groups": len(groups), "fpc": fuzzy.fpc}
+    statement = f"{', '.join(told)} {'stands' if one else 'stand'} between two of {len(core)} fuzzy groups."
+    evidence = {"sensors": [names[i] for i, _, _ in fuzzy.between], "groups": len(core), "fpc": fuzzy.fpc}
     where = Where(channel=names[fuzzy.between[0][0]]) if one else Where()
     return (FINDINGS.finding("between-groups", statement, where, evidence=evidence),)

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from selector.controllers.strict_json import json_path, parsed_json, shown
+from selector.controllers.strict_json import JSON_KINDS, json_path, parsed_json, shown
 from selector.errors import InputError, ModelFileError, ResultError
 from selector.text_file import text_of
 
@@ -98,7 +98,7 @@ def made_of(result: Result, make: Callable[[dict[str, Any]], Made]) -> Made:
             f"no field {str(first['loc'][-1])!r}" if missing else shown(first["input"]),
             expected="this field: an earlier version of selector did not write it"
             if missing
-            else first["msg"].removeprefix("Input should be "),
+            else JSON_KINDS.get(first["type"], first["msg"].removeprefix("Input should be ")),
             where=f"{result.path}, {json_path(first['loc'])}",
             advice="make the result again",
         ) from None

@@ -120,6 +120,12 @@ def test_one_value_given_twice_is_refused_and_not_forgotten(words, capfd):
     assert next(word for word in words if word.startswith("--")).partition("=")[0] in err
 
 
+@pytest.mark.parametrize("words", [["convert", "a.csv"], ["select", "a.csv"], ["demo"], ["prove"]])
+def test_an_empty_name_of_a_folder_is_not_the_folder_where_one_stands(words, capfd):
+    assert cli.exit_status([*words, "--out", ""]) == 2
+    assert "an empty name" in capfd.readouterr().err
+
+
 def test_flags_and_lists_may_be_repeated(capfd):
     assert cli.exit_status(["effects", "--json", "--json"]) == 0
     assert cli.exit_status(["select", "absent.csv", "--must", "T1", "--must", "T2"]) == 2

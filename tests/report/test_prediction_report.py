@@ -9,7 +9,6 @@ import re
 import numpy as np
 import pytest
 
-from selector.errors import OptionError
 from selector.figures.duty_cycle import thermal_modes
 from selector.findings import Finding, Where
 from selector.telling.page import account_page, write_account
@@ -157,11 +156,6 @@ def test_equal_predictions_give_equal_bytes_and_the_page_is_light(tmp_path):
     assert one == other
     # the drawing program alone has 4.8 MB
     assert len(one) < 5.3 * MEGABYTE
-
-
-def test_a_folder_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(OptionError):
-        write_account(prediction_account(predictions.prediction()), tmp_path / "none" / "a.html")
 
 
 def test_a_reading_of_a_page_is_late_for_no_correction(page):

@@ -102,3 +102,13 @@ def test_fields_that_contradict_each_other_are_refused(selection, spoil):
     spoil(document)
     with pytest.raises((InputError, ValueError, KeyError, IndexError)):
         selection_html(selection_of(document))
+
+
+@pytest.mark.parametrize("selection", ["fuzzy"], indirect=True)
+@pytest.mark.parametrize("factor", [-1.0, 2.0])
+def test_memberships_that_are_no_shares_are_refused(selection, factor):
+    document = json.loads(json.dumps(selection.as_dict()))
+    rows = document["fuzzy"]["memberships"]
+    rows[0] = [factor * share for share in rows[0]]
+    with pytest.raises(ValueError, match="add up to 1"):
+        selection_of(document)

@@ -51,6 +51,14 @@ def test_a_sensor_that_hears_two_places_is_told_and_one_that_hears_one_is_not():
     assert clear.partition.groups == (("a1", "a2", "a3", "c"), ("b1", "b2", "b3"))
 
 
+def test_a_group_is_called_after_the_sensor_that_belongs_to_it_most():
+    order = [6, 0, 1, 2, 3, 4, 5]
+    (finding,) = between_finding(fuzzy_groups(similarity_of(readings()[order]), 2, [NAMES[i] for i in order]))
+    assert finding.statement.startswith("c (0.")
+    # and not after the first, which stands between
+    assert "with c" not in finding.statement
+
+
 def test_the_order_of_the_sensors_changes_nothing():
     rows, order = readings(), [4, 6, 0, 2, 5, 1, 3]
     one, other = (fuzzy_groups(similarity_of(each), 2) for each in (rows, rows[order]))
