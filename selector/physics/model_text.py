@@ -218,7 +218,7 @@ class ModelFamily(Generic[File]):
             )
         expected, advice = expected_text(first), f"correct this value; {self.page} explains it"
         found = shown(held) if isinstance(held, Mapping) else f"{_name_of(key)} = {shown(held)}"
-        header, _ = _section_at(schema, first["loc"], key)
+        header = _header_at(schema, first["loc"], key)
         if header and isinstance(held, Mapping | list) and header.startswith("[[") == isinstance(held, Mapping):
             what = "one of them" if header.startswith("[[") else "it"
             expected, advice = f"{header} before {what}", f"correct the brackets; {self.page} explains the section"
@@ -231,24 +231,19 @@ class ModelFamily(Generic[File]):
     ) -> ModelFileError:
         """Keys, or sections, that lack in one place."""
         keys = [_key_of(one) for one in lacking]
-        forms = [_section_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
+        headers = [_header_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
         found = [
             header or (shown(key[-1]) if isinstance(key[-1], str) else "further value")
-            for key, (header, _) in zip(keys, forms, strict=True)
+            for key, header in zip(keys, headers, strict=True)
         ]
-        added = [
-            f"a section {header}" + (f" with kind = {_alternatives(kinds)}" if kinds else "")
-            for header, kinds in forms
-            if header
-        ]
-        one, sections = len(keys) == 1, all(header for header, _ in forms)
+        one, sections = len(keys) == 1, all(headers)
         it = "it" if one else "them"
         place = keys[0] if one else keys[0][:-1]
         return ModelFileError(
             f"no {'section ' * sections}{', '.join(found)}{_also(others)}",
             expected=f"this {'section' if sections else 'key'}" if one else "all of these",
             where=f"{where}, key {key_text(place)}" if place else where,
-            advice=f"add {' and '.join(added) or it}; {self.page} explains {it}",
+            advice=f"add {it}; {self.page} explains {it}",
         )
 
 
@@ -351,27 +346,15 @@ def _also(others: Sequence[Mapping[str, Any]]) -> str:
     return f" (also wrong: {', '.join(named[:_MOST_NAMED])}{more})" if named else ""
 
 
-def _section_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> tuple[str, list[str]]:
-    """How a section that lacks would begin, and which kinds it may have; empty for what is no section."""
+def _header_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> str:
+    """How a section that lacks would begin; empty for what is no section."""
     for entry in _entries_at(schema, path[:-1]):
         field = entry.model_fields.get(str(path[-1]))
         if field is not None and entries_in(field.annotation):
             origin = get_origin(field.annotation)
             header = f"[{key_text(key)}{'.NAME' if origin is dict else ''}]"
-            return f"[{header}]" if origin is tuple else header, _kinds_in(field.annotation)
-    return "", []
-
-
-def _alternatives(words: Sequence[str]) -> str:
-    """Words of which one is to be chosen: "a", "b" or "c"."""
-    return " or ".join(", ".join(f'"{word}"' for word in words).rsplit(", ", 1))
-
-
-def _kinds_in(annotation: Any) -> list[str]:
-    """Kinds of a section that has several."""
-    inner = get_args(annotation)
-    tags = [str(part.tag)[1:] for part in inner if isinstance(part, Tag)]
-    return tags + [kind for part in inner for kind in _kinds_in(part)]
+            return f"[{header}]" if origin is tuple else header
+    return ""
 
 
 def keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:

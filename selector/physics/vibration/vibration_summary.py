@@ -143,24 +143,17 @@ def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMoti
     all_um = {final: _rms_um(coupled.of(final)[lost]) for final in FINALS}
     moved = " and ".join(f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in all_um.items())
     named = {name for chain in model.chains for name in chain.sources}
-    where = "in a chain of their range" if named & frequency.keys() else "in any chain"
-    if len(names) == 1:
-        are = f"{names[0]} is not {where} at {_listed(np.array(frequency[names[0]]))} Hz: what it moves there is"
-    else:
-        listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
-        lines = np.unique(chains.frequency_hz[lost])
-        are = f"{len(names)} sources ({listed}) are not {where} at {_listed(lines)} Hz: what they move there is"
+    where = "a chain of their range" if named & frequency.keys() else "any chain"
+    listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
     yield FINDINGS.finding(
         "source-in-no-chain",
-        f"{are} missing from the chain method. By the coupled structure these lines move {moved} (rms).",
+        f"Lines of {listed} at {_listed(np.unique(chains.frequency_hz[lost]))} Hz are not in {where}, and missing from "
+        f"the chain method. By the coupled structure they move {moved} (rms).",
         evidence={
             "sources": names,
             "frequency_hz": {name: frequency[name] for name in names},
             "coupled_um": {name: moved_um[name] for name in names},
         },
-        suggestion="name them in the chains that begin where they act, or take the coupled structure"
-        if len(names) > 1
-        else "name it in the chains that begin where it acts, or take the coupled structure",
         level=level,
     )
 
