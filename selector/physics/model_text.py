@@ -4,7 +4,6 @@ import difflib
 import json
 import re
 import tomllib
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,36 +80,6 @@ class Column(Entry):
     column: Annotated[str, Field(min_length=1, max_length=200)]
 
 
-_HEADER = re.compile(r"(\[\[?)([\w.\"' -]+)\]\]?")
-_LONGEST = 200
-
-
-def bracket_slip(text: str, is_array: Callable[[str], bool]) -> tuple[str, str, str, int] | None:
-    """(found, expected, advice, line) of a section that TOML cannot put beside one of the same name, or None.
-
-    `is_array` says of a name, as in ``grinding.stages``, whether there may be several sections of it.
-    """
-    seen: Counter[tuple[str, str]] = Counter()
-    last: dict[str, int] = {}
-    for number, line in enumerate(text.split("\n"), 1):
-        bare = line[:_LONGEST].partition("#")[0].strip()
-        header = _HEADER.fullmatch(bare) if bare.startswith("[") else None
-        if header is not None:
-            seen[header[1], header[2].strip()] += 1
-            last[header[2].strip()] = number
-    for (brackets, name), count in seen.items():
-        several = seen["[[", name]
-        if brackets == "[[" or count + several < 2:
-            continue
-        times = f"[{name}] {'twice' if count == 2 else f'{count} times'}" if not several else f"[{name}] and [[{name}]]"
-        if is_array(name) or several:
-            advice = "write double brackets around what comes several times"
-            return times, f"[[{name}]] before each of them", advice, last[name]
-        advice = "put the keys into one section, or give the other a name of its own"
-        return times, "every section of a TOML file once", advice, last[name]
-    return None
-
-
 _WORDS = {
     "dict_type": "a table, { key = value }",
     "model_type": "a table, { key = value }",
@@ -179,7 +148,7 @@ class ModelFamily(Generic[File]):
 
     def parsed(self, text: str, *, where: str = "model file") -> File:
         """The model file with this content; `where` names it in messages. Errors as `read`."""
-        return self.checked(sections_of_text(text, where=where, is_array=self._is_array), where=where)
+        return self.checked(sections_of_text(text, where=where), where=where)
 
     def checked(self, values: Mapping[str, Any], *, where: str = "model file") -> File:
         """The model file with these sections as plain values. Errors as `read`."""
@@ -193,11 +162,6 @@ class ModelFamily(Generic[File]):
                 found = f"{_name_of(key)} = {found}"
             raise ModelFileError(found, expected=expected, where=f"{where}, key {key_text(key)}", advice=advice)
         return file
-
-    def _is_array(self, name: str) -> bool:
-        """Whether there may be several sections of this name."""
-        path = [part.strip(" \"'") for part in name.split(".")]
-        return any(_section_at(schema, path, tuple(path))[0].startswith("[[") for schema in self.kinds.values())
 
     def _text(self, place: Path) -> str:
         return text_of(place, LARGEST_FILE_BYTES, lambda found: self._no_model_file(found, str(place)))
@@ -254,7 +218,7 @@ class ModelFamily(Generic[File]):
             )
         expected, advice = expected_text(first), f"correct this value; {self.page} explains it"
         found = shown(held) if isinstance(held, Mapping) else f"{_name_of(key)} = {shown(held)}"
-        header, _ = _section_at(schema, first["loc"], key)
+        header = _header_at(schema, first["loc"], key)
         if header and isinstance(held, Mapping | list) and header.startswith("[[") == isinstance(held, Mapping):
             what = "one of them" if header.startswith("[[") else "it"
             expected, advice = f"{header} before {what}", f"correct the brackets; {self.page} explains the section"
@@ -267,29 +231,24 @@ class ModelFamily(Generic[File]):
     ) -> ModelFileError:
         """Keys, or sections, that lack in one place."""
         keys = [_key_of(one) for one in lacking]
-        forms = [_section_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
+        headers = [_header_at(schema, one["loc"], key) for one, key in zip(lacking, keys, strict=True)]
         found = [
             header or (shown(key[-1]) if isinstance(key[-1], str) else "further value")
-            for key, (header, _) in zip(keys, forms, strict=True)
+            for key, header in zip(keys, headers, strict=True)
         ]
-        added = [
-            f"a section {header}" + (f" with kind = {_alternatives(kinds)}" if kinds else "")
-            for header, kinds in forms
-            if header
-        ]
-        one, sections = len(keys) == 1, all(header for header, _ in forms)
+        one, sections = len(keys) == 1, all(headers)
         it = "it" if one else "them"
         place = keys[0] if one else keys[0][:-1]
         return ModelFileError(
             f"no {'section ' * sections}{', '.join(found)}{_also(others)}",
             expected=f"this {'section' if sections else 'key'}" if one else "all of these",
             where=f"{where}, key {key_text(place)}" if place else where,
-            advice=f"add {' and '.join(added) or it}; {self.page} explains {it}",
+            advice=f"add {it}; {self.page} explains {it}",
         )
 
 
-def sections_of_text(text: str, *, where: str, is_array: Callable[[str], bool] = lambda name: False) -> dict[str, Any]:
-    """The sections of a TOML text as plain values; `where` names it in messages, `is_array` is of `bracket_slip`.
+def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
+    """The sections of a TOML text as plain values; `where` names it in messages.
 
     Raises ModelFileError: it is not TOML, or made so that reading it would take very long.
     """
@@ -304,14 +263,11 @@ def sections_of_text(text: str, *, where: str, is_array: Callable[[str], bool] =
     try:
         return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
-        slip = bracket_slip(text, is_array) if str(error).startswith("Cannot ") else None
-        if slip is not None:
-            found, expected, advice, line = slip
-            raise ModelFileError(found, expected=expected, where=f"{where}, line {line}", advice=advice) from None
         said = "nested too deep" if isinstance(error, RecursionError) else str(error)[:200]
         raise ModelFileError(
             f"text that is not TOML ({said})",
-            expected="sections such as [model] and [run] with key = value lines",
+            expected="sections such as [model] and [run], each once, with key = value lines; double brackets, [[…]], "
+            "before each of what comes several times",
             where=where,
             advice="correct this line; texts need quotation marks, numbers a decimal point and no unit",
         ) from None
@@ -390,27 +346,15 @@ def _also(others: Sequence[Mapping[str, Any]]) -> str:
     return f" (also wrong: {', '.join(named[:_MOST_NAMED])}{more})" if named else ""
 
 
-def _section_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> tuple[str, list[str]]:
-    """How a section that lacks would begin, and which kinds it may have; empty for what is no section."""
+def _header_at(schema: type[BaseModel], path: Sequence[str | int], key: Key) -> str:
+    """How a section that lacks would begin; empty for what is no section."""
     for entry in _entries_at(schema, path[:-1]):
         field = entry.model_fields.get(str(path[-1]))
         if field is not None and entries_in(field.annotation):
             origin = get_origin(field.annotation)
             header = f"[{key_text(key)}{'.NAME' if origin is dict else ''}]"
-            return f"[{header}]" if origin is tuple else header, _kinds_in(field.annotation)
-    return "", []
-
-
-def _alternatives(words: Sequence[str]) -> str:
-    """Words of which one is to be chosen: "a", "b" or "c"."""
-    return " or ".join(", ".join(f'"{word}"' for word in words).rsplit(", ", 1))
-
-
-def _kinds_in(annotation: Any) -> list[str]:
-    """Kinds of a section that has several."""
-    inner = get_args(annotation)
-    tags = [str(part.tag)[1:] for part in inner if isinstance(part, Tag)]
-    return tags + [kind for part in inner for kind in _kinds_in(part)]
+            return f"[{header}]" if origin is tuple else header
+    return ""
 
 
 def keys_at(schema: type[BaseModel], path: Sequence[str | int]) -> list[str]:

@@ -252,7 +252,7 @@ def study_sections(text: str, tables: str, where: str) -> dict[str, Any]:
     Raises StudyError: it is not TOML.
     """
     try:
-        return sections_of_text(text, where=where, is_array=lambda name: name == "files")
+        return sections_of_text(text, where=where)
     except ModelFileError as error:
         raise StudyError(
             error.found,

@@ -6,7 +6,7 @@ import pytest
 
 from selector.errors import ModelFileError
 from selector.physics.drive.file.model_file import checked_model_file
-from selector.physics.model_text import bracket_slip, unknown_name
+from selector.physics.model_text import unknown_name
 from selector.physics.thermal.model_file import parsed_model_file
 from selector.physics.vibration.model_file import checked_model_file as checked_vibration
 from selector.physics.vibration.model_file import parsed_model_file as parsed_vibration
@@ -20,12 +20,12 @@ def refusal(*changes) -> ModelFileError:
     return caught.value
 
 
-def test_a_section_that_lacks_is_told_with_its_kinds():
+def test_a_section_that_lacks_is_told_with_its_brackets():
     said = refusal(("motion", ...))
     assert (said.found, said.where) == ("no section [motion]", "model file, key motion")
-    assert said.advice.startswith('add a section [motion] with kind = "sine", "moves", "column" or "circle"')
-    assert refusal(("axes", ...)).advice.startswith("add a section [axes.NAME]")
-    assert refusal(("axes.X.servo", ...)).advice.startswith("add a section [axes.X.servo]")
+    assert said.advice == "add it; docs/reference/drive-model.md explains it"
+    assert refusal(("axes", ...)).found == "no section [axes.NAME]"
+    assert refusal(("axes.X.servo", ...)).found == "no section [axes.X.servo]"
     several = refusal(("motion", ...), ("axes", ...))
     assert several.found == "no section [motion], [axes.NAME]"
     with pytest.raises(ModelFileError, match=r"no section \[run\], \[conditions\], \[nodes.NAME\]"):
@@ -83,22 +83,19 @@ JOINT = '\nbetween = ["a", "ground"]\nstiffness_n_per_m = 1e8\n'
 
 
 @pytest.mark.parametrize(
-    ("text", "found", "expected"),
+    ("text", "found"),
     [
-        (f"[joints]{JOINT}[joints] # second{JOINT}", "[joints] twice", "[[joints]] before each of them"),
-        (f"[joints]{JOINT}" * 3, "[joints] 3 times", "[[joints]] before each of them"),
-        (f"[joints]{JOINT}[[joints]]{JOINT}", "[joints] and [[joints]]", "[[joints]] before each of them"),
-        (f"[[joints]]{JOINT}[joints]{JOINT}", "[joints] and [[joints]]", "[[joints]] before each of them"),
-        ("[members.bed]\nmass_kg = 1.0\n[members.bed]\nmass_kg = 2.0\n", "[members.bed] twice", "every section of"),
-        ("[run]\nseed = 1\nseed = 2\n", "text that is not TOML (Cannot overwrite a value (at line 6, column 9))",
-         "sections"),
+        (f"[joints]{JOINT}[joints] # second{JOINT}", "('joints',) twice (at line 7,"),
+        (f"[[joints]]{JOINT}[joints]{JOINT}", "('joints',) twice (at line 7,"),
+        (f"[joints]{JOINT}[[joints]]{JOINT}", "Cannot overwrite a value (at line 7,"),
+        ("[run]\nseed = 1\nseed = 2\n", "Cannot overwrite a value (at line 6,"),
     ],
-)  # fmt: skip
-def test_brackets_of_the_wrong_kind(text, found, expected):
+)
+def test_what_stands_twice_is_told_with_its_line_and_with_double_brackets(text, found):
     with pytest.raises(ModelFileError) as caught:
         parsed_vibration(f'[model]\nkind = "vibration"\nname = "x"\n{text}')
-    assert caught.value.found == found
-    assert caught.value.expected.startswith(expected)
+    assert found in caught.value.found
+    assert "double brackets" in caught.value.expected
 
 
 @pytest.mark.parametrize(
@@ -112,8 +109,3 @@ def test_a_single_section_with_the_wrong_brackets(section, value, expected):
     with pytest.raises(ModelFileError) as caught:
         checked_vibration(changed_vibration((section, value)))
     assert caught.value.expected == expected
-
-
-def test_long_lines_of_brackets_take_no_time():
-    # a search that grows with the square of the line would take an hour
-    assert bracket_slip("[" + " " * 2_000_000 + "\n" + "[a]\n" * 100_000, lambda name: False) is not None

@@ -21,10 +21,8 @@ from selector.physics.drive.file.model_file import (
     columns_needed,
     file_circles,
     file_reference,
-    longest_s,
     moved_axes,
     parameters,
-    slow_feed_words,
     with_parameters,
 )
 from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
@@ -95,13 +93,12 @@ def axis_courses(motion: Motion, reference: Reference, added: Vector | None = No
 
 
 def require_few_steps(
-    name: str, axis: Axis, duration_s: float, step_s: float, *, period_s: float | None = None, because: str = ""
+    name: str, axis: Axis, duration_s: float, step_s: float, *, period_s: float | None = None
 ) -> None:
     """Refuses a run of an axis with too many steps, as they are laid: control and samples make them shorter.
 
     `duration_s` and `step_s` are the length of its motion and the largest step [s]; `period_s` is the distance of the
-    samples [s], None where it is not known yet but no shorter than the steps; `because` says why the motion takes long,
-    see `model_file.slow_feed_words`.
+    samples [s], None where it is not known yet but no shorter than the steps.
 
     InputError: there are more than `MOST_STEPS`; or the periods of samples and control do not fit together.
     """
@@ -113,10 +110,10 @@ def require_few_steps(
         return
     by_step = duration_s / step_s > 0.5 * count
     raise InputError(
-        f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}{because}",
+        f"{count:.3g} steps of {duration_s / count:.3g} s in a motion of {duration_s:.6g} s of axis {name}",
         expected=f"at most {MOST_STEPS}",
         where="key run.step_s" if by_step else f"key axes.{name}.servo.sample_s",
-        advice="simulate a shorter motion or a faster feed, or give a larger "
+        advice="simulate a shorter motion or a faster feed (mm/min), or give a larger "
         + ("run.step_s" if by_step else "sample_s, and a run.period_s that is a multiple of it"),
     )
 
@@ -227,9 +224,7 @@ class DriveModel:
         step_s = file.run.step_s or advised_step_s(axis, reference.period_s)
         duration_s = (len(reference.position_m) - 1) * reference.period_s
         with told_of(f"axis {name}"):
-            # a recorded course has nothing to do with the feed of the file
-            slow = slow_feed_words(file) if abs(duration_s - longest_s(file)) <= 2.0 * reference.period_s else ""
-            require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s, because=slow)
+            require_few_steps(name, axis, duration_s, step_s, period_s=reference.period_s)
             course = self.file_axes[name].course(reference)
             motion = simulate_axis(
                 axis, reference, step_s=step_s, course=course, start=start, commands=commands, seed=seed
@@ -271,7 +266,7 @@ class DriveModel:
         geometry = PairGeometry() if errors is None else value_of(PairGeometry, errors)
         noise_um = float(getattr(errors, "noise_um", 0.0))
         axes = {name: axis.axis for name, axis in self.axes.items()}
-        said, slow, period_s = self.file.run.step_s, slow_feed_words(self.file), self.file.run.period_s
+        said, period_s = self.file.run.step_s, self.file.run.period_s
         along = {name: axis.course for name, axis in self.axes.items()}
         runs: dict[str, dict[str, AxisRun]] = {}
         traces: dict[str, BallBarTrace] = {}
@@ -281,7 +276,7 @@ class DriveModel:
                 continue
             for name, axis in axes.items():
                 step_s = said or circle_step_s(axis, LONGEST_PERIOD_S)
-                require_few_steps(name, axis, circle.duration_s, step_s, period_s=period_s, because=slow)
+                require_few_steps(name, axis, circle.duration_s, step_s, period_s=period_s)
             with told_of(f"run {run}"):
                 traces[run], runs[run] = ball_bar_run(
                     axes,

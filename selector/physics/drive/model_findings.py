@@ -4,19 +4,16 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
 from selector.physics.drive.drive_summary import limited_samples, stick_slip
-from selector.physics.drive.file.model_file import OUTPUT_UNITS
 from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import (
     Axis,
-    ThreeMassMechanics,
     passive_bristle_damping_ns_per_m,
     passive_fading_speed_m_per_s,
 )
@@ -117,49 +114,16 @@ def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[
         f"Axis {name} was at the limit of its current or speed for {100 * share:.3g} % of the time; then it does not "
         "follow."
     )
-    advice = "ask for less acceleration, or raise command_limit or speed_limit of the servo if the machine has more"
-    evidence = {"share": share}
-    needed, servo = output_without_acceleration(done), done.axis.servo
-    if servo is not None and servo.command_limit is not None and needed.max() > servo.command_limit:
-        most, limit = (
-            f"{value:.4g} {OUTPUT_UNITS[made.section.output]}".rstrip() for value in (needed.max(), servo.command_limit)
-        )
-        evidence |= {"needed": float(needed.max()), "command_limit": servo.command_limit}
-        said += f" Friction and load at the commanded speed, without acceleration, need up to {most}; it gives {limit}."
-        advice = (
-            "go slower, give friction, damping, load or actuator_gain the right power of ten, or raise command_limit"
-        )
-    elif servo is not None and len(growing_poles(loop_poles(done.axis))):
-        advice = "the loop is unstable, and so swings from limit to limit: lower its gains first"
+    advice = (
+        "the loop is unstable, and so swings from limit to limit: lower its gains first"
+        if done.axis.servo is not None and len(growing_poles(loop_poles(done.axis)))
+        else "ask for less speed or acceleration, check friction, load and actuator_gain, or raise command_limit or "
+        "speed_limit of the servo if the machine has more"
+    )
     found = FINDINGS.finding(
-        "limit-reached", said, where, evidence, advice, level="warning" if share > _LIMIT_SHARE else "info"
+        "limit-reached", said, where, {"share": share}, advice, level="warning" if share > _LIMIT_SHARE else "info"
     )
     yield share, found
-
-
-def output_without_acceleration(run: AxisRun) -> NDArray[np.float64]:
-    """What the control must put out to hold the commanded speed at every sample, shape (n_samples,) [actuator unit].
-
-    Viscous and sliding friction of guide and screw, offset and load; nothing where the axis is not asked to move.
-    """
-    mechanics, friction, servo = run.axis.mechanics, run.axis.friction, run.axis.servo
-    speed = run.reference.speed_m_per_s
-    damping: float | NDArray[np.float64] = mechanics.guide_damping_ns_per_m
-    if run.course is not None and run.course.guide_damping_ns_per_m is not None:
-        damping = run.course.guide_damping_ns_per_m
-    damping = damping + np.where(speed < 0.0, friction.viscous_negative_ns_per_m, 0.0)
-    force = damping * speed + friction.offset_n
-    for way, (sliding, static) in zip((1.0, -1.0), friction.directions, strict=True):
-        faded = np.exp(-((np.abs(speed) / friction.stribeck_speed_m_per_s) ** friction.stribeck_exponent))
-        force = force + np.where(np.sign(speed) == way, way * (sliding + (static - sliding) * faded), 0.0)
-    if run.reference.force_n is not None:
-        force = force - run.reference.force_n
-    if isinstance(mechanics, ThreeMassMechanics):
-        radius = mechanics.travel_per_motion
-        force = force * radius + mechanics.screw_damping_nms_per_rad * speed / radius
-        force = force + friction.screw_coulomb_nm * np.sign(speed)
-    gain = 1.0 if servo is None else servo.actuator_gain
-    return np.asarray(np.where(speed == 0.0, 0.0, np.abs(force) / gain), dtype=np.float64)
 
 
 def _too_fast(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:

@@ -111,7 +111,7 @@ def simulate_axis(
     lost, state = _kernel.loop(w, p, o, ref, given, _bounds(axis, reference, begin), out)
     if lost >= 0:
         lost_s, what, step = lost * reference.period_s, _STATES[state], p[at.STEP]
-        raise runaway(axis, reference, commanded=commands is not None, time_s=lost_s, state=what, step_s=step)
+        raise runaway(axis, commanded=commands is not None, time_s=lost_s, state=what, step_s=step)
     return Motion(reference.time_s, reference.position_m, *out.T)
 
 
@@ -219,12 +219,7 @@ def _bounds(axis: Axis, reference: Reference, start: AxisState) -> Vector:
     return np.array([turns, largest, turns, largest, farthest, largest, largest, largest])
 
 
-_LARGE_SHARE = 2.0  #: Shares of feed-forward above which it is worth a word: 1 is complete.
-
-
-def runaway(
-    axis: Axis, reference: Reference, *, commanded: bool, time_s: float, state: str, step_s: float
-) -> InputError:
+def runaway(axis: Axis, *, commanded: bool, time_s: float, state: str, step_s: float) -> InputError:
     """The error that says so.
 
     `state` left the bounds at `time_s` [s]; `commanded` says that given commands drove it in the place of its servo.
@@ -240,24 +235,10 @@ def runaway(
             found = f"{found}. {unstable[0].statement}".removesuffix(".")
             advice = unstable[0].suggestion
         else:
-            advice = "the loop is stable: check what acts on it from outside" + _named(axis, reference)
+            advice = "the loop is stable: check forces, feed-forward, current_noise, and where and how fast it starts"
     return InputError(
         found, expected="a motion that stays near its reference", where="simulation of the axis", advice=advice
     )
-
-
-def _named(axis: Axis, reference: Reference) -> str:
-    """What may be too large."""
-    acting = []
-    if reference.force_n is not None and (largest := float(np.abs(reference.force_n).max())) > 0:
-        acting.append(f"forces of up to {largest:.3g} N")
-    if axis.servo is not None:
-        for name in ("velocity_feedforward", "acceleration_feedforward"):
-            if (share := getattr(axis.servo, name)) > _LARGE_SHARE:
-                acting.append(f"{name} of {share:.3g}")
-    if axis.sensing.current_noise > 0:
-        acting.append(f"current_noise of {axis.sensing.current_noise:.3g}")
-    return f" ({', '.join(acting)})" if acting else ", such as forces, and where and how fast it starts"
 
 
 #: Step × fastest rate of the axis. A method of order 4 then changes that vibration by less than 2e-5 of itself a

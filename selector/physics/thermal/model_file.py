@@ -6,7 +6,10 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Discriminator, Field, StrictBool, Tag
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
@@ -494,44 +497,21 @@ def model_findings(file: ModelFile) -> tuple[Finding, ...]:
     """
     if not isinstance(file, NetworkFile):
         return ()
+    row = {name: number for number, name in enumerate(file.nodes)}
+    ends = np.array([[row[name] for name in link.between] for link in file.links], dtype=np.int64).reshape(-1, 2)
+    linked = sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(row), len(row)))
+    count, group = connected_components(linked, directed=False)
     wetted = {node for film in file.films.values() for node in film.area_m2}
     heated = {node for source in file.sources.values() for node in source.shares}
-    return tuple(
-        _closed(group, bool(heated & set(group)), bool(file.films))
-        for group in _linked(file)
-        if not wetted & set(group)
-    )
+    groups = ([name for name in row if group[row[name]] == number] for number in range(count))
+    return tuple(_closed(nodes, bool(heated & set(nodes))) for nodes in groups if not wetted & set(nodes))
 
 
-def _closed(group: list[str], heated: bool, films: bool) -> Finding:
-    named = ", ".join(group[:8]) + (" …" if len(group) > 8 else "")
-    if heated:
-        effect = "heat that enters stays there for ever"
-    elif len(group) == 1:
-        effect = "its temperature never changes"
-    else:
-        effect = "nothing outside ever changes their temperatures"
-    lacks = "film or link" if len(group) == 1 else "film"
-    statement = f"{named}: no {lacks}, so {effect}."
-    if not films:
-        statement += " The network has no film at all."
+def _closed(nodes: list[str], heated: bool) -> Finding:
+    effect = "heat that enters stays there for ever" if heated else "nothing outside ever changes their temperature"
     return FINDINGS.finding(
         "no-way-for-heat",
-        statement,
-        Where(channel=group[0] if len(group) == 1 else None),
-        {"nodes": group, "heated": heated},
+        f"{', '.join(nodes[:8])}{' …' if len(nodes) > 8 else ''}: no film, and no link to what has one, so {effect}.",
+        Where(channel=nodes[0] if len(nodes) == 1 else None),
+        {"nodes": nodes, "heated": heated},
     )
-
-
-def _linked(file: NetworkFile) -> list[list[str]]:
-    """Groups of nodes that heat can flow between, in the order of the file."""
-    group = {name: {name} for name in file.nodes}
-    for link in file.links:
-        first, second = (group[name] for name in link.between)
-        if first is not second:
-            first |= second
-            for name in second:
-                group[name] = first
-    order = {name: number for number, name in enumerate(file.nodes)}
-    unique = {id(names): sorted(names, key=order.__getitem__) for names in group.values()}
-    return list(unique.values())

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from selector.errors import InputError
 from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
-from selector.physics.model_text import key_text
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import HEAVIEST_KG
@@ -29,7 +28,6 @@ from selector.physics.vibration.motion.periodic_error import (
 )
 from selector.physics.vibration.structure.source import Excitation, excitation
 from selector.physics.vibration.structure.structure import (
-    GROUND,
     Structure,
     StructureModes,
     strained_joint,
@@ -38,20 +36,13 @@ from selector.physics.vibration.structure.structure import (
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Complex
 
-MORE_THAN_CARRIED = 10.0  #: Times the heaviest member on the ground that nothing which it carries weighs.
-SLOW_HZ = 20.0  #: On its joints alone a member that is carried swings faster.
 _TONNE = 1000.0
 _LOWEST_HZ = 10.0
 _GRAMS = 1e-3
 
 
 def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) -> Iterator[Finding]:
-    """Warnings on masses that would fit the others in grams; of single ones beyond `heaviest_kg` others tell.
-
-    Of all: where none is below a tonne, and one is beyond `heaviest_kg` or the structure swings below 10 Hz. Of one
-    that does not stand on the ground: where it is more than ten times as heavy as all that do, and its joints are so
-    soft for it that it would swing below 20 Hz.
-    """
+    """A warning where no mass is below a tonne, and one is beyond `heaviest_kg` or the structure swings below 10 Hz."""
     masses = {one.name: one.mass_kg for one in structure.members}
     least, most = min(masses.values()), max(masses.values())
     if least >= _TONNE and (most > heaviest_kg or float(modes.frequency_hz[0]) < _LOWEST_HZ):
@@ -61,28 +52,6 @@ def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) 
             f"{_GRAMS * least:.6g} to {_GRAMS * most:.6g} kg.",
             evidence={"least_kg": least, "most_kg": most},
             suggestion="divide every mass_kg by 1000 if g was meant",
-        )
-        return
-    held = {name for joint in structure.joints if GROUND in joint.between for name in joint.between}
-    standing = {name: mass for name, mass in masses.items() if name in held}
-    carrier = max(standing, key=lambda name: standing[name])
-    for name, mass_kg in masses.items():
-        stiffness = sum(one.stiffness_n_per_m for one in structure.joints if name in one.between)
-        alone_hz = math.sqrt(stiffness / mass_kg) / (2.0 * math.pi)
-        if (
-            name in standing
-            or mass_kg > heaviest_kg
-            or mass_kg <= MORE_THAN_CARRIED * standing[carrier]
-            or alone_hz >= SLOW_HZ
-        ):
-            continue
-        yield FINDINGS.finding(
-            "unlikely-masses",
-            f"{name!r} has {mass_kg:.6g} kg, {mass_kg / standing[carrier]:.3g} times as much as the heaviest member "
-            f"that stands on the ground ({carrier!r}, {standing[carrier]:.6g} kg), and would swing on its joints at "
-            f"{alone_hz:.3g} Hz. {mass_kg:.6g} g would be {_GRAMS * mass_kg:.6g} kg.",
-            evidence={"member": name, "mass_kg": mass_kg, "carrier": carrier, "alone_hz": alone_hz},
-            suggestion=f"write {key_text(('members', name, 'mass_kg'))} = {_GRAMS * mass_kg:.6g} if g was meant",
         )
 
 
@@ -174,24 +143,17 @@ def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMoti
     all_um = {final: _rms_um(coupled.of(final)[lost]) for final in FINALS}
     moved = " and ".join(f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in all_um.items())
     named = {name for chain in model.chains for name in chain.sources}
-    where = "in a chain of their range" if named & frequency.keys() else "in any chain"
-    if len(names) == 1:
-        are = f"{names[0]} is not {where} at {_listed(np.array(frequency[names[0]]))} Hz: what it moves there is"
-    else:
-        listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
-        lines = np.unique(chains.frequency_hz[lost])
-        are = f"{len(names)} sources ({listed}) are not {where} at {_listed(lines)} Hz: what they move there is"
+    where = "a chain of their range" if named & frequency.keys() else "any chain"
+    listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
     yield FINDINGS.finding(
         "source-in-no-chain",
-        f"{are} missing from the chain method. By the coupled structure these lines move {moved} (rms).",
+        f"Lines of {listed} at {_listed(np.unique(chains.frequency_hz[lost]))} Hz are not in {where}, and missing from "
+        f"the chain method. By the coupled structure they move {moved} (rms).",
         evidence={
             "sources": names,
             "frequency_hz": {name: frequency[name] for name in names},
             "coupled_um": {name: moved_um[name] for name in names},
         },
-        suggestion="name them in the chains that begin where they act, or take the coupled structure"
-        if len(names) > 1
-        else "name it in the chains that begin where it acts, or take the coupled structure",
         level=level,
     )
 

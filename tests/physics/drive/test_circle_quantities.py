@@ -59,7 +59,6 @@ def test_the_minimum_zone_is_the_narrowest_of_all(deviation, turn):
     found = narrowest_annulus(angle, deviation, RADIUS_UM)
     # distances of 1e5 µm are exact to 1e-11; bisectors that nearly coincide, left out, cost the rest
     assert found.width_um == pytest.approx(every_width(angle, deviation), abs=1e-5)
-    assert found.lower_bound_um <= found.width_um + 1e-9
 
 
 deviations = arrays.arrays(np.float64, 120, elements=st.floats(-50, 50))
@@ -73,10 +72,6 @@ def test_nothing_is_narrower_than_the_minimum_zone(deviation):
     # 1e-9: what the linear programme may break a bound by
     assert found.circular_deviation_um <= found.radial_max.value_um - found.radial_min.value_um + 1e-8
     assert found.circular_deviation_um <= np.ptp(deviation) + 1e-8
-    annulus = found.annulus
-    assert annulus.lower_bound_um <= annulus.width_um + 1e-8
-    # the bound is the width less (1.01·width)²/(2R), R within the deviations
-    assert annulus.width_um - annulus.lower_bound_um <= (1.01 * annulus.width_um) ** 2 / 1.9e5 + 1e-8
 
 
 @given(deviations, st.floats(-30, 30), st.floats(-30, 30), st.floats(0, 6), st.floats(-30, 30))

@@ -204,7 +204,7 @@ def test_a_runaway_of_a_stable_loop_blames_what_acts_on_it():
         simulate_axis(axis, sine(1e-3, 2.0), step_s=1e-3)
     assert "unstable" not in str(caught.value)
     assert "the loop is stable" in caught.value.advice
-    assert "velocity_feedforward of 1e+15" in caught.value.advice
+    assert "feed-forward" in caught.value.advice
     pushed = np.full(len(sine(1e-3, 2.0).position_m), 1e300)
     with pytest.raises(InputError) as caught:
         simulate_axis(axis, sine(1e-3, 2.0), step_s=1e-3, commands=pushed)

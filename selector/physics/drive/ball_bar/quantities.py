@@ -31,15 +31,11 @@ class Extreme:
 
 @dataclass(frozen=True)
 class Annulus:
-    """Two concentric circles around a path: centre against the nominal one and radii against the nominal radius [µm].
-
-    `lower_bound_um`: no two concentric circles around the path are nearer to each other than this.
-    """
+    """Two concentric circles around a path: centre against the nominal one, radii against the nominal radius [µm]."""
 
     centre_um: tuple[float, float]
     inner_um: float
     outer_um: float
-    lower_bound_um: float
 
     @property
     def width_um(self) -> float:
@@ -167,9 +163,7 @@ def narrowest_annulus(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: 
     """The minimum-zone circles of a path.
 
     Linear programmes about the last centre, each with the radii as they are there, until the centre stays. A linear
-    programme takes in the samples that break its bounds, round after round. Its dual weights bound the width from
-    below: distances are convex in the centre and their curvature is at most 1/radius, so a centre at a distance d is
-    better by less than d²/(2·radius); and one that is farther than the width itself is worse.
+    programme takes in the samples that break its bounds, round after round.
     """
     from scipy.optimize import linprog
 
@@ -201,10 +195,7 @@ def narrowest_annulus(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: 
         if np.hypot(shift[0], shift[1]) <= _ENOUGH * radius_um:
             break
     radial, _ = _about(centre, angle, deviation, radius_um)
-    # 1.01: directions up to 2.5° from a sample
-    reach = 1.01 * float(np.ptp(radial))
-    gain = reach**2 / (2.0 * (radius_um + float(radial.min()) - reach))
-    return Annulus(centre, float(radial.min()), float(radial.max()), float(outer[0] - inner[0]) - gain)
+    return Annulus(centre, float(radial.min()), float(radial.max()))
 
 
 def _together(traces: Sequence[BallBarTrace]) -> tuple[Vector, Vector, float]:

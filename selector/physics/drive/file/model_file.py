@@ -158,21 +158,6 @@ def motion_counts(file: DriveFile) -> Iterator[tuple[Key, str, float, int]]:
         yield ("run", "step_s"), "steps", duration_s / file.run.step_s, MOST_STEPS
 
 
-def slow_feed_words(file: DriveFile) -> str:
-    """How the feed makes the motion of the file take long, to stand behind its duration; empty if it does not."""
-    motion = file.motion
-    if isinstance(motion, CircleMotion):
-        key, feed = "motion.feeds_mm_per_min", min(motion.feeds_mm_per_min)
-    elif (
-        isinstance(motion, MovesMotion)
-        and motion.dwell_s * motion.repeat * len(motion.targets_mm) < longest_s(file) / 2
-    ):
-        key, feed = "motion.feed_mm_per_min", motion.feed_mm_per_min
-    else:
-        return ""
-    return f", which it takes at {key} = {feed:g} ({feed:g} m/min would be {1e3 * feed:g})"
-
-
 def _limits(motion: MovesMotion) -> dict[str, float]:
     return {
         "speed_m_per_s": motion.feed_mm_per_min * _MM_PER_MIN,
@@ -307,8 +292,9 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
     yield from _of_few_samples(file)
     for key, what, count, most in motion_counts(file):
         if count > most:
-            long = "" if what == "moves" else f" in a motion of {longest_s(file):.6g} s{slow_feed_words(file)}"
-            yield key, f"{count:.3g} {what}{long}", f"at most {most}", "correct it, or make the motion shorter"
+            long = "" if what == "moves" else f" in a motion of {longest_s(file):.6g} s"
+            advice = "correct it, or make the motion shorter; feeds are in mm/min"
+            yield key, f"{count:.3g} {what}{long}", f"at most {most}", advice
             return
     if not isinstance(file.motion, ColumnMotion):
         planned = file_circles if isinstance(file.motion, CircleMotion) else planned_reference

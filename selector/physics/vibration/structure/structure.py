@@ -94,7 +94,12 @@ class Structure:
                         where=f"joints[{number + 1}].between",
                         advice="correct the name, or add the member",
                     )
-        loose = [name for name in names if name not in self._held()]
+        at = {name: place for place, name in enumerate((*names, GROUND))}
+        linked = np.zeros((len(at), len(at)))
+        for joint in self.joints:
+            linked[at[joint.between[0]], at[joint.between[1]]] = 1.0
+        _, group = connected_components(linked, directed=False)
+        loose = [name for name in names if group[at[name]] != group[at[GROUND]]]
         if loose:
             raise InputError(
                 f"no way from {', '.join(loose)} to the ground",
@@ -114,19 +119,6 @@ class Structure:
             return self.names.index(name)
         except ValueError:
             raise KeyError(name) from None
-
-    def _held(self) -> set[str]:
-        """What is joined with the ground, straight or through others."""
-        held, found = {GROUND}, {GROUND}
-        while found:
-            found = {
-                other
-                for joint in self.joints
-                for one, other in (joint.between, joint.between[::-1])
-                if one in held and other not in held
-            }
-            held |= found
-        return held
 
 
 NUMBERS_AT_ONCE = 2_000_000  #: Complex numbers of dynamic stiffness that are held at a time (32 MB).
