@@ -8,7 +8,6 @@ from dataclasses import replace
 import pytest
 
 from selector.diagnosis.wording import headline, what_to_do
-from selector.errors import OptionError
 from selector.telling.diagnosed.account import diagnosis_account
 from selector.telling.diagnosed.document import diagnosis_of
 from selector.telling.page import account_page, write_account
@@ -72,11 +71,6 @@ def test_equal_answers_give_equal_bytes_and_the_page_is_light(tmp_path):
     second = write_account(diagnosis_account(answer(), drawn=True), tmp_path / "two.html").read_bytes()
     assert hashlib.sha256(first).digest() == hashlib.sha256(second).digest()
     assert len(first) < 7 * MEGABYTE  # the drawing program alone is 4.7
-
-
-def test_a_folder_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(OptionError):
-        write_account(diagnosis_account(answer(), drawn=True), tmp_path / "no" / "page.html")
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
