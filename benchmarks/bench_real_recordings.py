@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmarks.inverse_dynamic_model import filtered_motion
 from proving_ground.real.emps import AxisLaw, Record, identified, record, simulated
+from selector.physics.drive.identification import filtered_motion
 
 Vector = NDArray[np.float64]
 

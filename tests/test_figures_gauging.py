@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -23,6 +22,7 @@ from selector.figures.simulated.gauging import (
 from selector.number_text import number_text
 from selector.physics.gauging.gauge.transducer import LinearGauge
 from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
+from selector.physics.gauging.gauging_advice import Setting
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
@@ -65,21 +65,19 @@ def histogram() -> go.Figure:
     return size_histogram(SIZES_UM, {HOSTILE[0]: (at, density)}, (-3.0, 3.5), 0.0, "Simulated")
 
 
-def compared(bias_um, sd_um, best: tuple[float, float], present: tuple[float, float]) -> SimpleNamespace:
-    """Filters with their errors; of the best and the present one (time constant [s], mean square error [µm²])."""
-    ends = {
-        "best_s": best[0],
-        "best_rms_um": best[1] ** 0.5,
-        "present_s": present[0],
-        "present_rms_um": present[1] ** 0.5,
-    }
-    return SimpleNamespace(time_constant_s=TIMES_S, bias_um=bias_um, sd_um=sd_um, **ends)
+def setting(time_constant_s: float, bias_um: float, sd_um: float) -> Setting:
+    return Setting("best-filter", time_constant_s, (1.0,), 200, bias_um, 0.0, sd_um)
+
+
+def compared(bias_um, sd_um, present: tuple[float, float]) -> go.Figure:
+    """Filters with their errors, and the present one: time constant [s], error [µm]."""
+    filters = [setting(*one) for one in zip(TIMES_S.tolist(), bias_um.tolist(), sd_um.tolist(), strict=True)]
+    best = min(filters, key=lambda one: one.rms_um)
+    return filter_trade_off(filters, best, setting(present[0], 0.0, present[1]), "Simulated")
 
 
 def trade_off() -> go.Figure:
-    total = BIAS_UM**2 + SD_UM**2
-    best = (float(TIMES_S[np.argmin(total)]), float(total.min()))
-    return filter_trade_off(compared(BIAS_UM, SD_UM, best, (0.4, 4.0)), "Computed")
+    return compared(BIAS_UM, SD_UM, (0.4, 2.0))
 
 
 def waveform(force: float = 2.0) -> go.Figure:
@@ -209,7 +207,7 @@ def test_the_sum_is_that_of_its_parts_and_the_best_is_its_lowest_point():
 
 
 def test_a_filter_without_bias_is_drawn_on_logarithmic_axes():
-    drawn = filter_trade_off(compared(np.zeros_like(TIMES_S), SD_UM, (1.0, 0.01), (0.1, 0.0)), "x")
+    drawn = compared(np.zeros_like(TIMES_S), SD_UM, (0.1, 0.0))
     assert "bias²" not in [one.name for one in drawn.data]
     assert np.isfinite(drawn.layout.yaxis.range).all()
 
@@ -220,7 +218,7 @@ def test_a_workpiece_out_of_reach_is_said_to_be():
 
 
 def test_an_error_that_hardly_changes_has_ticks_that_can_be_read():
-    drawn = filter_trade_off(compared(np.full(61, 0.9), np.full(61, 0.5), (0.1, 1.06), (0.2, 1.06)), "x")
+    drawn = compared(np.full(61, 0.9), np.full(61, 0.5), (0.2, 1.03))
     low, high = drawn.layout.yaxis.range
     inside = [text for text in drawn.layout.yaxis.ticktext if 10**low <= float(text) <= 10**high]
     assert len(inside) >= 2

@@ -9,9 +9,16 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+)
 from threadpoolctl import threadpool_limits
 
 from selector import __version__
@@ -58,7 +65,11 @@ class Answer(_Document):
     sensors: tuple[str, ...] = ()  #: Those that were chosen
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again
-    refit: Refit | None = None  #: None: no new model was tried
+    refit: Refit | None = None  #: None, and not in the document: no new model was tried
+
+    @model_serializer(mode="wrap")
+    def _without_refit(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in of_fields(self).items() if key != "refit" or value is not None}
 
     @property
     def in_short(self) -> str:

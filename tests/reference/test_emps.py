@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from benchmarks.inverse_dynamic_model import (
+from selector.physics.drive.identification import (
     filtered_motion,
     identified_axis_of_servo,
     identified_rigid_axis,
