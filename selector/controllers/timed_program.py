@@ -15,9 +15,8 @@ from selector.physics.thermal.prediction.correction_program import CorrectionPro
 #: The clocks tell the time of the day, and whether it is the next one: an operation has to be over before it is doubted
 #: which day it began.
 LONGEST_OPERATION_S = 80_000.0
-STAYS_S = (
-    3600  #: So long after the end of its operation the last correction stays; the prediction says nothing of then.
-)
+#: So long after the end of its operation the last correction stays; the prediction says nothing of then.
+STAYS_S = 3600
 TARGETS = ("fanuc", "sinumerik")
 _DAY_S = 86_400
 

@@ -50,9 +50,9 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
     used = set(_model(results, champion).provenance.data_sha256.values())
     is_new = {file: sha256_of(file) not in used for file in files.files}
     new, old = ([file for file in files.files if is_new[file] is wanted] for wanted in (True, False))
-    if len(new) <= FEWEST_JUDGED:
-        return kept(champion, f"{len(new)} recordings came after it, and {FEWEST_JUDGED + 1} are needed")
-    ordered = _oldest_first(new, machine, study)
+    ordered = _oldest_first(new, machine, study) if len(new) > FEWEST_JUDGED else new
+    if len(ordered) <= FEWEST_JUDGED:
+        return kept(champion, f"{len(ordered)} recordings came after it, and {FEWEST_JUDGED + 1} are needed")
     n_judged = max(FEWEST_JUDGED, math.ceil(len(ordered) / 2))
     learnt = [*old, *ordered[:-n_judged]][-len(used) :]
     recordings = Recordings(runs=tuple(map(str, learnt)), machine=None if machine is None else str(machine))
@@ -125,10 +125,10 @@ def _squares_um2(model: ModelFile, reading: Reading) -> _Squares:
 
 
 def _oldest_first(files: Sequence[Path], machine: Path | None, study: Study) -> list[Path]:
+    """Without those of which a repair or the window of the study leaves nothing."""
     reading = read(files, machine=machine, overrides=overrides_of(study))
-    place = {run.name: run.sha256 for run in reading.runs}
-    order = list(dict.fromkeys(place[name] for name in by_age(reading)))
-    return sorted(files, key=lambda file: order.index(sha256_of(file)))
+    place = {run.name: Path(run.file) for run in reading.runs}
+    return list(dict.fromkeys(place[name] for name in by_age(reading)))
 
 
 def by_age(reading: Reading) -> list[str]:

@@ -53,17 +53,15 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
 
     Raises ResultError: with `refit`, the fleet was never run.
     """
-    fleet.results.mkdir(parents=True, exist_ok=True)
     found: dict[str, Answer] = read_answer(fleet.results).machines if refit else {}
+    fleet.results.mkdir(parents=True, exist_ok=True)
     champions = {name: one for name, one in found.items() if one.status != "failed" and name in fleet.studies}
-    told: list[str] = []
     written = time.monotonic()
     try:
-        for name, answer in _answers(fleet, workers, champions):
+        for done, (name, answer) in enumerate(_answers(fleet, workers, champions), start=1):
             found[name] = answer
-            told.append(name)
             if tell is not None:
-                tell(name, answer, len(told), len(fleet.studies))
+                tell(name, answer, done, len(fleet.studies))
             if time.monotonic() - written > _WRITE_S:
                 _write(fleet, found)
                 written = time.monotonic()

@@ -44,6 +44,11 @@ class Overrides:
     #: Whether channels of the machine file may be lacking in all files, as in a simulation of some channels only
     partial: bool = False
 
+    @property
+    def has_window(self) -> bool:
+        """Whether a part of the time is asked for."""
+        return self.since is not None or self.until is not None
+
 
 @dataclass(frozen=True)
 class BreakWord:

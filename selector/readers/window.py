@@ -41,7 +41,7 @@ def within(run: TimedRun, overrides: Overrides) -> TimedRun | None:
 
     Raises OptionError: the run has no date to compare the window with.
     """
-    if overrides.since is not None or overrides.until is not None:
+    if overrides.has_window:
         run = _cut(run, *_window(overrides))
     if overrides.mean_s is not None and len(run.time_s):
         groups = np.floor(run.time_s / overrides.mean_s + 1e-9).astype(np.int64)
@@ -137,8 +137,8 @@ def _moment(text: str, where: str) -> datetime.datetime:
     try:
         moment = datetime.datetime.fromisoformat(text)
     except ValueError:
-        moment = _BEGIN.replace(tzinfo=datetime.UTC)
-    if moment.tzinfo is not None:
+        moment = None
+    if moment is None or moment.tzinfo is not None:
         raise OptionError(
             repr(text),
             expected="a date, or date and time, by the clock of the recordings",

@@ -39,7 +39,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
 
     Raises InputError: a file cannot be read, or the machine file does not fit.
     """
-    if is_large(runs) and overrides.mean_s is None and overrides.since is None and overrides.until is None:
+    if is_large(runs) and overrides.mean_s is None and not overrides.has_window:
         return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)

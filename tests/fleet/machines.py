@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 
 def machine(folder: Path, seed: int, *, n_runs: int = 4, rows: int = 40) -> Path:
@@ -28,3 +30,12 @@ def fleet_file(folder: Path, text: str) -> Path:
     path = folder / "FLEET.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def changed(folder: Path, runs: range, change: Callable[[pd.DataFrame], None]) -> None:
+    """These recordings of a machine, changed."""
+    for number in runs:
+        path = folder / f"r{number}.csv"
+        table = pd.read_csv(path)
+        change(table)
+        table.to_csv(path, index=False)

@@ -2,12 +2,11 @@
 
 import json
 
-import pandas as pd
 import pytest
 
 from selector.cli import exit_status
 from selector.fleet import Processes, read_answer, read_fleet, run_fleet
-from tests.fleet.machines import fleet_file, machine
+from tests.fleet.machines import changed, fleet_file, machine
 
 PROVED, ALL = 6, 16
 
@@ -21,15 +20,6 @@ def fleet(tmp_path):
     assert run_fleet(asked, Processes(1)).done == 2
     machine(tmp_path / "m", 1, n_runs=ALL)
     return asked
-
-
-def since(fleet, first, change):
-    """The later recordings, changed from a run on."""
-    for number in range(first, ALL + 1):
-        path = fleet.place.parent / "m" / f"r{number}.csv"
-        table = pd.read_csv(path)
-        change(table)
-        table.to_csv(path, index=False)
 
 
 def gauge_turned(table):
@@ -50,7 +40,7 @@ def test_where_nothing_changed_the_model_stays(fleet):
 
 
 def test_a_machine_that_has_changed_gets_a_new_model(fleet):
-    since(fleet, PROVED + 1, gauge_turned)
+    changed(fleet.place.parent / "m", range(PROVED + 1, ALL + 1), gauge_turned)
     before = read_answer(fleet.results).machines["m"]
     told = []
     one = run_fleet(fleet, Processes(1), lambda *what: told.append(what), refit=True).machines["m"]
@@ -67,13 +57,25 @@ def test_a_machine_that_has_changed_gets_a_new_model(fleet):
 
 
 def test_the_newest_runs_are_those_of_the_clock_and_of_the_challenger_none(fleet):
-    since(fleet, PROVED + 1, gauge_turned)
+    changed(fleet.place.parent / "m", range(PROVED + 1, ALL + 1), gauge_turned)
     refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
     model = json.loads((fleet.results / refit.challenger / "model.json").read_text(encoding="utf-8"))
     learnt = set(model["provenance"]["data_sha256"])
     assert not learnt & set(refit.runs)
     # as many as the model in use had: the oldest give way to later ones
     assert learnt == {f"r{number}" for number in range(6, 12)}
+
+
+def test_runs_that_are_not_used_take_no_part(fleet):
+    repairs = "".join(f"[runs.r{number}]\nuse = false\n" for number in (8, 16))
+    (fleet.place.parent / "m" / "machine.toml").write_text(repairs, encoding="utf-8")
+    refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    # of eight later runs the newest four
+    assert refit.runs == ("r12", "r13", "r14", "r15")
+    repairs = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(8, 15))
+    (fleet.place.parent / "m" / "machine.toml").write_text(repairs, encoding="utf-8")
+    refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    assert refit.because == "3 recordings came after it, and 5 are needed"
 
 
 def test_recordings_that_cannot_be_read_cost_no_model(fleet):

@@ -8,7 +8,7 @@ import pytest
 from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, read_fleet, run_fleet, watch_fleet
-from tests.fleet.machines import fleet_file, machine
+from tests.fleet.machines import changed, fleet_file, machine
 
 PROVED, ALL = 6, 18
 
@@ -22,15 +22,6 @@ def watched(tmp_path):
     assert watch_fleet(fleet).machines["m"].status == "nothing-new"
     machine(tmp_path / "m", 1, n_runs=ALL)
     return fleet
-
-
-def changed(fleet, change, since):
-    """The later recordings, changed from a run on."""
-    for number in range(since, ALL + 1):
-        path = fleet.place.parent / "m" / f"r{number}.csv"
-        table = pd.read_csv(path)
-        change(table)
-        table.to_csv(path, index=False)
 
 
 def test_it_is_quiet_while_the_machine_stays_as_it_was(watched):
@@ -50,7 +41,7 @@ def test_a_shift_is_told_with_its_first_run_and_its_size(watched):
         # a gauge that gives way while the machine warms up: 1.5 µm after the start
         table["Z [um]"] -= 1.5 * (table["t [s]"] > 0)
 
-    changed(watched, shifted, 11)
+    changed(watched.place.parent / "m", range(11, ALL + 1), shifted)
     z = watch_fleet(watched).machines["m"].responses["Z"]
     assert z.alarm == "mean"
     # the sum may begin a run or two before a change
@@ -62,7 +53,7 @@ def test_errors_that_grow_to_both_sides_are_told(watched):
     def scattered(table):
         table["Z [um]"] += 1.5 * (-1.0) ** (table.index // 3)
 
-    changed(watched, scattered, 11)
+    changed(watched.place.parent / "m", range(11, ALL + 1), scattered)
     found = watch_fleet(watched)
     assert found.machines["m"].responses["Z"].alarm == "spread"
     assert found.alarms == 1
