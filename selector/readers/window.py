@@ -60,8 +60,15 @@ def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
 
     Raises ReadError: so it is.
     """
+    if not runs and not overrides.has_window:
+        raise ReadError(
+            f"runs that are no longer than {overrides.mean_s:g} s",
+            expected="at least two means of a run",
+            where="--mean-s",
+            advice="take means over fewer seconds",
+        )
     if not runs:
-        raise _nothing(overrides, "nothing of it in these recordings")
+        raise _nothing(overrides, "fewer than two samples, or means, in each of these recordings")
 
 
 def thinning(rows: int, runs: Sequence[TimedRun], overrides: Overrides) -> Iterator[Finding]:

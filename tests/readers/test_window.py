@@ -75,7 +75,7 @@ def test_places_of_findings_move_with_the_window(tmp_path):
     ("options", "found"),
     [
         ({"since": "2026-05-01"}, "files of other days"),
-        ({"since": "2026-04-01T23:59:55", "until": "2026-04-02"}, "nothing of it"),
+        ({"since": "2026-04-01T23:59:55", "until": "2026-04-02"}, "fewer than two samples, or means"),
         ({"since": "yesterday"}, "'yesterday'"),
         ({"since": "2026-03-30T00:00Z"}, "'2026-03-30T00:00Z'"),
         ({"since": "2026-04-01", "until": "2026-03-30"}, "a window from 2026-04-01 to 2026-03-30"),
@@ -92,6 +92,12 @@ def test_a_clock_without_a_date_has_no_window(tmp_path):
     with pytest.raises(OptionError, match="whose clock has no date"):
         read([tmp_path / "r.csv"], overrides=Overrides(since="2026-03-30"))
     assert len(read([tmp_path / "r.csv"], overrides=Overrides(mean_s=2.0)).recording.time_s("r")) == 2
+
+
+def test_means_longer_than_the_runs_are_refused(lake):
+    with pytest.raises(ReadError, match="no longer than 1e\\+09 s") as caught:
+        read([lake], overrides=Overrides(mean_s=1e9))
+    assert caught.value.where == "--mean-s"
 
 
 def test_the_options_reach_the_command_and_the_study(lake, tmp_path, capsys):

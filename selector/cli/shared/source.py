@@ -235,5 +235,5 @@ def _positive(value: float | None, option: str) -> None:
             f"{value}",
             expected="a positive number of seconds",
             where=option,
-            advice="e.g. --period-s 60 for one a minute",
+            advice=f"e.g. {option} 60: a minute",
         )
