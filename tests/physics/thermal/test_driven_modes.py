@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError, OptionError
-from selector.physics.thermal.modes._drift import _whitened_loop
+from selector.physics.thermal.modes._drift import _whitened_loop, evidence
 from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.driven_model import driven_model
@@ -202,6 +202,22 @@ def test_whitening_is_generalised_least_squares_upon_an_unknown_zero():
     without_zero = known - np.outer(of_zero, of_zero) / of_zero.sum()
     np.testing.assert_allclose(found.T @ found, values.T @ without_zero @ values, rtol=1e-9)
     assert logs == pytest.approx(0.5 * (np.linalg.slogdet(covariance)[1] + np.log(of_zero.sum())), abs=1e-9)
+
+
+def test_the_evidence_is_the_density_of_the_last_column_with_coefficients_about_zero():
+    rng = np.random.default_rng(6)
+    values, gain = rng.standard_normal((40, 4)), np.array([2.0, 0.3, 5.0])
+    first = np.isin(np.arange(40), [0, 17])
+    arguments = (np.arange(40.0) * 300.0, np.full(40, 0.1), 1e-4, 0.3, 900.0, first)
+    found, root, half = evidence(values, gain, *arguments)
+    rows, logs = _whitened_loop(values, *arguments)
+    scaled, aim = rows[:, :-1] * gain, rows[:, -1]
+    covariance = scaled @ scaled.T + np.eye(40)
+    wanted = logs + 0.5 * (np.linalg.slogdet(covariance)[1] + aim @ np.linalg.solve(covariance, aim))
+    assert found == pytest.approx(wanted, rel=1e-12)
+    precision = scaled.T @ scaled + np.eye(3)
+    np.testing.assert_allclose(root @ root.T, precision, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.solve(root.T, half), np.linalg.solve(precision, scaled.T @ aim), rtol=1e-9)
 
 
 def test_where_gauge_and_thermometer_stood_at_first_does_not_matter(record, model):

@@ -65,3 +65,43 @@ def _whitened_loop(
 
 
 whitened: Callable[..., tuple[Vector, float]] = njit(cache=True)(_whitened_loop)
+
+
+def _evidence(
+    values: Vector,
+    gain: Vector,
+    time_s: Vector,
+    variance: Vector,
+    walk: float,
+    ripple: float,
+    ripple_s: float,
+    first: NDArray[np.bool_],
+) -> tuple[float, Vector, Vector]:
+    """Negative log marginal likelihood of the last of the columns `values` (n, n_columns + 1) given the others.
+
+    Their coefficients are normal about 0 with standard deviations `gain` (n_columns,); the rest as in `whitened`.
+    Also the lower root L of the precision of coefficients / `gain`, and L⁻¹ times their products with the last column.
+    """
+    rows, logs = whitened(values, time_s, variance, walk, ripple, ripple_s, first)
+    n = len(gain)
+    # all products of columns, the last column included, in one matrix; then Cholesky, whose last row is the half
+    root = rows.T @ rows
+    for j in range(n):
+        for i in range(n + 1):
+            root[i, j] *= gain[j]
+            root[j, i] *= gain[j]
+        root[j, j] += 1.0
+    for j in range(n):
+        for i in range(j, n + 1):
+            total = root[i, j]
+            for k in range(j):
+                total -= root[i, k] * root[j, k]
+            root[i, j] = np.sqrt(total) if i == j else total / root[j, j]
+        logs += np.log(root[j, j])
+        for i in range(j):
+            root[i, j] = 0.0
+    half = root[n, :n].copy()
+    return logs + 0.5 * (root[n, n] - (half * half).sum()), root[:n, :n].copy(), half
+
+
+evidence: Callable[..., tuple[float, Vector, Vector]] = njit(cache=True)(_evidence)

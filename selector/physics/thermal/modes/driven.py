@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from selector.physics.thermal.modes._drift import whitened
+from selector.physics.thermal.modes._drift import evidence
 from selector.physics.thermal.modes.fit import (
     USUAL_EXPONENT,
     USUAL_FILM_EXPONENT,
@@ -84,27 +84,17 @@ def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, NDArr
 def _loss(
     values: Vector, kinds: NDArray[np.int64], spreads: Vector, data: ModeData, r: int, there: Rows
 ) -> tuple[float, Vector, Vector]:
-    """Negative log marginal likelihood of one response, its most likely coefficients, and a root of their precision.
-
-    `values` (n_blocks, n_columns + 1): columns, then the response.
-    """
-    gain = np.exp(spreads[kinds])
+    """`evidence` of a response in rows that may be seen; `values` (n_blocks, n_columns + 1) with the response last."""
     white = np.exp(2.0 * spreads[4]) + data.noise_um[r] ** 2 / np.maximum(data.counts[:, r], 1.0)
     known = there & (data.counts[:, r] > 0)
-    rows, logs = whitened(
+    return evidence(
         values,
+        np.exp(spreads[kinds]),
         data.middle_s,
         np.where(known, white, np.inf),
         *np.exp([2.0 * spreads[3], 2.0 * spreads[5], spreads[6]]),
         data.first,
     )
-    scaled, aim = rows[:, :-1] * gain, rows[:, -1]
-    precision = scaled.T @ scaled + np.eye(len(gain))
-    root = np.linalg.cholesky(precision)
-    half = np.linalg.solve(root, scaled.T @ aim)
-    most_likely = np.linalg.solve(root.T, half)
-    loss = logs + float(np.log(np.diag(root)).sum()) + 0.5 * float(aim @ aim - half @ half)
-    return loss, most_likely * gain, root / gain[:, None]
 
 
 def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
@@ -167,11 +157,13 @@ def fitted(
         bounds = list(zip(low, high, strict=True))
         theta = minimize(lost, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-4}).x
     values, kinds = filled(theta)
-    found = [_loss(values[r], kinds, known[r], data, r, seen) for r in responses]
-    inverses = [np.linalg.inv(root) for _, _, root in found]
-    coefficients = np.column_stack([most_likely for _, most_likely, _ in found])
-    covariance = np.array([inverse.T @ inverse for inverse in inverses])
-    return DrivenFit(spec, theta, known, coefficients, covariance, lost(theta))
+    coefficients, covariance = [], []
+    for r in responses:
+        _, root, half = _loss(values[r], kinds, known[r], data, r, seen)
+        inverse = np.linalg.inv(root) * np.exp(known[r][kinds])
+        coefficients.append(inverse.T @ half)
+        covariance.append(inverse.T @ inverse)
+    return DrivenFit(spec, theta, known, np.column_stack(coefficients), np.array(covariance), lost(theta))
 
 
 def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
