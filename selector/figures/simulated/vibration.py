@@ -13,6 +13,7 @@ from selector.figures.panels import Line, Panel, shown_samples, stacked
 from selector.figures.style import log_ticks
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
+from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.final_motion import Method
 from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
 from selector.physics.vibration.vibration_summary import LineSummary
@@ -286,6 +287,26 @@ ZONES = {"roughness": "#eaf3f9", "waviness": "#f4f4f4", "lobing": "#fdf1e3", "ru
 _SEVERAL = "several sources"
 _LEAST_LOBES = 1.5  #: Waves per revolution from which on an error is one of form, and below which it is runout.
 _ALONG = {"cut": "wavelength along the cut [mm]", "feed": "wavelength along the feed [mm]"}
+
+
+def stability_lobes(limit: StabilityLimit, title: str) -> go.Figure:
+    """Depth of cut at which chatter begins over the speed of the workpiece, from a quarter to four times its own."""
+    rpm = limit.cutting.workpiece_rpm
+    speed, depth = limit.lobes(rpm / 4.0, 4.0 * rpm)
+    known = depth[np.isfinite(depth)]
+    drawn = style.figure(title, 300)
+    if not known.size:
+        return drawn
+    top = 3.0 * float(np.median(known))
+    shown = np.minimum(depth, 2.0 * top)
+    style.curve(drawn, speed, shown, style.PREDICTED, "chatter begins", "%{x:.4g} r/min: %{y:.3g} mm<extra></extra>")
+    style.rule(drawn, rpm, style.INK)
+    ends = np.log10(speed[[0, -1]]).tolist()
+    drawn.layout.xaxis = {
+        "type": "log", "range": ends, "title": {"text": "speed of the workpiece [r/min]"}, **log_ticks(*ends)
+    }  # fmt: skip
+    drawn.layout.yaxis = {"range": [0.0, top], "title": {"text": "depth of cut [mm]"}}
+    return drawn
 
 
 def errors_over_wavelength(

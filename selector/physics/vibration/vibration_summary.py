@@ -14,6 +14,7 @@ from selector.physics.model_fields import unlikely_values
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import HEAVIEST_KG
+from selector.physics.vibration.motion.chatter import StabilityLimit, stability_limit
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import (
     KindHeight,
@@ -306,6 +307,8 @@ class VibrationSummary:
     errors: tuple[PeriodicError, ...] = ()  #: What the motion leaves on the surface; empty without ``[cutting]``
     #: Kind of error (roughness, waviness, lobing, runout) → the height of all errors of the kind together
     heights: Mapping[str, KindHeight] = field(default_factory=dict)
+    #: Where chatter begins; None without ``[cutting]``, and where no depth does it
+    stability: StabilityLimit | None = None
     #: How good every chain is within the structure; empty without ``[[chains]]``
     accuracy: tuple[ChainAccuracy, ...] = ()
     split_hz: float | None = None  #: Below it the low chains hold, above it the high ones; None without ``[cutting]``
@@ -331,6 +334,7 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
         errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
     heights = () if cut is None else kind_heights(errors, cut)
     findings += _too_many(model, amplitudes, errors)
+    stability = None if cut is None else stability_limit(model.structure, modes, cut, **model.finals)
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(
         modes=modes,
@@ -338,6 +342,7 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
         amplitudes=amplitudes,
         errors=errors,
         heights={one.kind: one for one in heights},
+        stability=stability,
         accuracy=accuracy,
         split_hz=split_hz,
         shaft_rpm=simulation.shaft_rpm,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
+from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
 from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
@@ -26,6 +27,7 @@ MOST_ERRORS = 40
 MOST_MODES = 30
 FINALS = {"tool": "tool", "workpiece": "workpiece", RELATIVE: "tool − workpiece"}
 _PERIODS = 6.0  #: Of the largest line, that a stretch of time shows.
+_WORTH = 1.1  #: Times the depth without chatter from which on another speed is worth a word.
 _FAR = 1.5  #: Amplification below which a line is not said to be near a resonance.
 _MORE_THAN_MOTION = 3.0  #: Times the copied motion from which on a height by the force is said to be none.
 _LEAST_DB = 1e-4  #: Difference below which two solutions are the same, to rounding.
@@ -50,7 +52,7 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
     """What is told of a simulated vibration: what the part keeps, where it comes from, where chains go wrong."""
     done, model, summary = result.simulated, result.simulated.model, result.summary
     heights = tuple(summary.heights.values())
-    errors = lines = chains = None
+    errors = stability = lines = chains = None
     if summary.errors:
         errors = section(
             "errors",
@@ -60,6 +62,8 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
             Captioned("Periodic errors, highest first", errors_table(summary.errors)),
             link="Periodic errors",
         )
+    if summary.stability is not None:
+        stability = section("stability", "Where it chatters", *drawings.get("stability", ()), link="Chatter")
     if summary.lines:
         lines = section(
             "lines",
@@ -83,6 +87,7 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
         _sentences(result),
         (
             errors,
+            stability,
             lines,
             section("structure", "Structure and modes", *drawings.get("structure", ()), modes),
             section("response", "Response", *drawings.get("response", ())),
@@ -117,6 +122,8 @@ def _sentences(result: SimulationResult) -> list[str]:
         said += [*published_sentences(summary.errors), kinds_sentence(tuple(summary.heights.values()))]
     elif summary.lines:
         said.append(line_sentence(max(summary.lines, key=lambda one: one.motion_um[RELATIVE]), carried))
+    if summary.stability is not None:
+        said.append(stability_sentence(summary.stability))
     said.append(motion_sentence(summary))
     if model.file.run.method == "chains":
         said.append("The motions are those of the chain method.")
@@ -296,6 +303,24 @@ def chains_sentence(accuracy: Sequence[ChainAccuracy]) -> str:
     )
 
 
+def stability_sentence(limit: StabilityLimit) -> str:
+    """From which depth of cut on it chatters: at the speed of the workpiece, and at its best speed near by."""
+    rpm = limit.cutting.workpiece_rpm
+    depth, at_hz = limit.at_speed(rpm)
+    speed, depths = limit.lobes(rpm / 2.0, 2.0 * rpm)
+    best = int(np.argmax(depths))
+    if math.isinf(depth):
+        return f"At {rpm:.4g} r/min no depth of cut chatters."
+    text = (
+        f"At {rpm:.4g} r/min the cut chatters from a depth of {number_text(depth)} mm on, at {at_hz:.4g} Hz, if it "
+        "swings along the thickness of the chip"
+    )
+    if depths[best] < _WORTH * depth:
+        return f"{text}; half or twice the speed changes that by less than {share_text(_WORTH - 1.0)}."
+    allowed = "any depth" if math.isinf(depths[best]) else f"{number_text(float(depths[best]))} mm"
+    return f"{text}; {speed[best]:.4g} r/min allows {allowed}."
+
+
 def kinds_table(heights: Sequence[KindHeight]) -> Table:
     """Height of every kind."""
     rows = [(one.kind, str(one.lines), one.kinematic_um, one.rms_um, one.published_um) for one in heights]
@@ -428,8 +453,28 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
             }
             for kind, one in summary.heights.items()
         },
+        "stability": _stability_data(summary.stability),
         "chains": [_accuracy_data(one) for one in summary.accuracy],
     }
+
+
+def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
+    if limit is None:
+        return None
+    least = int(np.argmin(limit.stiffness_n_per_m))
+    rpm = limit.cutting.workpiece_rpm
+    speed, depth = limit.lobes(rpm / 4.0, 4.0 * rpm)
+    return {
+        "least_stiffness_n_per_um": 1e-6 * float(limit.stiffness_n_per_m[least]),
+        "frequency_hz": float(limit.frequency_hz[least]),
+        "depth_mm": _finite(limit.at_speed(rpm)[0]),
+        "speed_rpm": speed.tolist(),
+        "limit_depth_mm": [_finite(one) for one in depth.tolist()],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:

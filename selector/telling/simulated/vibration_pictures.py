@@ -19,6 +19,7 @@ from selector.figures.simulated.vibration import (
     motion_course,
     response_over_frequency,
     source_colours,
+    stability_lobes,
 )
 from selector.number_text import number_text
 from selector.physics.vibration.motion.final_motion import ChainMethod, Method, final_receptance
@@ -49,6 +50,7 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
     several = len(result.recording.runs) > 1
     return {
         "errors": _errors(model, summary, colours),
+        "stability": _stability(summary),
         "lines": _lines(model, summary, colours),
         "structure": [_structure(model, summary)],
         "response": _response(model, summary, colours),
@@ -77,6 +79,17 @@ def _errors(model: VibrationModel, summary: VibrationSummary, colours: Mapping[s
     )
     drawn = errors_over_wavelength(summary.errors, cutting, model.surface, colours, title)
     return [Drawing(drawn, _ERRORS)]
+
+
+def _stability(summary: VibrationSummary) -> list[Block]:
+    limit = summary.stability
+    if limit is None:
+        return []
+    rpm = limit.cutting.workpiece_rpm
+    depth, _ = limit.at_speed(rpm)
+    allowed = f"up to a depth of {number_text(depth)} mm" if np.isfinite(depth) else "at any depth"
+    drawn = stability_lobes(limit, f"Computed: at {rpm:.4g} r/min the cut does not chatter {allowed}")
+    return [Drawing(drawn, _STABILITY)]
 
 
 def _lines(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
@@ -235,6 +248,11 @@ _ERRORS = (
     "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W, the law of the "
     "cutting force, which takes inertia forces of tool and workpiece for changes of it. First revolution, without "
     "regeneration and chatter; grey: several sources."
+)
+_STABILITY = (
+    "Below the line the waves of one turn die out in the next, above it they grow. The tool is taken to swing along "
+    "the thickness of the chip, on the whole structure. Dotted: the speed of the workpiece. What rubs on the flank at "
+    "low speeds, and holds chatter back there, is not in it."
 )
 _STRUCTURE = (
     "From the ground up; a joint is thicker where it is stiffer. Size: how far a member moves in the mode; blue: with "
