@@ -3,7 +3,7 @@
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +18,9 @@ from selector.cli.shared.files import written_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
+
+if TYPE_CHECKING:
+    from selector.readers import Reading
 
 
 class TableFormat(StrEnum):
@@ -87,6 +90,10 @@ def convert(
     table_format: Annotated[
         TableFormat, typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
     ] = TableFormat.CSV,
+    lake: Annotated[
+        bool,
+        typer.Option("--lake", metavar="", help="Put them into a lake: DIR/machine=NAME/month=YYYY-MM, a file a day."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.
@@ -94,6 +101,9 @@ def convert(
     What a file says is written as it was read; nothing is filled in, and nothing left out but codes of broken sensors
     (850, −9999). Tables of the same name in DIR are replaced, unless they are among the recordings that were read; a
     machine file there that says something else is not.
+
+    With --lake recordings with date and time go where `collect` keeps what a machine says: late files and files that
+    were given before are no harm, and --since, --until and --mean-s of the other commands read windows of it.
     """
     from selector.quality import inspect, without_faults
     from selector.quality.finding_table import SENSOR_BREAK
@@ -107,6 +117,9 @@ def convert(
     reading = replace(
         reading, recording=without_faults(reading.recording, broken), findings=(*reading.findings, *broken)
     )
+    if lake:
+        _into_lake(reading, out, as_json)
+        return
     if out.exists():
         # it may hold what was read, which `converted` refuses to replace
         paths = converted(reading, out, table_format.value)
@@ -119,3 +132,18 @@ def convert(
     console = showing.screen()
     showing.show_findings(console, reading.findings)
     console.print(f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}", markup=False)
+
+
+def _into_lake(reading: "Reading", folder: Path, as_json: bool) -> None:
+    from selector.live.lake import kept
+
+    paths, new = kept(reading, folder)
+    rows = len(reading.recording.frame)
+    if as_json:
+        counts = {"rows": rows, "new_rows": new}
+        showing.print_json({"schema": "selector.conversion/1", "files": paths, **counts, "findings": reading.findings})
+        return
+    console = showing.screen()
+    showing.show_findings(console, reading.findings)
+    there = "" if new == rows else f"; {rows - new} times were there already"
+    console.print(f"{rows} rows are in {len(paths)} files of days in {folder}{there}", markup=False)

@@ -33,14 +33,14 @@ def _file_name(text: str) -> str:
 
 KeyPath = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_usable_path)]
 FileName = Annotated[str, Field(min_length=1, max_length=255), AfterValidator(_file_name)]
-_SHA256, _DATE, _FOLDER = "^[0-9a-f]{64}$", r"^\d{4}-\d{2}-\d{2}$", r"^[\w][\w.-]{0,99}$"
+_SHA256, _DATE, FOLDER = "^[0-9a-f]{64}$", r"^\d{4}-\d{2}-\d{2}$", r"^[\w][\w.-]{0,99}$"
 _FORMS = {
     _SHA256: "a SHA-256: 64 hexadecimal digits, 0-9 and a-f",
     _DATE: "a date as YYYY-MM-DD",
-    _FOLDER: "letters, digits, . _ and - without blanks, as of a folder, 100 at most",
+    FOLDER: "letters, digits, . _ and - without blanks, as of a folder, 100 at most",
 }
 Sha256 = Annotated[str, Field(pattern=_SHA256)]
-FolderName = Annotated[str, Field(pattern=_FOLDER)]
+FolderName = Annotated[str, Field(pattern=FOLDER)]
 Name = Annotated[str, Field(min_length=1, max_length=1000)]
 Names = Annotated[tuple[Name, ...], Field(strict=False, max_length=MOST_FILES)]
 Paths = Annotated[tuple[KeyPath, ...], Field(strict=False, min_length=1, max_length=MOST_FILES)]
