@@ -28,6 +28,7 @@ SECTIONS = {
     "`[candidates]`": schema.CandidatesSection,
     "`[sources.NAME]` of the field machine": schema.FieldSource,
     "`[films.NAME]` and `[coolant_films.NAME]` of the field machine": schema.FieldFilm,
+    "`[cooled.NAME]` of the field machine": schema.FieldCooling,
     "`[[sensors]]`": schema.Sensor,
     "`[[gauges]]`": schema.Gauge,
     "`[bounds]`": None,

@@ -20,6 +20,7 @@ from selector.physics.thermal.field.machine import (
     film_sets,
     foot_springs,
     machine_laws,
+    parts_beside,
     virtual_machining_centre,
 )
 from selector.physics.thermal.field.mesh import probe_row
@@ -47,6 +48,8 @@ def laws_of(file: FieldFile) -> Laws:
     _require_known(
         file.coolant_films, [law.film for law in shipped.films if law.while_coolant], "film", "coolant_films"
     )
+    surfaces = {law.film for law in shipped.films} - parts_beside()[0].heat_capacity_j_per_k.keys()
+    _require_known(file.cooled, sorted(surfaces), "surface", "cooled")
     heat = []
     for law in shipped.heat:
         said = file.sources[law.source].model_dump(exclude_none=True) if law.source in file.sources else {}
@@ -58,9 +61,9 @@ def laws_of(file: FieldFile) -> Laws:
                 advice="leave softening_per_k out here",
             )
         heat.append(dataclasses.replace(law, **said))
-    return Laws(
-        tuple(heat), tuple(_film(law, file.coolant_films if law.while_coolant else file.films) for law in shipped.films)
-    )
+    films = [_film(law, file.coolant_films if law.while_coolant else file.films) for law in shipped.films]
+    films += [FilmLaw(name, fluid="fixed", **said.model_dump()) for name, said in file.cooled.items()]
+    return Laws(tuple(heat), tuple(films))
 
 
 def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
@@ -71,6 +74,8 @@ def law_sections(file: FieldFile) -> dict[str, dict[str, dict[str, float]]]:
         keys = (*_HEAT_KEYS, *(("exponent", "reference_rpm") if heat.speed_w else ()))
         sections["sources"][heat.source] = {key: getattr(heat, key) for key in keys if getattr(heat, key)}
     for film in laws.films:
+        if film.fluid == "fixed":
+            continue
         keys = (*_FILM_KEYS, *(("exponent", "reference_rpm") if film.speed_w_per_m2_k else ()))
         values = {key: getattr(film, key) for key in keys if getattr(film, key)}
         sections["coolant_films" if film.while_coolant else "films"][film.film] = values

@@ -232,6 +232,13 @@ class FieldFilm(Entry):
     exponent: Exponent | None = None
 
 
+class FieldCooling(Entry):
+    """``[cooled.NAME]`` of the field machine: a surface along which a cooler pumps oil of one temperature."""
+
+    still_w_per_m2_k: FilmCoefficient
+    fixed_degc: FittedDegrees = 20.0
+
+
 class ModesSection(Entry):
     """``[modes]``: time constants shared by all displacements, steady gains per tested speed and mode."""
 
@@ -304,6 +311,7 @@ class FieldFile(_Common):
     sources: Annotated[dict[Name, FieldSource], Field(max_length=100)] = Field(default_factory=dict)
     films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
     coolant_films: Annotated[dict[Name, FieldFilm], Field(max_length=100)] = Field(default_factory=dict)
+    cooled: Annotated[dict[Name, FieldCooling], Field(max_length=100)] = Field(default_factory=dict)
     sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
     candidates: CandidatesSection | None = None
 
@@ -437,7 +445,7 @@ FAMILY: ModelFamily[ModelFile] = ModelFamily(
 #: The model file at a path, of a text, and of plain values; see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 
-_SECTIONS = ("nodes", "links", "films", "coolant_films", "sources", "modes", "run")
+_SECTIONS = ("nodes", "links", "films", "coolant_films", "cooled", "sources", "modes", "run")
 
 
 def parameters(file: ModelFile) -> dict[str, Parameter]:

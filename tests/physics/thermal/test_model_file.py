@@ -464,12 +464,25 @@ def test_the_laws_of_the_field_machine_are_varied_key_by_key():
     assert laws_of(with_parameters(file, {})) == laws_of(file)
 
 
+def test_a_cooler_is_a_film_of_oil_beside_the_air_and_its_numbers_are_parameters():
+    file = parsed_model_file(FIELD + '\n[cooled."headstock inside"]\nstill_w_per_m2_k = 200\nfixed_degc = 22\n')
+    plain = laws_of(parsed_model_file(FIELD))
+    laws = laws_of(file)
+    assert laws.films[:-1] == plain.films
+    added = laws.films[-1]
+    assert (added.film, added.fluid, added.fixed_degc, added.while_coolant) == ("headstock inside", "fixed", 22, False)
+    warmer = with_parameters(file, {"cooled.headstock inside.fixed_degc": 25.0})
+    assert laws_of(warmer).films[-1].fixed_degc == 25.0
+    assert laws_of(warmer).films[:-1] == plain.films
+
+
 @pytest.mark.parametrize(
     ("more", "where", "named"),
     [
         ('[sources."lower bering"]\nspeed_w = 1', 'sources."lower bering"', "'lower bearing' perhaps"),
         ('[films."table tops"]\nstill_w_per_m2_k = 1', 'films."table tops"', "'table top' perhaps"),
         ("[coolant_films.column]\nstill_w_per_m2_k = 1", "coolant_films.column", "table top"),
+        ('[cooled."headstock inner"]\nstill_w_per_m2_k = 1', 'cooled."headstock inner"', "'headstock inside' perhaps"),
         ("[sources.motor]\nsoftening_per_k = 0.01", "sources.motor.softening_per_k", "lower bearing"),
         ("[sources.motor]\nshares = { motor = 1 }", "sources.motor.shares", "on_w"),
         ("[field.geometry]\ncolumn_hight_m = 2", "field.geometry.column_hight_m", "column_width_m"),
