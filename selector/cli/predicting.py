@@ -62,6 +62,10 @@ StartName = Annotated[
         "record, else cold.",
     ),
 ]
+FindOrder = Annotated[
+    bool,
+    _of_program("--order", metavar="", help="Also find the order of the operations that needs the fewest corrections."),
+]
 Resolution = Annotated[
     float | None,
     _of_program(
@@ -92,6 +96,7 @@ class Asked:
     operations: Operations = None
     tolerance: Tolerances = None
     resolution: Resolution = None
+    order: FindOrder = False
     start: StartName = None
     nc: NcProgram = None
     invert: Inverted = None
@@ -108,6 +113,11 @@ class Asked:
             raise OptionError(
                 "--invert without --nc", expected="an NC subprogram, whose sign it turns", where="--invert",
                 advice="add --nc fanuc or --nc sinumerik, or leave it out",
+            )  # fmt: skip
+        if self.order and len(self.operations_s() or ()) < 2:
+            raise OptionError(
+                "--order without operations", expected="at least two operations, whose order can change",
+                where="--order", advice="say how long the operations are, e.g. --operations 60,45,90",
             )  # fmt: skip
         self.tolerances_um()
         self.begins()
@@ -251,6 +261,7 @@ def predict(
         operations_s=lengths_s,
         tolerance_um=asked.tolerances_um(),
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
+        find_order=asked.order,
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
         told=(*of_recording, *of_cycle),
     )

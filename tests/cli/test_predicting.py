@@ -439,3 +439,36 @@ def test_the_correction_program_as_a_macro(one_mode, tmp_path, capsys):
     without = [word for word in arguments if word not in ("--operations", "60,60", "--tolerance", "10")]
     assert exit_status([*without, "--out", str(out)]) == 0
     assert {path.name for path in out.iterdir()} == {"prediction.json", "report.html", "SELECTOR_TIMED.SPF"}
+
+
+def test_another_order_of_operations_may_need_fewer_corrections(one_mode, tmp_path, capsys):
+    cycle = tmp_path / "cycle.csv"
+    speeds, lengths = (1000, 2000, 1600), (30, 40, 50)
+
+    def written(order):
+        starts = np.cumsum([0, *(lengths[k] for k in order)])
+        rows = [f"{60 * start},{speeds[k]}" for start, k in zip(starts, order, strict=False)]
+        cycle.write_text("\n".join(["time_s,spindle_speed", *rows, f"{60 * starts[-1]},0"]) + "\n", encoding="utf-8")
+        return ",".join(str(lengths[k]) for k in order)
+
+    def asked(order, *more):
+        arguments = ["--machine", str(one_mode / "machine.toml"), "--cycle", str(cycle), "--operations", written(order)]
+        assert exit_status(["predict", str(one_mode), *arguments, "--tolerance", "5", *more]) == 0
+        return capsys.readouterr().out
+
+    found = json.loads(asked((0, 1, 2), "--order", "--json"))["order"]
+    assert (found["tried"], found["is_exact"]) == (6, True)
+    best = json.loads(asked([k - 1 for k in found["operations"]], "--json"))
+    assert sum(len(one["corrections_um"]) - 1 for one in best["program"]) == found["corrections"] < found["as_given"]
+    order = ", ".join(map(str, found["operations"]))
+    assert f"In the order {order} {found['corrections']} corrections would do" in " ".join(
+        asked((0, 1, 2), "--order").split()
+    )
+
+
+def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
+    cycle = tmp_path / "cycle.csv"
+    cycle.write_text("time_s,spindle_speed\n0,1000\n3600,0\n", encoding="utf-8")
+    arguments = ["--machine", str(one_mode / "machine.toml"), "--cycle", str(cycle), "--tolerance", "5", "--order"]
+    assert exit_status(["predict", str(one_mode), *arguments]) == 2
+    assert "at least two operations" in capsys.readouterr().err

@@ -10,6 +10,7 @@ import numpy as np
 from selector.number_text import number_text
 from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation, program_blocks
+from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling import origin
 from selector.telling.account import (
@@ -55,6 +56,8 @@ def prediction_account(
 
         drawings = drawings_of(prediction)
     verdict, sentences = prediction_advice(prediction)
+    if prediction.order is not None:
+        sentences = (*sentences, order_sentence(prediction.order))
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
     urgent = remarks_of(prediction.findings, "error", "warning")
@@ -141,6 +144,16 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
         return "bad", (warning + first, _trust(prediction), _SIGN)
     return "good", (first, _trust(prediction), _SIGN)
+
+
+def order_sentence(found: BestOrder) -> str:
+    """Whether another order of the operations needs fewer corrections."""
+    tried = f"of {'all ' if found.is_exact else ''}{found.tried} orders that were tried"
+    if found.corrections == found.as_given:
+        return f"No other order of the operations needs fewer corrections, {tried}."
+    order = ", ".join(map(str, found.operations))
+    would = "none would" if found.corrections == 0 else f"{found.corrections} corrections would"
+    return f"In the order {order} {would} do instead of {found.as_given}, {tried}."
 
 
 def _instruction(prediction: Prediction, name: str) -> str:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from selector.physics.thermal.prediction.answer import Mode, Start
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
+from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Method, Prediction
 from selector.selection.result_file import FindingPart
 from selector.types import Vector
@@ -53,6 +54,7 @@ class PredictionDocument(_Part):
     accuracy: dict[str, _Accuracy] = {}
     left_out: dict[str, dict[str, Perhaps]] = {}
     start: Start = "cold"
+    order: BestOrder | None = None
     findings: tuple[FindingPart, ...] = ()
 
 
@@ -90,6 +92,7 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
         },
         start=told.start,
         temperatures=tuple(told.temperature_k),
+        order=told.order,
     )
 
 

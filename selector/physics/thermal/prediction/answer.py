@@ -51,7 +51,8 @@ def modes_of(tau_s: Vector, low_s: Vector, high_s: Vector) -> tuple[Mode, ...]:
 class Answer:
     """What a method says of the duty cycle."""
 
-    course: Callable[[Vector], Vector]  #: Times (n_times,) [s] → displacements (n_times, n_responses) [µm]
+    #: Duty cycle, times (n_times,) [s] → displacements (n_times, n_responses) [µm]
+    course: Callable[[Cyclogram, Vector], Vector]
     findings: tuple[Finding, ...]
     repeats: tuple[RepeatedTest, ...]
     modes: tuple[Mode, ...] = ()

@@ -25,7 +25,7 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
     heldout = model.heldout_um
     names = model.part_names
     return Answer(
-        course=lambda time: model.displacement_um(cycle, time, hall, follows=follows),
+        course=lambda of, time: model.displacement_um(of, time, hall, follows=follows),
         findings=tuple(_findings(model, ask, hall, start)),
         repeats=_repeats(model),
         modes=modes_of(np.sort(model.fit.tau_s), model.tau_low_s, model.tau_high_s),

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Star
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, correction_program, notation
 from selector.physics.thermal.prediction.driven import driven_answer
+from selector.physics.thermal.prediction.order import BestOrder, best_order
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
     RepeatedTest,
@@ -68,6 +70,7 @@ class Prediction:
     left_out_um: Mapping[str, Vector] = field(default_factory=dict)
     start: Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
     temperatures: tuple[str, ...] = ()  #: Responses that are temperatures: for them all µm are K
+    order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
 
     def unit(self, response: str) -> str:
         """µm, or K for a temperature."""
@@ -90,6 +93,7 @@ class Prediction:
                 for name, program in self.programs.items()
                 for number, operation in enumerate(program.operations, start=1)
             ],
+            **({} if self.order is None else {"order": dict(vars(self.order))}),
             "tolerance_um": tolerances.pop() if len(tolerances) == 1 else None,
             "accuracy": {
                 name: {
@@ -176,6 +180,7 @@ def predict(
     operations_s: Sequence[float] | None = None,
     tolerance_um: Tolerance | None = None,
     resolution_s: float | None = None,
+    find_order: bool = False,
     temperatures: Sequence[str] = (),
     told: Sequence[Finding] = (),
 ) -> Prediction:
@@ -185,8 +190,8 @@ def predict(
     tests end (`start`; None: where the tests end if they are one long run, else cold). Responses may be `temperatures`.
     A correction program is made for displacements if `operations_s` or `tolerance_um` is given: without operations the
     whole duty cycle is one, without a tolerance it is `USUAL_TOLERANCE_UM`; a tolerance is for all, or by response, one
-    for all operations or for each. `resolution_s` rounds its times, see `correction_program`. What was `told` before
-    stands first among the findings.
+    for all operations or for each. `resolution_s` rounds its times, see `correction_program`; `find_order`: which order of
+    the operations needs the fewest corrections is found, too. What was `told` before stands first among the findings.
 
     Raises
     ------
@@ -206,15 +211,20 @@ def predict(
     answer = _modal(ask) if method == "modal" else _piecewise(ask)
     findings += answer.findings
     findings += _halls_not_used(ask, answer)
-    time = _times(answer.course, cyclogram, operations_s)
-    displacement = answer.course(time)
+    time = _times(partial(answer.course, cyclogram), cyclogram, operations_s)
+    displacement = answer.course(cyclogram, time)
     programs: dict[str, CorrectionProgram] = {}
+    order: BestOrder | None = None
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
         for r, name in enumerate(responses):
             if name not in temperatures:
                 tolerance = _tolerance_of(tolerance_um, name, len(lengths))
                 programs[name] = correction_program(time, displacement[:, r], lengths, tolerance, resolution_s)
+        if find_order and operations_s is not None:
+            tolerances = {r: _tolerance_of(tolerance_um, name, len(lengths)) for r, name in enumerate(responses)}
+            tolerances = {r: one for r, one in tolerances.items() if responses[r] in programs}
+            order = best_order(answer.course, cyclogram, lengths, tolerances, resolution_s)
         claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
         named = tolerance_um if isinstance(tolerance_um, Mapping) else dict.fromkeys(responses, tolerance_um)
         usual = [name for name in programs if named.get(name) is None]
@@ -241,6 +251,7 @@ def predict(
         answer.left_out_um,
         answer.start,
         tuple(temperatures),
+        order,
     )
 
 
@@ -263,7 +274,7 @@ def _modal(ask: Asked) -> Answer:
         *contradiction_findings(ask.tests, repeats, ask.responses),
     ]
     return Answer(
-        course=lambda time: fit.model.displacement_um(cycle, time),
+        course=fit.model.displacement_um,
         findings=tuple(findings),
         modes=modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
         mode_course=lambda time: fit.model.mode_displacement_um(cycle, time),
@@ -287,7 +298,7 @@ def _piecewise(ask: Asked) -> Answer:
         *contradiction_findings(ask.tests, repeats, ask.responses),
     ]
     return Answer(
-        course=lambda time: piecewise_displacement_um(curves, ask.cyclogram, time)[0],
+        course=lambda cycle, time: piecewise_displacement_um(curves, cycle, time)[0],
         findings=tuple(findings),
         repeats=repeats,
     )
