@@ -190,8 +190,9 @@ def predict(
     tests end (`start`; None: where the tests end if they are one long run, else cold). Responses may be `temperatures`.
     A correction program is made for displacements if `operations_s` or `tolerance_um` is given: without operations the
     whole duty cycle is one, without a tolerance it is `USUAL_TOLERANCE_UM`; a tolerance is for all, or by response, one
-    for all operations or for each. `resolution_s` rounds its times, see `correction_program`; `find_order`: which order of
-    the operations needs the fewest corrections is found, too. What was `told` before stands first among the findings.
+    for all operations or for each. `resolution_s` rounds its times, see `correction_program`. With `find_order` the
+    order of the operations that needs the fewest corrections is found, too. What was `told` before stands first among
+    the findings.
 
     Raises
     ------
