@@ -113,6 +113,11 @@ def adapt(
     from selector.telling.adapted import adaptation_account
 
     every_s = asked.every_s()
+    if asked.touch_offs is not None and (source.since or source.until):
+        raise OptionError(
+            "touch-offs, whose times count from the start of a run, and a window", expected="whole runs",
+            where="--since and --until", advice="leave the two options out, or use --every",
+        )  # fmt: skip
     inputs = [model, *([] if asked.touch_offs is None else [asked.touch_offs]), *source.machine_files]
     if out is not None:
         require_writable_folder(out, "--out", ("adaptation.json", "model.json", "report.html"))

@@ -240,6 +240,11 @@ def predict(
 
     lengths_s = asked.operations_s()
     asked.require_usable(out)
+    if source.mean_s is not None:
+        raise OptionError(
+            f"--mean-s {source.mean_s:g}", expected="samples as they were recorded", where="--mean-s",
+            advice="leave it out: means are taken here anyway, over times that grow since the speed last changed",
+        )  # fmt: skip
     if out is not None:
         require_writable_folder(out, "--out", ("prediction.json", "report.html"))
         refuse_folder_of_inputs(out, [asked.cycle, *source.machine_files, *source.runs])

@@ -5,6 +5,7 @@ from selector.quality.finding_table import FINDINGS as QUALITY
 
 AMBIGUOUS_TIME = "ambiguous-time"
 CHANNELS_LACKING = "channels-lacking"
+CLOCK_BACK, CLOCK_FORWARD = "clock-jump-back", "clock-jump-forward"
 COLUMNS_IGNORED = "columns-ignored"
 COLUMNS_WITHOUT_ROLE = "columns-without-role"
 FILES_SKIPPED = "files-skipped"
@@ -18,6 +19,10 @@ UNREADABLE_CELLS = "unreadable-cells"
 FINDINGS = Kinds.of(
     """
 read-in-pieces [info] the recordings are large and were read in pieces; faults were looked for in a part of the rows
+run-outside-window [info] of a run next to nothing lies in the window, or it is shorter than two means
+    → widen the window, or take means over fewer seconds
+window-begins-in-run [info] the window begins within a run
+    → begin the window where runs begin, if the machine has to be cold there
 means-taken [info] means over some seconds were taken in place of samples, as asked
 opaque-objects [warning] a MAT file holds objects that only MATLAB can read; they are left out
     → convert them to plain vectors in MATLAB

@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from selector.errors import OptionError, ReadError
+from selector.errors import InputError, OptionError, ReadError
 from selector.findings import Finding, Where
+from selector.quality import without_faults
+from selector.quality.broken_sensors import broken_sensors
+from selector.quality.survey import Survey
 from selector.readers.binary.optional import quiet
 from selector.readers.clock.clock import TimeOptions
 from selector.readers.clock.stamps import time_unit
@@ -223,6 +226,7 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         findings.append(FINDINGS.finding("machine-file-found", used, Where(file=str(found.machine))))
     options = time_options(declared, overrides)
     timed: list[TimedRun] = []
+    outside: list[str] = []
     rows = 0
     columns = [c.column or n for n, c in declared.channels.items()] if declared is not None else []
     with quiet(), np.errstate(all="ignore"):
@@ -230,15 +234,43 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
                 read_runs = [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
-                rows += sum(len(run.time_s) for run in read_runs)
-                timed += [kept for run in read_runs if (kept := within(run, overrides)) is not None]
+                for run in read_runs:
+                    rows += len(run.time_s)
+                    kept = within(_believed(run, declared, overrides), overrides)
+                    if kept is None:
+                        outside.append(run.name)
+                    else:
+                        timed.append(kept)
         require_some(timed, overrides)
-        findings += thinning(rows, timed, overrides)
+        findings += thinning(rows, timed, outside, overrides)
         runs, planned, noticed = settled(timed, declared, overrides)
         recording, told = assembled(runs, planned)
     said = condensed([*findings, *noticed, *told])
     infos, channels = tuple(_run_info(run) for run in runs), tuple(_channel_info(planned, runs))
     return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
+
+
+def _believed(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:
+    """A run of which means are taken, without codes of broken sensors and without what a repair leaves out."""
+    if overrides.mean_s is None:
+        return run
+    try:
+        runs, planned, _ = settled([run], declared, replace(overrides, partial=True))
+        recording, _ = assembled(runs, planned)
+    except InputError:
+        # told where all runs are read
+        return run
+    name = runs[0].name
+    headers = {one.name: one.headers[name] for one in planned.channels}
+    broken = tuple(broken_sensors(Survey(recording)))
+    values = without_faults(recording, broken).values(name, recording.names)
+    lacking = {headers[channel]: np.isnan(values[:, k]) for k, channel in enumerate(recording.names)}
+    columns = [
+        replace(one, values=np.where(lacking[one.header], np.nan, one.values)) if one.header in lacking else one
+        for one in run.columns
+    ]
+    told = [replace(one, where=replace(one.where, channel=headers[str(one.where.channel)])) for one in broken]
+    return replace(run, columns=tuple(columns), findings=(*run.findings, *told))
 
 
 def settled(

@@ -37,6 +37,7 @@ class TimedRun:
     start: str | None  #: Absolute start, ISO 8601
     table: Table
     findings: tuple[Finding, ...]
+    skipped_s: float = 0.0  #: What the window cut off at the beginning of the recorded run [s]
 
     @cached_property
     def by_header(self) -> dict[str, Column]:

@@ -10,10 +10,12 @@ import numpy as np
 
 from selector.errors import OptionError, ReadError
 from selector.findings import Finding, Where
-from selector.readers.finding_table import FINDINGS
+from selector.readers.finding_table import CLOCK_BACK, CLOCK_FORWARD, FINDINGS
 from selector.readers.runs import TimedRun, averaged
-from selector.readers.tables import Overrides
+from selector.readers.tables import Overrides, listed
+from selector.types import Vector
 
+WINDOW = "--since and --until"  #: Where errors of the window are.
 _DAY = re.compile(r"\d{4}-\d\d-\d\d")
 _BEGIN, _END = datetime.datetime.min, datetime.datetime.max
 
@@ -27,7 +29,7 @@ def files_within(files: Sequence[Path], overrides: Overrides) -> list[Path]:
     kept = []
     for path in files:
         begins = _day_of(path)
-        if begins is None or (begins < until and begins + datetime.timedelta(days=1) > since):
+        if begins is None or (begins < until and begins.date() >= since.date()):
             kept.append(path)
     if files and not kept:
         raise _nothing(overrides, f"{len(files)} files of other days, {files[0].name} to {files[-1].name}")
@@ -37,26 +39,31 @@ def files_within(files: Sequence[Path], overrides: Overrides) -> list[Path]:
 def within(run: TimedRun, overrides: Overrides) -> TimedRun | None:
     """What a run has of the window, as means where these are asked for; None: fewer than two samples.
 
-    A mean stands at the first sample that it is of.
+    A mean stands in the middle of its samples. The first sample stays what it is: from there rises and the gauge count.
 
     Raises OptionError: the run has no date to compare the window with.
     """
     if overrides.has_window:
         run = _cut(run, *_window(overrides))
     if overrides.mean_s is not None and len(run.time_s):
-        groups = np.floor(run.time_s / overrides.mean_s + 1e-9).astype(np.int64)
-        first = np.flatnonzero(np.r_[True, np.diff(groups) > 0])
-        columns = [
-            replace(column, values=averaged(column.values[:, None], groups, len(first))[:, 0]) for column in run.columns
-        ]
+        groups = np.floor(run.time_s / overrides.mean_s + 1e-9).astype(np.int64) + 1
+        if groups[-1] == 1:
+            return None
+        groups[0] = 0
+        count = len(np.unique(groups))
+
+        def means(values: Vector) -> Vector:
+            return averaged(values[:, None], groups, count)[:, 0]
+
+        columns = [replace(column, values=means(column.values)) for column in run.columns]
         # the table, of which nothing is read any more, would keep all samples in memory
         table = replace(run.table, columns=())
-        run = replace(run, time_s=run.time_s[first], columns=tuple(columns), table=table)
+        run = replace(run, time_s=means(run.time_s), columns=tuple(columns), table=table)
     return run if len(run.time_s) > 1 else None
 
 
 def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
-    """Ends with an error where nothing is left of any file.
+    """Ends with an error where nothing is left of any run.
 
     Raises ReadError: so it is.
     """
@@ -71,8 +78,15 @@ def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
         raise _nothing(overrides, "fewer than two samples, or means, in each of these recordings")
 
 
-def thinning(rows: int, runs: Sequence[TimedRun], overrides: Overrides) -> Iterator[Finding]:
-    """That means stand in place of samples: `rows` were read."""
+def thinning(rows: int, runs: Sequence[TimedRun], outside: Sequence[str], overrides: Overrides) -> Iterator[Finding]:
+    """That means stand in place of samples, of which `rows` were read, and which runs have next to none."""
+    if outside:
+        yield FINDINGS.finding(
+            "run-outside-window",
+            f"{'Run' if len(outside) == 1 else 'Runs'} {listed(list(outside), 8)} with fewer than two samples, or "
+            "means, in the window: left out.",
+            evidence={"runs": list(outside)[:100]},
+        )
     if overrides.mean_s is not None:
         left = sum(len(run.time_s) for run in runs)
         yield FINDINGS.finding(
@@ -87,23 +101,40 @@ def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> T
         raise OptionError(
             f"run {run.name}, whose clock has no date",
             expected="recordings with date and time",
-            where="--since and --until",
+            where=WINDOW,
             advice="leave the two options out, or name the column with the date (--time-column)",
         )
     begins = datetime.datetime.fromisoformat(run.start).replace(tzinfo=None)
     low, high = ((end - begins).total_seconds() for end in (since, until))
-    inside = (run.time_s >= low) & (run.time_s < high)
+    # the clock of the file, with the hours of summer time and the jumps that were taken out of the time
+    shown = run.time_s.copy()
+    for finding in run.findings:
+        if finding.id in (CLOCK_FORWARD, CLOCK_BACK) and finding.where.from_s is not None:
+            jump_s = float(finding.evidence["jump_s"])
+            shown[run.time_s >= finding.where.from_s] += jump_s - (0.0 if jump_s > 0 else run.period_s)
+    inside = (shown >= low) & (shown < high)
     if inside.all() or not inside.any():
         return run if inside.all() else replace(run, time_s=run.time_s[:0])
     zero = float(run.time_s[inside][0])
     length = float(run.time_s[inside][-1]) - zero
-    start = datetime.datetime.fromisoformat(run.start) + datetime.timedelta(seconds=zero)
+    start = datetime.datetime.fromisoformat(run.start) + datetime.timedelta(seconds=float(shown[inside][0]))
+    begun = [] if zero == 0.0 else [_begun(run.name, zero)]
     return replace(
         run,
         time_s=run.time_s[inside] - zero,
         columns=tuple(replace(column, values=column.values[inside]) for column in run.columns),
         start=start.isoformat(timespec="seconds" if start.microsecond == 0 else "milliseconds"),
-        findings=tuple(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None),
+        findings=(*begun, *(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None)),
+        skipped_s=run.skipped_s + zero,
+    )
+
+
+def _begun(name: str, zero: float) -> Finding:
+    return FINDINGS.finding(
+        "window-begins-in-run",
+        f"The window begins {zero / 3600.0:.3g} h after the start of run {name}: what counts from the start of a run, "
+        "rises and zeros, counts from there, where the machine may be warm.",
+        evidence={"skipped_s": zero},
     )
 
 
@@ -134,7 +165,7 @@ def _window(overrides: Overrides) -> tuple[datetime.datetime, datetime.datetime]
         raise OptionError(
             f"a window from {overrides.since} to {overrides.until}",
             expected="an end after the beginning",
-            where="--since and --until",
+            where=WINDOW,
             advice="the end itself is not in the window: --since 2026-03-01 --until 2026-04-01 is all of March",
         )
     return since, until
@@ -159,6 +190,7 @@ def _nothing(overrides: Overrides, found: str) -> ReadError:
     return ReadError(
         found,
         expected=f"samples from {overrides.since or 'the beginning'} to {overrides.until or 'the end'}",
-        where="--since and --until",
-        advice="widen the window; `selector describe` shows when the runs begin",
+        where=WINDOW,
+        advice="widen the window; `selector describe` without it shows when the runs begin, and whether the order of "
+        "day and month was guessed (--date-order)",
     )

@@ -55,7 +55,7 @@ def test_days_months_roles_and_units_are_those_of_collected_ones(tmp_path, machi
     window = ["--since", "2026-04-01", "--mean-s", "600", "--json"]
     assert exit_status(["describe", str(lake), *window]) == 0
     (run,) = json.loads(capsys.readouterr().out)["runs"]
-    assert (run["rows"], run["start"][:19]) == (12, "2026-04-01T00:00:00")
+    assert (run["rows"], run["start"][:19]) == (13, "2026-04-01T00:00:00")
 
 
 def test_late_and_double_files_fill_what_is_missing_and_nothing_twice(tmp_path, machine, capsys):

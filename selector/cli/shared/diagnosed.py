@@ -259,6 +259,10 @@ def answered(source: Source, asked: Asked, progress: Callable[[str, float], None
     progress("reading", 0.0)
     say = _in_steps(progress)
     improved, simulated = None, None
+    _require(
+        asked.model is None or source.mean_s is None, "--mean-s beside --model", "inputs as they were recorded",
+        "--mean-s", "leave it out: a mean of the speed does not drive a model as the speed does",
+    )  # fmt: skip
     recorded = source.reading()
     if asked.model is not None:
         found, improved = _of_model(recorded, asked.model, asked, say)

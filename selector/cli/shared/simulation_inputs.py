@@ -12,6 +12,7 @@ from selector.errors import InputError, ModelFileError, ReadError, UnitError
 from selector.findings import Finding, Where
 from selector.physics.simulation_kind import DutyCycle
 from selector.readers.finding_table import UNIT_CONFLICT
+from selector.readers.window import WINDOW
 
 if TYPE_CHECKING:
     from selector.physics.simulation_kind import SimulationKind
@@ -70,7 +71,8 @@ def simulated_reading(
         try:
             found = _with_its_clock(paths, recorded, described, asked, time_unit)
         except InputError as error:
-            first = first or error
+            # that nothing can be cut out of it says more than in which other format it is not
+            first = error if first is None or error.where == WINDOW else first
             continue
         if set(found.recording.names) & set(recorded.recording.names):
             return found
@@ -84,7 +86,8 @@ def _ways(machine: Machine, overrides: Overrides) -> Iterator[tuple[Overrides, M
     from selector.readers.machine_file import TimeSection
 
     same = dataclasses.replace(overrides, partial=True)
-    own_format = Plain(date_order=overrides.date_order, units=overrides.units, roles=overrides.roles, partial=True)
+    kept = ("date_order", "units", "roles", "since", "until", "mean_s")
+    own_format = Plain(**{name: getattr(overrides, name) for name in kept}, partial=True)
     own_clock = machine.model_copy(update={"time": TimeSection(date_order=machine.time.date_order)})
     yield same, machine
     yield dataclasses.replace(same, time_column=None, time_unit=None, period_s=None), own_clock

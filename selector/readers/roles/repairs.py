@@ -80,6 +80,7 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
     }
     findings = list(planned.findings)
     ends_s = {run.name: float(run.time_s[-1]) for run in runs}
+    skipped_s = {run.name: run.skipped_s for run in runs}
     for run in (run.name for run in runs if run.name in machine.runs):
         section = machine.runs[run]
         for first, second in section.swap:
@@ -94,9 +95,11 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
             if repair.unit is not None:
                 where = f"[runs.{run}.channels.{name}] of the machine file"
                 channel.units[run] = unit_for_role(repair.unit, channel.role, where=where)
-            if repair.leave_out:
-                channel.left_out[run] = repair.leave_out
-            beyond = [stretch for stretch in repair.leave_out if stretch[0] > ends_s[run] or stretch[1] < 0.0]
+            # counted from the start of the recorded run
+            left_out = tuple((first - skipped_s[run], last - skipped_s[run]) for first, last in repair.leave_out)
+            if left_out:
+                channel.left_out[run] = left_out
+            beyond = [stretch for stretch in left_out if stretch[0] > ends_s[run] or stretch[1] < 0.0]
             if beyond:
                 findings.append(_told_beyond(run, name, beyond, ends_s[run]))
         if section.swap or section.channels:
