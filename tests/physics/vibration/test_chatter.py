@@ -126,6 +126,12 @@ def test_a_force_that_does_not_grow_with_the_chip_has_no_limit():
     assert limit(lathe(), replace(LAW, feed_exponent=0.0)) is None
 
 
+def test_of_a_mode_that_nothing_damps_nothing_is_said():
+    plain = lathe()
+    joints = (plain.joints[0], replace(plain.joints[1], dissipation=0.0))
+    assert limit(Structure(plain.members, joints)) is None
+
+
 def test_far_above_all_lobes_nothing_chatters():
     depth, frequency = limit(lathe()).at_speed(1e6)
     assert math.isinf(depth)

@@ -21,7 +21,7 @@ from selector.types import Vector
 
 #: Frequencies about every mode, evenly over so many of its half widths, beside as many over all modes.
 _NEAR, _HALF_WIDTHS, _WIDE = 120, 6.0, 600
-_NARROWEST = 1e-5  #: Least half width of a mode as a share of its frequency: one that nothing damps has none.
+_LEAST_LOSS = 1e-5  #: Loss factor below which a mode has no width that could be looked through: nothing damps it.
 _SPEEDS = 400
 
 
@@ -78,12 +78,12 @@ def stability_limit(
 ) -> StabilityLimit | None:
     """Where chatter begins between two members.
 
-    None if no frequency has a negative real part of the compliance, or the force does not grow with the thickness of
-    the chip. InputError as `receptances`.
+    None if no frequency has a negative real part of the compliance, nothing damps a mode (any cut chatters in it), or
+    the force does not grow with the thickness of the chip. InputError as `receptances`.
     """
-    if cutting.feed_exponent <= 0.0:
+    if cutting.feed_exponent <= 0.0 or modes.loss_factor.min() < _LEAST_LOSS:
         return None
-    width = np.maximum(modes.loss_factor / 2.0, _NARROWEST)
+    width = modes.loss_factor / 2.0
     steps = np.linspace(-_HALF_WIDTHS, _HALF_WIDTHS, _NEAR)
     near = modes.frequency_hz[:, None] * np.maximum(1.0 + width[:, None] * steps, 0.1)
     wide = np.geomspace(modes.frequency_hz[0] / 2.0, 2.0 * modes.frequency_hz[-1], _WIDE)
