@@ -30,11 +30,9 @@ motion-not-compared [info, warning] recorded motions are not known to be of tool
     → Say in the machine file what they moved: place.
 channel-of-nothing [warning] a recorded channel belongs to nothing of the model and does not act
     → Give it the place of its source or shaft in the machine file.
-recorded-clock-uneven [info, warning] the recorded clock is uneven; forces are brought to even times by splines
+recorded-clock-uneven [warning] the recorded clock is uneven; forces are brought to even times by splines
     → record with an even clock, or give the true one
-recorded-rows-lost [info] rows of the clock are missing; they are put in as the force went before and after
-ring-longer-than-run [warning] a free vibration takes longer to fade than the run lasts
-    → give every joint its dissipation
+recorded-rows-lost [info] rows of the clock are missing; they are put in by splines
 steady-before-recording [info, warning] recorded forces are taken to have gone on before and after the run as they went
     at its ends
     → leave this stretch out when you compare
