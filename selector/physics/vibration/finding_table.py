@@ -42,8 +42,6 @@ speed-without-sign [info, warning] a speed is below 0: the shaft is taken to tur
     → Cut the run where the shaft turns round if this matters.
 lines-of-the-file [info] recorded forces act, and lines and errors of the surface are those of the model file
     → compare the simulated with the recorded channels, or put what was recorded into the spectra
-too-many-realisations [info] there are too many phases of the sources to go through
-    → Take fewer phases or sections.
 chains-not-judged [info] chains cannot be judged over all frequencies
     → See what the finding names.
 lines-at-mean-speed [info] lines, amplitudes and errors are those of the mean speed; the recording follows the course

@@ -18,13 +18,10 @@ from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import (
     KindHeight,
     PeriodicError,
-    are_countable,
     kind_heights,
-    mean_square,
     periodic_errors,
     realisation_amounts,
     section_times,
-    source_motion,
 )
 from selector.physics.vibration.structure.source import Excitation, excitation
 from selector.physics.vibration.structure.structure import (
@@ -290,9 +287,7 @@ class AmplitudeSummary:
     mean_abs_um: float  #: Expectation of the ordinate's amount, mean over the sections [µm]
     rms_um: float  #: Root of the mean square ordinate, in closed form [µm]
     largest_um: float  #: Largest instantaneous amplitude of any realisation at any section [µm]
-    #: realisations and sections: How many of both; 0 where the realisations are too many and only `rms_um` is known
-    #: (the others are 0 then)
-    realisations: int
+    realisations: int  #: How many were gone through
     sections: int
 
 
@@ -330,7 +325,6 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
     if cut is not None:
         errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
     heights = () if cut is None else kind_heights(errors, cut)
-    findings += _too_many(model, amplitudes, errors)
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(
         modes=modes,
@@ -375,45 +369,13 @@ def _lines(
 
 
 def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> AmplitudeSummary:
-    """Over all realisations; where these are too many the mean square alone."""
     motion = motions.of(*(FINALS if name == RELATIVE else (name,)))
     wanted = model.file.realisations
-    time_s = section_times(wanted.sections, model.file.run.duration_s)
-    of_lines = (motion, motions.frequency_hz, motions.source, time_s)
-    moving = len(set(motions.source[np.abs(motion) > 0].tolist()))
-    if not are_countable(moving, sections=wanted.sections, phases=wanted.phases):
-        z_m = source_motion(*of_lines, n_sources=len(motions.sources))
-        rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
-        return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
+    of_lines = (motion, motions.frequency_hz, motions.source, section_times(wanted.sections, model.file.run.duration_s))
     amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
     found_m = amounts.expected_m, amounts.mean_abs_m, amounts.rms_m, amounts.largest_m
     expected, mean_abs, rms, largest = (_UM * size_m for size_m in found_m)
     return AmplitudeSummary(expected, mean_abs, rms, largest, amounts.count, wanted.sections)
-
-
-def _too_many(
-    model: VibrationModel, amplitudes: Mapping[str, AmplitudeSummary], errors: tuple[PeriodicError, ...]
-) -> Iterator[Finding]:
-    """One finding of all that is not over the realisations because they are too many."""
-    uncounted = [name for name, one in amplitudes.items() if not one.realisations]
-    at_hz = [one.frequency_hz for one in errors if not one.realisations]
-    if not uncounted and not at_hz:
-        return
-    wanted, said = model.file.realisations, []
-    if uncounted:
-        said.append("Of the motion only the mean square is given, which needs none.")
-    if at_hz:
-        listed = ", ".join(f"{one:.4g}" for one in at_hz[:6]) + (" …" if len(at_hz) > 6 else "")
-        said.append(f"Periodic errors at {listed} Hz are expectations over phases that are anything, in closed form.")
-    yield FINDINGS.finding(
-        "too-many-realisations",
-        f"{wanted.phases} phases of {len(model.sources)} sources at {wanted.sections} sections are too many to go "
-        f"through. {' '.join(said)}",
-        evidence={"motions": uncounted, "periodic_errors_hz": at_hz},
-        suggestion="take fewer phases or sections to have the amplitudes too"
-        if uncounted
-        else "take fewer phases if those steps of a turn are meant",
-    )
 
 
 def judged_frequencies_hz(
