@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, Setting, off_text
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
@@ -23,7 +23,6 @@ _SCRAP = 1.0  #: Cpk below which parts are scrap day by day.
 SETTINGS = {
     PRESENT: "as it is",
     CENTRED: "last threshold centred",
-    BEST_FILTER: "best filter, calculated thresholds (eq. 23)",
     BEST_CENTRED: "best filter, last threshold centred",
 }
 
@@ -174,7 +173,7 @@ def trade_off_table(summary: GaugingSummary) -> Table:
     """Filter and thresholds as they are, and what others give."""
     rows = [
         (
-            SETTINGS[one.name] + (", at the end of what was looked at" if one.at_limit else ""),
+            SETTINGS[one.name],
             number_text(1e3 * one.time_constant_s),
             volts_text(one),
             off_text(one).replace("-", "−"),
@@ -186,13 +185,12 @@ def trade_off_table(summary: GaugingSummary) -> Table:
     note = (
         f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
         "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
-        "Calculated thresholds, eq. 23: the voltage of the wanted size, ahead by what is still ground off while "
-        "filter, relay and springs are late. A centred one is moved until the mean is as wanted."
+        "A centred threshold is moved until the mean is as wanted."
     )
     if summary.filters:
         ends = (summary.filters[0], summary.filters[-1])
         note += (
-            f" The best filters are looked for from {ms_text(ends[0].time_constant_s)} to "
+            f" The best filter is looked for from {ms_text(ends[0].time_constant_s)} to "
             f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
         )
     if len(summary.settings) < len(SETTINGS):
@@ -300,29 +298,13 @@ def _advice(summary: GaugingSummary) -> list[str]:
             f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
             f"{number_text(centred.rms_um, 2)} µm)"
         )
-    if narrower is not None and not narrower.at_limit:
+    if narrower is not None:
         found.append(
             f"a filter of {ms_text(narrower.time_constant_s)} in place of {ms_text(present.time_constant_s)}, with "
             f"{_thresholds(narrower)}, would narrow the spread to {number_text(narrower.sd_um, 2)} µm (simulated)"
         )
-    first, *more = found or [
-        "the last threshold is right as it is"
-        if narrower is not None
-        else "neither another filter nor another last threshold would make them much better"
-    ]
-    sentences = [f"{one[0].upper()}{one[1:]}." for one in more]
-    if narrower is not None and narrower.at_limit:
-        longer = narrower.time_constant_s > present.time_constant_s
-        sentences.append(
-            f"Longer filters narrow the spread as far as was looked, to "
-            f"{number_text(narrower.sd_um, 2)} µm at {ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: "
-            "the optimum lies at that limit, which is there because the last stage has to be long against its filter, "
-            "and not because more would be worse."
-            if longer
-            else f"Shorter filters narrow the spread as far as was looked, to {number_text(narrower.sd_um, 2)} µm at "
-            f"{ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: the optimum lies at that limit."
-        )
-    return [first, *sentences]
+    first, *more = found or ["neither another filter nor another last threshold would make them much better"]
+    return [first, *(f"{one[0].upper()}{one[1:]}." for one in more)]
 
 
 def volts_text(one: Setting, like: Setting | None = None) -> str:
