@@ -5,15 +5,11 @@ from selector.physics.finding_table import FINDINGS as SHARED_FINDINGS
 
 FINDINGS = Kinds.of(
     """
-unlikely-masses [warning] masses are as large as if they were in g
-    → Divide mass_kg by 1000 if g was meant.
 unlikely-eigenfrequency [warning] an eigenfrequency is one that no machine has
     → Check the mass (kg, not g) and the stiffness (N/m, not N/µm).
 sharp-resonance [warning] a source shakes at a resonance with little damping
     → Make sure of the dissipation and the stiffness of the joint: they decide how large it is.
-source-in-no-chain [info, warning] lines of sources are missing from the chain method
-    → Name them in the chains that begin where they act, or take the coupled structure.
-no-chain-to-final [info, warning] no chain leads from a source to tool or workpiece
+no-chain-to-final [info, warning] no chain carries lines of a source to tool or workpiece
     → Add chains from these sources, or take the coupled structure.
 chains-off-coupled [info, warning] the chain method differs from the coupled structure
     → believe the coupled structure: chains leave out how members act back on those before them, and what is merged,
