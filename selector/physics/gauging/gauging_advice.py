@@ -65,15 +65,6 @@ def volts_text(setting: Setting) -> str:
     return f"thresholds.volts = [{', '.join(f'{volts:.10g}' for volts in setting.thresholds_v)}]"
 
 
-def off_text(setting: Setting) -> str:
-    """How far the mean is off, with its standard error [µm]."""
-    if not setting.bias_error_um > 0:
-        return f"{setting.bias_um:.2g}"
-    decimals = max(0, 1 - math.floor(math.log10(setting.bias_error_um)))
-    off = f"{setting.bias_um:.{decimals}f}"
-    return f"{off.removeprefix('-') if float(off) == 0 else off} ± {setting.bias_error_um:.{decimals}f}"
-
-
 #: Parts ground as a model says, all with the same noise, feeds and starts; few of them if so said.
 Sizes = Callable[["GaugingModel", bool], "FinishedSizes"]
 

@@ -17,7 +17,6 @@ from selector.physics.gauging.gauging_advice import (
     PRESENT,
     Setting,
     gauging_settings,
-    off_text,
     volts_text,
 )
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
@@ -143,7 +142,7 @@ def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> 
         },
         suggestion="no last threshold centres them: look at the stages, the reach of the gauge and the filter"
         if centred is None
-        else f"set {volts_text(centred)}: parts that are ground with it are off by {off_text(centred)} µm on average",
+        else f"set {volts_text(centred)}: parts that are ground with it are off by {centred.bias_um:.2g} µm on average",
     )
 
 

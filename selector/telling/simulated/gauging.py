@@ -1,17 +1,16 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
-import math
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, Setting, off_text
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, Setting
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
-from selector.telling.numbers import NONE, listed, ms_text
+from selector.telling.numbers import NONE, listed, ms_text, uncertain_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
 
 MATTERS = 0.9  #: An error that falls to less than this share of itself is worth a change.
@@ -115,8 +114,8 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
     rows = [
         (
             f"Monte Carlo, {len(sizes.finished_um)} parts",
-            *(spread_text(sizes.mean_um - zero, sizes.mean_error_um) for zero in zeros),
-            spread_text(sizes.sd_um, sizes.sd_error_um),
+            *(uncertain_text(sizes.mean_um - zero, sizes.mean_error_um, least=0) for zero in zeros),
+            uncertain_text(sizes.sd_um, sizes.sd_error_um, least=0),
             *(NONE,) * 2,
         ),
         (
@@ -176,7 +175,7 @@ def trade_off_table(summary: GaugingSummary) -> Table:
             SETTINGS[one.name],
             number_text(1e3 * one.time_constant_s),
             volts_text(one),
-            off_text(one).replace("-", "−"),
+            uncertain_text(one.bias_um, one.bias_error_um, least=0),
             _um(one.sd_um),
             _um(one.rms_um),
         )
@@ -243,17 +242,6 @@ def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
     ]
 
 
-def spread_text(value: float, spread: float) -> str:
-    """A value ± its spread or error, both with as many decimals as two digits of that need."""
-    if not spread > 0:
-        return number_text(value)
-    decimals = min(max(0, 1 - math.floor(math.log10(spread))), 9)
-    rounded = f"{value:.{decimals}f}"
-    # no minus sign before zeros
-    text = rounded.removeprefix("-") if float(rounded) == 0 else rounded.replace("-", "−")
-    return f"{text} ± {spread:.{decimals}f}"
-
-
 def _um(value: float, digits: int = 3) -> str:
     """A length; what is below a tenth of a nanometre is 0."""
     return number_text(value if abs(value) >= _ROUNDING_UM else 0.0, digits)
@@ -293,9 +281,10 @@ def _advice(summary: GaugingSummary) -> list[str]:
     narrower = both if both is not None and both.sd_um < MATTERS * present.sd_um else None
     found = []
     if centred is not None and centred.rms_um < MATTERS * present.rms_um:
+        off = uncertain_text(centred.bias_um, centred.bias_error_um, least=0)
         found.append(
             f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} V would centre them (simulated: "
-            f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
+            f"off by {off} µm; rms error {number_text(present.rms_um, 2)} → "
             f"{number_text(centred.rms_um, 2)} µm)"
         )
     if narrower is not None:

@@ -19,8 +19,8 @@ from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.sizes import SizesByFormula
 from selector.telling.account import Block, Drawing, Note
-from selector.telling.numbers import ms_text
-from selector.telling.simulated.gauging import MATTERS, spread_text
+from selector.telling.numbers import ms_text, uncertain_text
+from selector.telling.simulated.gauging import MATTERS
 from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
 
@@ -144,8 +144,9 @@ def sizes_title(summary: GaugingSummary) -> str:
     """What the histogram shows, as plain text for a figure."""
     sizes, formula = summary.sizes, summary.formula
     return (
-        f"Simulated: mean size {spread_text(sizes.mean_um, sizes.sd_um)} µm (standard deviation); by formula "
-        f"{spread_text(formula.mean_um + formula.curvature_um, formula.sd_um)} µm"
+        f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
+        "by formula "
+        f"{uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)} µm"
     )
 
 
