@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times, source_motion
+from selector.physics.vibration.motion.periodic_error import realisation_amounts, section_times
 
 Amounts = tuple[float, float, float]
 
@@ -56,7 +56,8 @@ def case(n_sources: int, phases: int, n_sections: int, n_lines: int, repeats: in
     motion = rng.normal(size=count) + 1j * rng.normal(size=count)
     frequency, source = rng.uniform(10.0, 2000.0, count), np.arange(count) % n_sources
     times = section_times(n_sections, 1.0)
-    z = source_motion(motion, frequency, source, times, n_sources=n_sources)
+    lines = motion[:, None] * np.exp(2j * np.pi * np.outer(frequency, times))
+    z = np.array([lines[source == s].sum(axis=0) for s in range(n_sources)])
 
     def ours() -> Amounts:
         found = realisation_amounts(motion, frequency, source, times, n_sources=n_sources, phases=phases)

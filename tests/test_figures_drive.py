@@ -11,17 +11,12 @@ import plotly.graph_objects as go
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from selector.figures.simulated.drive import (
-    FINEST_BIT,
     axis_course,
     frequency_response,
-    friction_over_speed,
-    path_samples,
     stiffness_and_damping,
     stretches,
-    through_standstill,
     varying_against_constant,
 )
 from selector.physics.drive.drive_summary import ROTARY
@@ -75,8 +70,6 @@ def every_figure() -> list[go.Figure]:
         stiffness_and_damping(TIME_S, 1e8 + 1e7 * TIME_S, 100.0 + TIME_S, (0.1, 0.5)),
         varying_against_constant(TIME_S, motion.tracking_error_m, 0.9 * motion.tracking_error_m),
         bode(),
-        friction_over_speed(motion, HOSTILE[0], near_m_per_s=0.01),
-        friction_over_speed(motion, ""),
     ]
 
 
@@ -139,31 +132,6 @@ def test_amplitudes_are_decibels():
     assert {trace.yaxis for trace in drawn.data} == {"y", "y2"}
 
 
-@given(values=arrays.arrays(np.float64, (2, 3000), elements=st.floats(-1e3, 1e3)), points=st.integers(50, 400))
-def test_a_path_is_drawn_with_its_ends_and_no_farther_apart_than_it_jumps(values, points):
-    x, y = values
-    kept = path_samples(x, y, points)
-    assert (kept[0], kept[-1]) == (0, len(x) - 1)
-    assert (np.diff(kept) > 0).all()
-    assert len(kept) <= 2 * points + 2
-    spans = [float(np.ptp(row)) or 1.0 for row in (x, y)]
-    steps = np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])
-    bit = max(steps.sum() / (points / 2), FINEST_BIT)
-    gone = np.concatenate([[0.0], np.cumsum(steps)])
-    # between two that are kept, two bits of path at most, unless it jumped there; rounding of a sum of 3000 numbers
-    apart = np.diff(gone[kept])
-    assert (apart[np.diff(kept) > 1] <= 2.0 * bit + 1e-9).all()
-
-
-def test_friction_jumps_at_standstill_and_not_on_a_slant():
-    speed = np.array([-0.2, -0.1, 0.15, 0.2, np.nan, 0.1, -0.1])
-    friction = np.array([-20.0, -20.0, 20.0, 20.0, np.nan, 20.0, 19.0])
-    x, y = through_standstill(speed, friction)
-    # a step at 0 between the two samples of the reversal; the small change at the end is none
-    np.testing.assert_array_equal(x, [-0.2, -0.1, 0.0, 0.0, 0.15, 0.2, np.nan, 0.1, -0.1])
-    np.testing.assert_array_equal(y, [-20.0, -20.0, -20.0, 20.0, 20.0, 20.0, np.nan, 20.0, 19.0])
-
-
 def test_a_short_limit_is_shaded_so_that_it_is_seen():
     limited = np.zeros(len(TIME_S), dtype=bool)
     limited[100:105] = True
@@ -183,14 +151,3 @@ def test_small_panels_have_two_ticks_at_least(size, middle):
     steps = [factor * 10.0**power for power in range(-6, 5) for factor in (1.0, 2.0, 5.0)]
     step = min(one for one in steps if span / one <= axis.nticks)
     assert np.floor(axis.range[1] / step) - np.ceil(axis.range[0] / step) >= 1
-
-
-def test_the_reversal_is_enlarged_with_its_jump():
-    drawn = friction_over_speed(moved(), "X", near_m_per_s=0.01)
-    near = drawn.data[1]
-    speed, friction = np.asarray(near.x, dtype=float), np.asarray(near.y, dtype=float)
-    # two reversals, each ends with a gap
-    assert np.isnan(speed).sum() == 2
-    assert {-200.0, 200.0} <= set(friction[np.isfinite(friction)].tolist())
-    assert np.nanmax(np.abs(speed)) < 1.1 * 0.01 * 60.0
-    assert len(friction_over_speed(moved(), "X", near_m_per_s=10.0).data) == 1

@@ -29,7 +29,6 @@ from selector.figures.simulated.vibration import (
     ZONES,
     Answer,
     accuracy_strips,
-    error_of_chains,
     errors_over_wavelength,
     line_amplitudes,
     motion_course,
@@ -128,7 +127,6 @@ def with_axes() -> list[go.Figure]:
             "x",
         ),
         accuracy_strips(accuracy(), "x"),
-        error_of_chains(accuracy(), "x"),
     ]
 
 
@@ -286,14 +284,6 @@ def test_strips_cover_the_range_of_a_chain_in_the_colour_of_its_error():
         for frequency, error in zip(one.frequency_hz, one.published.error, strict=True):
             levels = {level for start, stop, level in parts if start <= frequency <= stop}
             assert int(np.digitize(error, (0.1, 0.3, 1.0), right=True)) in levels
-
-
-def test_the_error_of_a_chain_keeps_its_peak():
-    ones = accuracy()
-    drawn = error_of_chains(ones, "x")
-    assert max(drawn.data[0].y) == pytest.approx(min(100.0 * ones[0].published.error.max(), 1e4), rel=1e-3)
-    (menu,) = drawn.layout.updatemenus
-    assert len(menu.buttons) == len(ones)
 
 
 def test_speeds_that_do_not_change_are_not_drawn():

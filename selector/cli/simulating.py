@@ -28,6 +28,7 @@ from selector.errors import CancelledError
 from selector.physics.simulation_kind import DutyCycle, Option, RunSettings, SimulationKind
 
 if TYPE_CHECKING:
+    from selector.findings import Finding
     from selector.telling.account import Account
 
 Inputs = Annotated[
@@ -108,14 +109,15 @@ def _simulate(
     kind.require_options(file, asked, driven=bool(inputs), report=report is not None)
     require_inputs_for_machine(machine, inputs)
     with counted_progress("simulating") as say, named(model, kind.sections(file)):
-        columns, read, said = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)
+        columns, read = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)
         built = kind.model(file, columns)
+        said: tuple[Finding, ...] = ()
         read = [model, *read, *(path for path in asked.values() if isinstance(path, Path))]
         if inputs:
             require_free_folder(out, "--inputs writes one file a run")
             reading = driving_recordings(kind, file, inputs, machine)
             destination = driven_destination(out, reading, report, read)
-            said = (*said, *reading.findings)
+            said = reading.findings
             with named_runs({run.name: run.file for run in reading.runs}, model, kind.sections(file)):
                 done = kind.driven(built, reading.recording, RunSettings(columns, seed, asked, say))
         else:

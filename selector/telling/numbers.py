@@ -30,7 +30,9 @@ def uncertain_text(value: float, error: float, least: int = 4) -> str:
     if value and least:
         wanted.append(least - 1 - math.floor(math.log10(abs(value))))
     decimals = min(max(0, *wanted), 9)
-    return f"{value:.{decimals}f} ± {error:.{max(0, min(wanted[0], 9))}f}".replace("-", "−")
+    # plus 0.0: no minus sign before zeros
+    told = round(value, decimals) + 0.0
+    return f"{told:.{decimals}f} ± {error:.{max(0, min(wanted[0], 9))}f}".replace("-", "−")
 
 
 def rounded_text(value: float, error: float) -> str:

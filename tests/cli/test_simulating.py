@@ -296,9 +296,6 @@ def test_a_column_for_the_speed(folder, capfd):
     assert "--role" not in said
     assert simulated(capfd, "n.toml", "--out", "run.csv")["findings"] == []
     refused(capfd, "Z.toml", "--out", "other.csv")
-    Path("day.csv").write_text("time_s,n,Z\n0,1000,0\n600,0,3\n1800,0,5\n", encoding="utf-8")
-    (told,) = simulated(capfd, "Z.toml", "--out", "run.csv")["findings"]
-    assert (told["id"], told["level"]) == ("unlike-column", "warning")
 
 
 def test_a_run_shorter_than_a_period_is_refused(folder, capfd):

@@ -94,8 +94,8 @@ def test_where_a_number_is_from_is_told():
 
 def test_what_varies_is_shown_with_the_instants_of_its_loop(kind, page):
     kinds = [kind for kind, _ in page.scripts]
-    # course, stiffness and damping, against constants, and the loop; with friction its loop too
-    figures = {"command": 4, "state": 5, "circle": 4}[kind]
+    # course, stiffness and damping, against constants, and the loop
+    figures = {"command": 4, "state": 4, "circle": 4}[kind]
     assert (kinds.count(None), kinds.count("application/json")) == (2, figures)
     text = text_of(page)
     assert ("axial stiffness" in text) == (kind != "circle")

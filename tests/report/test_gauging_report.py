@@ -11,7 +11,7 @@ import pytest
 from selector.number_text import number_text
 from selector.telling.page import write_account
 from selector.telling.simulated import account_of
-from selector.telling.simulated.gauging import percent, spread_text
+from selector.telling.simulated.gauging import percent
 from selector.telling.simulated.gauging_pictures import size_density
 from tests.report import gaugings
 from tests.report.simulated import html
@@ -141,11 +141,3 @@ def test_equal_simulations_give_equal_bytes(tmp_path):
 )
 def test_shares_are_readable(share, text):
     assert percent(share) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "spread", "text"),
-    [(4.376, 0.0125, "4.376 ± 0.013"), (-0.0087, 0.28, "−0.01 ± 0.28"), (-0.001, 0.28, "0.00 ± 0.28"), (5, 0, "5.00")],
-)
-def test_values_have_the_decimals_of_their_spread(value, spread, text):
-    assert spread_text(value, spread) == text

@@ -422,6 +422,8 @@ def test_values_with_their_errors(value, error, text):
         (0.0559, 0.076, "0.056 ± 0.076"),
         (1234.5, 67.8, "1234 ± 68"),
         (-1.868e-4, 4.4e-5, "(−1.87 ± 0.44)·10⁻⁴"),
+        (-0.0087, 0.28, "−0.01 ± 0.28"),
+        (-0.001, 0.28, "0.00 ± 0.28"),
     ],
 )
 def test_coefficients_have_no_more_digits_than_their_errors(value, error, text):

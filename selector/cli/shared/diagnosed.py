@@ -200,7 +200,7 @@ def _read(model: Path) -> tuple[str, Any, dict[str, Any]]:
 
     kind = _kind_of(model)
     file = kind.read(model)
-    columns = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)[0]
+    columns, _ = columns_beside(model, kind.columns_needed(file), kind.column_roles(), kind.column_section)
     return kind.name, file, columns
 
 

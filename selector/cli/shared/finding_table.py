@@ -11,7 +11,5 @@ recorded-only [info] a channel is recorded but not simulated, and is not compare
     → write it into the simulated files, under the name that the recorded channel has
 simulated-time-unit [warning] the unit of the simulation's time was found from the length of its runs
     → Name it with --simulation-time-unit, or write it into the header of the time column.
-unlike-column [warning] a column named in a model file looks like another role than its own
-    → check the name of the column in the model file
 """
 )

@@ -206,16 +206,6 @@ def _nothing_in_common(paths: Sequence[Path], recorded: Reading, names: Sequence
     )
 
 
-_ALIKE = (
-    {"temperature", "ambient"},
-    {"spindle_speed"},
-    # a length without a role is taken for a displacement
-    {"displacement", "position", "position_command"},
-    {"velocity"},
-    {"force"},
-)
-
-
 class ColumnOfFile(Protocol):
     """A column of a recording beside the model file, as its sections name it."""
 
@@ -230,26 +220,18 @@ class ColumnOfFile(Protocol):
 
 def columns_beside(
     model: Path, needed: Mapping[str, ColumnOfFile], roles: Mapping[str, str], section: str = ""
-) -> tuple[dict[str, tuple[Vector, Vector]], list[Path], tuple[Finding, ...]]:
-    """Key → (time_s, values in the unit of its role) of the columns that a model file refers to; the files; warnings.
+) -> tuple[dict[str, tuple[Vector, Vector]], list[Path]]:
+    """Key → (time_s, values in the unit of its role) of the columns that a model file refers to; and the files.
 
-    A warning says that a column looks like something else than its key asks for. `section` stands before the keys.
+    `section` stands before the keys.
 
     Raises InputError: a file is elsewhere or cannot be read, or it has no such column in one run.
     """
-    found: dict[str, tuple[Vector, Vector]] = {}
-    read: list[Path] = []
-    findings: list[Finding] = []
-    for key, course in needed.items():
-        path, found[key], told = _column_beside(model, course, f"{section}{key}", roles.get(key))
-        read.append(path)
-        findings += told
-    return found, read, tuple(findings)
+    both = {key: _column_beside(model, course, f"{section}{key}", roles.get(key)) for key, course in needed.items()}
+    return {key: values for key, (_, values) in both.items()}, [path for path, _ in both.values()]
 
 
-def _column_beside(
-    model: Path, course: ColumnOfFile, key: str, role: str | None
-) -> tuple[Path, tuple[Vector, Vector], list[Finding]]:
+def _column_beside(model: Path, course: ColumnOfFile, key: str, role: str | None) -> tuple[Path, tuple[Vector, Vector]]:
     from selector.readers import Overrides
     from selector.readers import read as read_recordings
 
@@ -279,28 +261,7 @@ def _column_beside(
             advice="correct the name of the column, or of the file",
         )
     values = recording.values(recording.runs[0], names)[:, 0]
-    return path, (recording.time_s(recording.runs[0]), values), _of_another_kind(path, column, role, key)
-
-
-def _of_another_kind(path: Path, column: str, role: str | None, key: str) -> list[Finding]:
-    """A warning if the column, read by itself, would be taken for another quantity."""
-    from selector.readers import read as read_recordings
-
-    try:
-        by_itself = read_recordings([path]).channels
-    except InputError:
-        return []
-    taken = next((channel.role for channel in by_itself if column in (channel.name, channel.column)), None)
-    if not any(taken in kind and role not in kind for kind in _ALIKE):
-        return []
-    return [
-        FINDINGS.finding(
-            "unlike-column",
-            f"Column {column!r} of {path.name} looks like the role {taken}, but {key} takes its values.",
-            Where(channel=column, file=path.name),
-            {"column": column, "role": taken, "key": key},
-        )
-    ]
+    return path, (recording.time_s(recording.runs[0]), values)
 
 
 def _beside(model: Path, name: str, where: str) -> Path:

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
-from selector.figures.panels import POINTS, Line, Panel, stacked
+from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
 from selector.physics.drive.drive_summary import LINEAR, Measures
 from selector.physics.drive.trajectory import Motion
@@ -17,11 +17,6 @@ from selector.types import Vector
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
 VARYING, CONSTANT = style.PREDICTED, style.MUTED
 SHORTEST_SPAN = 1 / 500  #: Stretches of the run that are closer together than this share of it are shaded as one.
-MOST_REVERSALS = 6  #: Reversals that are drawn enlarged.
-MOST_ON_A_PATH = 8000
-#: Samples of a path that are drawn at most, and the share of the picture below which two are not told apart.
-FINEST_BIT = 1 / 1000
-_JUMP = 0.3  #: Share of the range of friction from which on a change between two samples is a jump.
 _FLOOR_DB = -80.0
 _PHASE_STEP = 90.0
 
@@ -141,45 +136,6 @@ def frequency_response(
     return drawn
 
 
-def friction_over_speed(
-    motion: Motion, name: str, *, near_m_per_s: float | None = None, measures: Measures = LINEAR
-) -> go.Figure:
-    """Dry friction over the speed of the table; where `near_m_per_s` is given, the reversal beside it, enlarged."""
-    at = path_samples(motion.table_speed_m_per_s, motion.friction_n)
-    unit, times = measures.speed
-    low, high = min(0.0, float(motion.friction_n.min())), max(0.0, float(motion.friction_n.max()))
-    peak = max(-low, high)
-    who = style.label(name, 12) if name else "the table"
-    drawn = style.figure(f"Simulated: up to {number_text(peak)} {measures.force} of dry friction on {who}", 340)
-    near = None
-    if near_m_per_s is not None and 0 < near_m_per_s < 0.5 * float(np.abs(motion.table_speed_m_per_s).max()):
-        near = near_m_per_s
-    for k in range(1 if near is None else 2):
-        axis = "" if k == 0 else "2"
-        speed, friction = motion.table_speed_m_per_s[at], motion.friction_n[at]
-        if near is not None and k == 1:
-            speed, friction = _around(motion, near)
-        speed, friction = through_standstill(speed, friction)
-        hover, place = f"%{{x:.4g}} {unit}: %{{y:.4g}} {measures.force}", {"xaxis": f"x{axis}", "yaxis": f"y{axis}"}
-        style.curve(drawn, speed * times, friction, style.PREDICTED, None, hover, width=1.4, showlegend=False, **place)
-        drawn.layout[f"xaxis{axis}"] = {
-            "anchor": f"y{axis}",
-            "domain": [0.0, 1.0] if near is None else ([0.0, 0.46] if k == 0 else [0.56, 1.0]),
-            "title": {"text": f"speed [{unit}]" if k == 0 else f"speed near the reversal [{unit}]"},
-            "zeroline": True,
-            "zerolinecolor": style.GRID,
-            **({"range": [-near * times, near * times]} if near is not None and k == 1 else {}),
-        }
-        drawn.layout[f"yaxis{axis}"] = {
-            "anchor": f"x{axis}",
-            "title": {"text": f"dry friction [{measures.force}]" if k == 0 else ""},
-            "range": [low - 0.1 * peak, high + 0.1 * peak] if peak > 0 else [-1.0, 1.0],
-            "zeroline": True,
-            "zerolinecolor": style.GRID,
-        }
-    return drawn
-
-
 def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """(from, to) [s] of the stretches where `mask` holds; those closer than `SHORTEST_SPAN` of the run are one.
 
@@ -198,48 +154,6 @@ def stretches(time_s: Vector, mask: NDArray[np.bool_]) -> list[tuple[float, floa
         else:
             found.append((start, end))
     return found
-
-
-def path_samples(x: Vector, y: Vector, points: int = MOST_ON_A_PATH) -> NDArray[np.int64]:
-    """Positions of the samples that draw a path: one each time it has gone on by a bit, and both ends of jumps."""
-    spans = [float(np.ptp(row)) or 1.0 for row in (x, y)]
-    steps = np.hypot(np.diff(x) / spans[0], np.diff(y) / spans[1])
-    gone = np.concatenate([[0.0], np.cumsum(steps)])
-    # a jump may need two of them, and the ends are kept
-    bit = max(gone[-1] / (points / 2), FINEST_BIT)
-    passed = np.flatnonzero(np.diff(np.floor(gone / bit)) > 0) + 1
-    jumps = np.flatnonzero(steps > bit)
-    return np.unique(np.concatenate([[0, len(x) - 1], passed, jumps, jumps + 1]))
-
-
-def through_standstill(speed: Vector, friction: Vector) -> tuple[Vector, Vector]:
-    """A path of friction over speed whose jumps from one direction to the other are at speed 0, where they are.
-
-    Between two samples of a fast reversal a straight line would be friction that changes with the speed. Paths without
-    jumps, of bristles, stay as they are.
-    """
-    least = _JUMP * float(np.nanmax(friction) - np.nanmin(friction))
-    reverses = (speed[:-1] * speed[1:] < 0) & (np.abs(np.diff(friction)) > least)
-    before = np.flatnonzero(reverses)
-    at = np.repeat(before + 1, 2)
-    ends = np.column_stack([friction[before], friction[before + 1]]).ravel()
-    return np.insert(speed, at, 0.0), np.insert(friction, at, ends)
-
-
-def _around(motion: Motion, near_m_per_s: float) -> tuple[Vector, Vector]:
-    """Speed and friction at the first reversals, with gaps between; each has a sample beyond the limit."""
-    inside = np.abs(motion.table_speed_m_per_s) <= near_m_per_s
-    wide = inside.copy()
-    wide[1:] |= inside[:-1]
-    wide[:-1] |= inside[1:]
-    at = np.flatnonzero(wide)
-    visits = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)[:MOST_REVERSALS]
-    gap = np.array([np.nan])
-    rows = [visit[:: max(1, math.ceil(len(visit) / POINTS))] for visit in visits]
-    return (
-        np.concatenate([part for row in rows for part in (motion.table_speed_m_per_s[row], gap)]),
-        np.concatenate([part for row in rows for part in (motion.friction_n[row], gap)]),
-    )
 
 
 _UNITS = {"um": ("mm", 1e-3, "µm"), "urad": ("rad", 1e-6, "µrad")}

@@ -4,7 +4,7 @@ import cmath
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -29,7 +29,7 @@ class Places:
 
 
 def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root: str) -> Places:
-    """Layers by the number of links to `root`; within a layer in the order that lets the fewest links cross.
+    """Layers by the number of links to `root`; within a layer in the order of what their parts are joined with.
 
     `names` are all parts but the root, each with a way to it by the `links`.
     """
@@ -43,15 +43,10 @@ def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root:
         height |= dict.fromkeys(layer, len(layers) + 1)
         if layer:
             layers.append(layer)
-    best, fewest = layers, _crossings(layers, links)
     for sweep in range(_SWEEPS):
-        upwards = sweep % 2 == 0
-        layers = _sorted(layers, beside, upwards)
-        crossed = _crossings(layers, links)
-        if crossed < fewest:
-            best, fewest = layers, crossed
+        layers = _sorted(layers, beside, upwards=sweep % 2 == 0)
     del height[root]
-    return Places(tuple(tuple(row) for row in best), _across(best, beside), height)
+    return Places(tuple(tuple(row) for row in layers), _across(layers, beside), height)
 
 
 def _sorted(layers: list[list[str]], beside: Mapping[str, list[str]], upwards: bool) -> list[list[str]]:
@@ -69,17 +64,6 @@ def _sorted(layers: list[list[str]], beside: Mapping[str, list[str]], upwards: b
         place |= {name: (k + 0.5) / len(made[number]) for k, name in enumerate(made[number])}
         done |= set(layers[number])
     return [made[number] for number in range(len(layers))]
-
-
-def _crossings(layers: list[list[str]], links: Sequence[tuple[str, str]]) -> int:
-    """Links that cross, and parts that a link within a layer passes by."""
-    at = {name: (number, k) for number, layer in enumerate(layers) for k, name in enumerate(layer)}
-    known = [tuple(sorted((at[a], at[b]))) for a, b in links if a in at and b in at]
-    passed = sum(abs(a[1] - b[1]) - 1 for a, b in known if a[0] == b[0])
-    between = [(a, b) for a, b in known if a[0] != b[0]]
-    return passed + sum(
-        (a[1] - c[1]) * (b[1] - d[1]) < 0 for (a, b), (c, d) in combinations(between, 2) if a[0] == c[0]
-    )
 
 
 def _across(layers: list[list[str]], beside: Mapping[str, list[str]]) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.panels import Line, Panel, shown_samples, stacked
+from selector.figures.panels import Line, Panel, stacked
 from selector.figures.style import log_ticks
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
@@ -199,14 +199,6 @@ MOST_STRIPS = 60
 _COLOURS = (style.CHOSEN, "#c8dfae", "#f0b86a", "#b34a00")
 _NAMES = ("within 10 %", "10 to 30 %", "30 to 100 %", "above 100 %")
 _STRIP_PX = 22
-_POINTS = 400
-_LEAST, _MOST = 0.1, 1e3  #: Errors [%] between which the axis is drawn.
-
-_PARTS = (
-    ("published", "chain as published", style.INK, "solid"),
-    ("one_way", "one way: no back reaction", style.PREDICTED, "dash"),
-    ("cut_out", "cut out: merged, held, left out", style.RESIDUAL, "dot"),
-)
 
 
 def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
@@ -228,34 +220,6 @@ def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
     return drawn
 
 
-def error_of_chains(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
-    """Error over frequency of one chain, with what the two simplifications make of it; the others are in a menu."""
-    drawn = style.figure(title, 440)
-    # the menu stands above, where legends stand elsewhere
-    drawn.update_layout(margin={"b": 92}, legend={"y": -0.2, "yanchor": "top"})
-    courses = [_courses(one) for one in accuracy[:MOST_STRIPS]]
-    for (_, name, colour, dash), (x, y) in zip(_PARTS, courses[0], strict=True):
-        style.curve(drawn, x, y, colour, name, "%{x:.4g} Hz: %{y:.3g} %", dash=dash)
-    style.zone(drawn, _LEAST, 100 * LIMITS[0], style.CHOSEN, 0.14, across=True)
-    # the ranges of chains are shorter than all of them together
-    drawn.update_xaxes(type="log", title_text="frequency [Hz]", **log_ticks(0.0, 0.0))
-    drawn.update_yaxes(
-        type="log", title_text="error [%]", dtick=1, exponentformat="none",
-        range=[np.log10(_LEAST).item(), np.log10(_MOST).item()],
-    )  # fmt: skip
-    if len(courses) > 1:
-        buttons: list[dict[str, Any]] = [
-            {
-                "label": chain_text(one),
-                "method": "restyle",
-                "args": [{"x": [x for x, _ in course], "y": [y for _, y in course]}],
-            }
-            for one, course in zip(accuracy, courses, strict=False)
-        ]
-        style.add_menu(drawn, buttons)
-    return drawn
-
-
 def chain_text(one: ChainAccuracy) -> str:
     """A chain and the source that drives it, as Plotly shows it."""
     return style.label(one.chain, 20) + (f", {style.label(one.source, 12)}" if one.source else "")
@@ -269,16 +233,6 @@ def _stretches(one: ChainAccuracy, level: int) -> list[tuple[float, float]]:
     middles = np.concatenate([frequency[:1], (frequency[:-1] + frequency[1:]) / 2.0, frequency[-1:]])
     starts, ends = middles[np.flatnonzero(edges == 1)], middles[np.flatnonzero(edges == -1)]
     return [(float(start), float(end)) for start, end in zip(starts, ends, strict=True) if start > 0]
-
-
-def _courses(one: ChainAccuracy) -> list[tuple[list[float], list[float]]]:
-    """Error [%] over frequency of the published chain and of its two simplifications, peaks kept."""
-    found = []
-    for name, *_ in _PARTS:
-        error = np.clip(100.0 * getattr(one, name).error, _LEAST / 10.0, 10.0 * _MOST)
-        at = shown_samples(np.log(np.maximum(one.frequency_hz, 1e-9)), np.log(error), points=_POINTS)
-        found.append(([float(f"{f:.5g}") for f in one.frequency_hz[at]], [float(f"{e:.4g}") for e in error[at]]))
-    return found
 
 
 _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX = 320, 66

@@ -42,10 +42,6 @@ table-off-the-screw [error] the table goes further than the nut can
     → move less, or correct length_mm and origin_mm of the screw
 stick-slip [info] the table sticks and slips
     → go faster, stiffen the screw, or let the breakaway friction be nearer to the sliding one
-travel-within-play [warning] the travel is within the play or the step of the axis: it may not move at all
-    → Correct the play, or ask for a longer motion.
-coarse-encoder [warning] an encoder is so coarse that the error seen is mostly rounding
-    → give the encoder more lines, or do not read the error off the measured position
 coarse-step [warning] the step of the calculation is long for the fastest vibration: it is damped
     → Take a smaller run.step_s, or leave it out.
 bristles-make-energy [warning] the bristles of a LuGre friction are damped so much that they can drive

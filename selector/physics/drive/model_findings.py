@@ -102,8 +102,6 @@ def _of_run(name: str, run: str, done: AxisRun, made: FileAxis, kind: str) -> It
     if made.parts is not None:
         yield from _off_screw(name, where, done, made.parts)
     yield from _sticks(name, where, done.recorded)
-    yield from _within_play(name, where, done, made.rotary)
-    yield from _coarse_encoder(name, where, done.recorded, made.rotary)
 
 
 def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
@@ -192,49 +190,6 @@ def _sticks(name: str, where: Where, done: AxisRun) -> Iterator[tuple[float, Fin
             {"creeping_share": slips.creeping_share, "jumps": slips.jumps},
         )
         yield slips.creeping_share, found
-
-
-def _within_play(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
-    travel_m, unit = float(np.ptp(done.reference.position_m)), "µrad" if turns else "µm"
-    for what, key, play_m in (
-        ("backlash", "transmission.backlash_m", done.axis.transmission.backlash_m),
-        ("step of the encoder", "sensing", _resolution_m(done.axis)),
-    ):
-        if play_m >= travel_m > 0:
-            found = FINDINGS.finding(
-                "travel-within-play",
-                f"Axis {name} is asked for {travel_m * 1e6:.4g} {unit} of travel, and its {what} is "
-                f"{play_m * 1e6:.4g} {unit}: it may not move at all.",
-                where,
-                {"travel_um": travel_m * 1e6, "play_um": play_m * 1e6},
-                f"correct {key}, or ask for a longer motion",
-            )
-            yield play_m / travel_m, found
-
-
-def _resolution_m(axis: Axis) -> float:
-    """Step of what the position loop reads [m; rad]."""
-    if axis.servo is not None and axis.servo.feedback == "table":
-        return axis.sensing.scale_resolution_m
-    return axis.sensing.motor_resolution * axis.mechanics.travel_per_motion
-
-
-def _coarse_encoder(name: str, where: Where, done: AxisRun, turns: bool) -> Iterator[tuple[float, Finding]]:
-    servo, step_m = done.axis.servo, _resolution_m(done.axis)
-    if servo is None:
-        return
-    what = "scale" if servo.feedback == "table" else "encoder"
-    unit = "µrad" if turns else "µm"
-    rms_m = math.sqrt(float(np.mean(done.motion.tracking_error_m**2)))
-    if step_m > 0 and step_m > rms_m:
-        found = FINDINGS.finding(
-            "coarse-encoder",
-            f"The {what} of {name} reads in steps of {step_m * 1e6:.3g} {unit}, and the error is {rms_m * 1e6:.3g} "
-            f"{unit} (RMS): what is seen of it is mostly rounding.",
-            where,
-            {"step_um": step_m * 1e6, "rms_um": rms_m * 1e6},
-        )
-        yield step_m / rms_m if rms_m > 0 else math.inf, found
 
 
 def _speed(speed_m_per_s: float, turns: bool) -> str:

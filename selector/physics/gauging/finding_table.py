@@ -38,8 +38,6 @@ low-capability [warning] the capability Cpk is low: parts are out of tolerance
     → Centre the sizes in the tolerance, take a better filter, or steady the process.
 better-filter [info] another time constant of the filter gives better sizes
     → Take it, with the threshold that belongs to it.
-threshold-ends-elsewhere [warning] the threshold of a stage ends it elsewhere than wanted
-    → Set it to the voltage that the finding names, unless the stage is meant to end there.
 threshold-never-reached [warning] parts never reach a threshold and are given up
     → set the thresholds within what the gauge shows, or leave them out: they follow from the sizes wanted
 threshold-reached-at-once [warning] parts have passed a threshold already when its stage begins

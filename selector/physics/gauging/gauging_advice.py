@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,12 +22,11 @@ if TYPE_CHECKING:
     from selector.physics.gauging.gauging_model import GaugingModel
     from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 
-PRESENT, CENTRED, BEST_FILTER, BEST_CENTRED = "present", "centred", "best-filter", "best-filter-centred"
+PRESENT, CENTRED, BEST_CENTRED = "present", "centred", "best-filter-centred"
 
 _NEAR = 0.4  #: Share of the standard error of a mean to which it is centred.
 _FINE_UM = 1e-3
-_MOST_RUNS = 7
-_STEEP = 4.0  #: By how much the change of size with the voltage may differ from the gain of the gauge.
+_MOST_STEPS = 4
 _FILTER_DIGITS = 2
 #: Filters that are looked at: up to this share of the last stage, which has to be long against its filter, or so many
 #: times the present one.
@@ -41,7 +38,7 @@ _MISSED = 0.01  #: Share of the parts that may miss a threshold more than do now
 class Setting:
     """A filter and thresholds, and what sizes parts have that are ground with them, by Monte Carlo."""
 
-    name: str  #: ``"present"``, ``"centred"``, ``"best-filter"`` or ``"best-filter-centred"``
+    name: str  #: ``"present"``, ``"centred"`` or ``"best-filter-centred"``
     time_constant_s: float  #: T_Φ [s]
     thresholds_v: tuple[float, ...]  #: Of all stages, as they go into a model file [V]
     parts: int  #: That were ground
@@ -68,20 +65,6 @@ def volts_text(setting: Setting) -> str:
     return f"thresholds.volts = [{', '.join(f'{volts:.10g}' for volts in setting.thresholds_v)}]"
 
 
-def off_text(setting: Setting) -> str:
-    """How far the mean is off, with its standard error [µm]."""
-    if not setting.bias_error_um > 0:
-        return f"{setting.bias_um:.2g}"
-    decimals = max(0, 1 - math.floor(math.log10(setting.bias_error_um)))
-    off = f"{setting.bias_um:.{decimals}f}"
-    return f"{off.removeprefix('-') if float(off) == 0 else off} ± {setting.bias_error_um:.{decimals}f}"
-
-
-def limit_text(setting: Setting) -> str:
-    """That a filter is at the end of those that were looked at, to stand behind its time; empty if it is not."""
-    return " (the end of what was looked at, as a stage has to be long against its filter)" if setting.at_limit else ""
-
-
 #: Parts ground as a model says, all with the same noise, feeds and starts; few of them if so said.
 Sizes = Callable[["GaugingModel", bool], "FinishedSizes"]
 
@@ -91,27 +74,18 @@ def gauging_settings(
 ) -> tuple[tuple[Setting, ...], tuple[Setting, ...]]:
     """Filters with thresholds of eq. 23, T_Φ increasing, by few parts; and the settings that are worth comparing.
 
-    These are: as it is; its last threshold moved until the mean is as wanted; the best filter, by eq. 23 and centred.
-    What no file may say is left out, such as thresholds that do not rise or that the gauge does not show, and settings
-    with which more parts miss a threshold.
+    These are: as it is; its last threshold moved until the mean is as wanted; and the filter that spreads least, so
+    centred. What no file may say is left out, such as thresholds that do not rise or that the gauge does not show, and
+    settings with which more parts miss a threshold.
     """
     bench = _Bench(model, present, sizes_of)
-    now = model.setup.thresholds_v
-    found = [_setting(PRESENT, model, present), _centred(CENTRED, bench, model, now, now[-1], present)]
+    now = _setting(PRESENT, model, present)
     looked = [bench.looked_at(at_s) for at_s in _filters_s(model)]
     filters = tuple(one for one in looked if one is not None)
-    for name, error in ((BEST_FILTER, "rms_um"), (BEST_CENTRED, "sd_um")):
-        best = min(filters, key=attrgetter(error), default=None)
-        other = None if best is None else bench.with_filter(best.time_constant_s)
-        if best is None or other is None:
-            continue
-        at_limit = best in (filters[0], filters[-1])
-        if name == BEST_FILTER:
-            found.append(bench.setting(name, other, best.thresholds_v, at_limit=at_limit))
-        else:
-            first_v = best.threshold_v - model.setup.gauge.gain_v_per_um * best.bias_um
-            found.append(_centred(name, bench, other, best.thresholds_v, first_v, at_limit=at_limit))
-    return filters, tuple(one for one in found if one is not None)
+    best, steady = min(filters, key=lambda one: one.sd_um, default=None), None
+    if best is not None and (other := bench.with_filter(best.time_constant_s)) is not None:
+        steady = bench.centred(BEST_CENTRED, other, best, at_limit=best in (filters[0], filters[-1]))
+    return filters, tuple(one for one in (now, bench.centred(CENTRED, model, now), steady) if one is not None)
 
 
 def _filters_s(model: GaugingModel) -> list[float]:
@@ -122,7 +96,7 @@ def _filters_s(model: GaugingModel) -> list[float]:
     present = setup.gauge.time_constant_s
     high = max(_SHARE_OF_STAGE * lasts_s, _ROUND_PRESENT * present)
     low = min(high * 10.0**-_DECADES, present / _ROUND_PRESENT)
-    return sorted({_rounded(float(one), _FILTER_DIGITS) for one in np.geomspace(low, high, _FILTERS)})
+    return sorted({float(f"{one:.{_FILTER_DIGITS}g}") for one in np.geomspace(low, high, _FILTERS)})
 
 
 class _Bench:
@@ -150,7 +124,7 @@ class _Bench:
         made = self.with_filter(time_constant_s)
         if made is None:
             return None
-        return self.setting(BEST_FILTER, made, self.rounded(made.advised_thresholds_v), few=True)
+        return self.setting("", made, self.rounded(made.advised_thresholds_v), few=True)
 
     def setting(
         self,
@@ -170,56 +144,23 @@ class _Bench:
             return None
         return _setting(name, made, sizes, at_limit=at_limit)
 
-
-def _centred(
-    name: str,
-    bench: _Bench,
-    model: GaugingModel,
-    volts: Sequence[float],
-    first_v: float,
-    known: FinishedSizes | None = None,
-    *,
-    at_limit: bool = False,
-) -> Setting | None:
-    """The setting whose last threshold makes the mean as wanted; found by the secant, beginning at `first_v`.
-
-    `known` are the sizes with `first_v`.
-    """
-    gain = model.setup.gauge.gain_v_per_um
-    tried: list[tuple[float, float]] = []
-    next_v = first_v
-    if known is not None:
-        off_um = known.mean_um - model.setup.wanted_um
-        tried, next_v = [(first_v, off_um)], first_v - gain * off_um
-    best: Setting | None = None
-    for _ in range(_MOST_RUNS):
-        one = bench.setting(name, model, bench.rounded((*volts[:-1], next_v)), at_limit=at_limit)
-        if one is None:
-            break
-        if best is None or abs(one.bias_um) < abs(best.bias_um):
-            best = one
-        if abs(one.bias_um) <= max(_NEAR * one.bias_error_um, _FINE_UM):
-            break
-        tried.append((one.threshold_v, one.bias_um))
-        next_v = _next_v(tried, gain)
-        if bench.rounded((next_v,))[0] in [volt for volt, _ in tried]:
-            break
-    return best
-
-
-def _next_v(tried: Sequence[tuple[float, float]], gain: float) -> float:
-    """Where the line through the two nearest trials is 0; within the nearest ones on both sides."""
-    near = sorted(tried, key=lambda one: abs(one[1]))
-    (volts, off_um), slope = near[0], 1.0 / gain
-    if len(near) > 1 and near[1][0] != volts:
-        between = (near[1][1] - off_um) / (near[1][0] - volts)
-        if 1.0 / _STEEP < between * gain < _STEEP:
-            slope = between
-    guess = volts - off_um / slope
-    for (low, left), (high, right) in pairwise(sorted(tried)):
-        if left * right < 0 and not low < guess < high:
-            return 0.5 * (low + high)
-    return guess
+    def centred(self, name: str, model: GaugingModel, begin: Setting, *, at_limit: bool = False) -> Setting | None:
+        """The setting whose last threshold makes the mean as wanted; searched by the secant from what is known."""
+        slope, best = 1.0 / model.setup.gauge.gain_v_per_um, None
+        last, volts = begin, begin.threshold_v - begin.bias_um / slope
+        for number in range(_MOST_STEPS):
+            one = self.setting(name, model, self.rounded((*begin.thresholds_v[:-1], volts)), at_limit=at_limit)
+            if one is None:
+                break
+            if best is None or abs(one.bias_um) < abs(best.bias_um):
+                best = one
+            if abs(one.bias_um) <= max(_NEAR * one.bias_error_um, _FINE_UM):
+                break
+            # of what was known before the first the parts may be others
+            if number > 0 and one.threshold_v != last.threshold_v and one.bias_um != last.bias_um:
+                slope = (one.bias_um - last.bias_um) / (one.threshold_v - last.threshold_v)
+            last, volts = one, one.threshold_v - one.bias_um / slope
+        return best
 
 
 def _setting(name: str, model: GaugingModel, sizes: FinishedSizes, *, at_limit: bool = False) -> Setting:
@@ -259,7 +200,3 @@ def _made(plain: dict[str, Any]) -> GaugingModel | None:
         return gauging_model(checked_model_file(plain))
     except InputError:
         return None
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
+from selector.physics.channel_differences import as_recorded
 from selector.physics.checks import require_within, told_of
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.transducer import wear_share
@@ -29,7 +30,7 @@ from selector.physics.gauging.gauging_model import (
 from selector.physics.gauging.model_file import MOST_ALLOWANCE_UM, finest_s
 from selector.physics.gauging.process import Noise, Surface
 from selector.physics.simulation_kind import Progress
-from selector.recording import Channel, Recording
+from selector.recording import Recording
 from selector.types import Vector
 
 MOST_POINTS = 20_000_000
@@ -189,7 +190,8 @@ def driven_runs(
     drives = "allowance" if "allowance" in found else "feed"
     if drives not in found:
         raise _nothing_drives(model, recording)
-    out = _outputs(recording, found, drives)
+    out = {"allowance": ALLOWANCE, "gauge": GAUGE, "measured": MEASURED, "stage": STAGE}
+    out |= {"feed": FEED} if drives == "feed" else {}
     sources = np.random.SeedSequence(seed).spawn(len(recording.runs)) if seed is not None else ()
     tables: dict[str, pd.DataFrame] = {}
     findings = list(model_findings(model))
@@ -229,6 +231,9 @@ def driven_runs(
         )
     about: dict[str, dict[str, float]] = {run: {} for run in recording.runs}
     simulated = Recording.from_runs(tables, tuple(out.values()), model.provenance(seed, about))
+    names = {channel.name: found[kind] for kind, channel in out.items() if kind in found}
+    names |= {STAGE.name: STAGE.name} if STAGE.name in recording.names else {}
+    simulated = as_recorded(simulated, recording, names)
     return GaugingSimulation(simulated, {}, None, None, tuple(findings), (found[drives],), found)
 
 
@@ -345,27 +350,6 @@ def _stage(model: GaugingModel, voltage_v: Vector, allowance_um: Vector) -> Vect
         compared = voltage_v + model.crest.crest_at(allowance_um, model.values.filter_s)
     done = np.searchsorted(thresholds, np.maximum.accumulate(compared), side="right")
     return np.where(done < len(thresholds), done + 1.0, 0.0)
-
-
-def _outputs(recording: Recording, found: Mapping[str, str], drives: str) -> dict[str, Channel]:
-    """Kind → channel of the result: name and place as recorded where it was."""
-    own = {"allowance": ALLOWANCE, "gauge": GAUGE, "measured": MEASURED, "stage": STAGE}
-    if drives == "feed":
-        own["feed"] = FEED
-    out: dict[str, Channel] = {}
-    for kind, channel in own.items():
-        there = recording.channel(found[kind]) if kind in found else None
-        if there is not None:
-            out[kind] = replace(there, role=channel.role, unit=channel.unit, place=there.place or channel.place)
-    taken = {channel.name for channel in out.values()} | set(recording.names)
-    for kind, channel in own.items():
-        if kind not in out:
-            name = channel.name
-            while name in taken and not (kind == "stage" and name in recording.names):
-                name += " (simulated)"
-            out[kind] = replace(channel, name=name)
-            taken.add(name)
-    return {kind: out[kind] for kind in own}
 
 
 def _nothing_drives(model: GaugingModel, recording: Recording) -> OptionError:

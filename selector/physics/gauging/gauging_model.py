@@ -30,7 +30,6 @@ from selector.physics.gauging.model_file import (
     finest_s,
     parameters,
     sampling_s,
-    slow_times,
     with_parameters,
 )
 from selector.physics.model_fields import Parameter, unlikely_values
@@ -378,9 +377,7 @@ def gauging_model(file: GaugingFile) -> GaugingModel:
                     f"{volts:g} V",
                     expected=f"a voltage between {low:.4g} and {high:.4g} V: the gauge gives no other",
                     where=f"key thresholds.volts[{number + 1}]",
-                    advice=f"write {1e-3 * volts:g} if {volts:g} mV was meant"
-                    if low < 1e-3 * volts < high
-                    else "set it within, or leave [thresholds] out: they are then calculated (eq. 23)",
+                    advice="set it within (V, not mV), or leave [thresholds] out: they are then calculated (eq. 23)",
                 )
     return model
 
@@ -392,7 +389,6 @@ def _characteristic(transducer: Transducer) -> Characteristic:
 
 _SHIFT_SHARE = 0.1  #: Share of the tolerance by which a size may be off before it is told.
 _SHIFT_UM = 1.0  #: The same without a tolerance [µm].
-_SHORT = 0.5  #: Share of the last stage that a filter takes at most that somebody could have meant.
 
 
 def mattering_um(model: GaugingModel) -> float:
@@ -469,14 +465,18 @@ def _slow(model: GaugingModel) -> Iterator[Finding]:
     rates, made = model.setup.rates_um_per_s, model.values
     ends = (made.grinding.allowance_um, *(stage.until_um for stage in made.grinding.stages))
     lasts_s = (ends[-2] - ends[-1]) / rates[-1]
-    for key, time_s in slow_times(made).items():
+    gauge, relay = ("linear", "relay") if made.transducer is None else ("transducer.smoothing", "transducer.relay")
+    for key, time_s in (
+        (f"{gauge}.time_constant_s", made.filter_s),
+        (f"{relay}.delay_s", made.relay.delay_s),
+        ("grinding.lag_s", made.grinding.lag_s),
+    ):
         if time_s <= lasts_s:
             continue
-        meant = f"; {time_s:g} ms would be {1e-3 * time_s:g} s" if 1e-3 * time_s < _SHORT * lasts_s else ""
         yield FINDINGS.finding(
             "slow-for-the-stage",
             f"{key} is {time_s:.4g} s, and the last stage takes {lasts_s:.3g} s: the gauge commands before the stage "
-            f"has settled, or before it begins{meant}.",
+            f"has settled, or before it begins.",
             evidence={"key": key, "time_s": time_s, "stage_s": lasts_s},
         )
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -13,13 +13,10 @@ from selector.physics.gauging.gauge.characteristic import Characteristic, linear
 from selector.physics.gauging.gauge.transducer import LinearGauge
 from selector.physics.gauging.gauging_advice import (
     BEST_CENTRED,
-    BEST_FILTER,
     CENTRED,
     PRESENT,
     Setting,
     gauging_settings,
-    limit_text,
-    off_text,
     volts_text,
 )
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
@@ -35,10 +32,8 @@ from selector.physics.simulation_kind import Progress
 
 _TURNS = 2048
 _EARLY_SHARE = 0.1  #: Share of the standard deviation from which on an early command is told.
-_MOSTLY = 0.7  #: Share of an early command from which on one cause is named alone.
 #: Standard errors, share of the standard deviation and length by which formula and Monte Carlo differ to be told.
 _EARLY_ERRORS, _SHARE, _LEAST_EARLY_UM = 4.0, 0.15, 1e-3
-_QUIET_PARTS = 500  #: Ground once more without noise of the relay, to tell what is due to it.
 
 
 def formula_holds(model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes) -> bool:
@@ -51,16 +46,14 @@ def formula_holds(model: GaugingModel, formula: SizesByFormula, sizes: FinishedS
     return all(abs(one) <= max(_EARLY_ERRORS * error, least) for one, error in off)
 
 
-def formula_findings(
-    model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes, seed: int
-) -> Iterator[Finding]:
+def formula_findings(model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes) -> Iterator[Finding]:
     """Why parts come out otherwise than by eq. 25: surfaces and noise that trip the relay early, or what is left."""
     early_um = sizes.mean_um - formula.mean_um - formula.curvature_um
     least_um = max(_EARLY_SHARE * formula.sd_um, _EARLY_ERRORS * sizes.mean_error_um, _LEAST_EARLY_UM)
     if formula.ripple_rate >= 1.0:
         yield _of_surface(model, formula, early_um)
     elif early_um > least_um and max(formula.restlessness, model.setup.relay.noise_v) > 0:
-        yield _of_noise(model, formula, sizes, early_um, seed)
+        yield _of_noise(model, formula, sizes, early_um)
     elif not formula_holds(model, formula, sizes):
         by_formula = formula.mean_um + formula.curvature_um
         yield FINDINGS.finding(
@@ -77,41 +70,29 @@ def formula_findings(
         )
 
 
-def _of_noise(
-    model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes, early_um: float, seed: int
-) -> Finding:
-    """Noise that the gauge sees, of the relay, or both, by grinding some parts again without that of the relay."""
-    setup, relay_um = model.setup, 0.0
-    if setup.relay.noise_v > 0:
-        parts = min(_QUIET_PARTS, model.file.run.parts if model.is_wearing else FEWEST_SIZES)
-        quiet = finished_sizes(replace(setup, relay=replace(setup.relay, noise_v=0.0)), parts, seed=seed)
-        both = quiet.tripped & sizes.tripped[:parts]
-        relay_um = float(np.mean((sizes.size_um[:parts] - quiet.size_um)[both])) if both.any() else 0.0
-    share = relay_um / early_um
-    hold_ms = 1e3 * setup.relay.noise_hold_s
-    causes, helps = [], []
-    if share < _MOSTLY:
+def _of_noise(model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes, early_um: float) -> Finding:
+    relay, causes, helps = model.setup.relay, [], []
+    if formula.restlessness > 0:
         causes.append(
             f"noise that the gauge sees moves the smoothed voltage {formula.restlessness:.2g} times as fast as the "
-            "feed does and so reaches the threshold early"
+            "feed does"
         )
         helps.append("give the filter more time")
-    if share > 1.0 - _MOSTLY:
+    if relay.noise_v > 0:
         causes.append(
-            f"noise of the relay, {1e3 * setup.relay.noise_v:.3g} mV and new every {hold_ms:.3g} ms, makes one of many "
-            "comparisons early"
+            f"noise of the relay, {1e3 * relay.noise_v:.3g} mV and new every {1e3 * relay.noise_hold_s:.3g} ms, makes "
+            "one of many comparisons early"
         )
         helps.append("quiet the relay or let it average")
-    said = "; ".join(causes)
+    said = " and ".join(causes)
     return FINDINGS.finding(
         "noise-trips-early",
-        f"{said[0].upper()}{said[1:]}. Parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
+        f"{said[0].upper()}{said[1:]}: parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
         f"has it. The linear spread (eq. 25) is {formula.sd_um:.3g} µm; with early commands it is "
         f"{sizes.sd_um:.3g} µm.",
         evidence={
             "restlessness": formula.restlessness,
             "early_um": early_um,
-            "of_relay_um": relay_um,
             "sd_by_eq_25_um": formula.sd_um,
         },
         suggestion=f"{', '.join(helps)}, feed faster in the last stage, or move the last threshold",
@@ -161,7 +142,7 @@ def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> 
         },
         suggestion="no last threshold centres them: look at the stages, the reach of the gauge and the filter"
         if centred is None
-        else f"set {volts_text(centred)}: parts that are ground with it are off by {off_text(centred)} µm on average",
+        else f"set {volts_text(centred)}: parts that are ground with it are off by {centred.bias_um:.2g} µm on average",
     )
 
 
@@ -191,87 +172,29 @@ def _capability(
 
 
 def _filter(by_name: Mapping[str, Setting]) -> Iterator[Finding]:
-    """Filters with which the error is less: the one for calculated thresholds, and the one for centred ones."""
-    now = by_name[PRESENT]
+    """A filter with which the error is less once the last threshold is centred."""
+    now, best = by_name[PRESENT], by_name.get(BEST_CENTRED)
     least = min(now.rms_um, by_name[CENTRED].rms_um if CENTRED in by_name else now.rms_um)
-    better = [
-        one
-        for one, with_um in ((by_name.get(BEST_FILTER), now.rms_um), (by_name.get(BEST_CENTRED), least))
-        if one is not None and one.rms_um <= min(_BETTER * with_um, with_um - _LEAST_UM)
-    ]
-    if not better:
+    if best is None or best.rms_um > min(_BETTER * least, least - _LEAST_UM):
         return
-    told = "; ".join(
-        f"{one.time_constant_s:g} s{limit_text(one)} leaves {one.rms_um:.3g} µm with "
-        + ("calculated thresholds (eq. 23)" if one.name == BEST_FILTER else "thresholds that centre them")
-        for one in better
-    )
     yield FINDINGS.finding(
         "better-filter",
-        f"With T_Φ = {now.time_constant_s:.3g} s sizes are off by {now.rms_um:.3g} µm (rms); {told}.",
+        f"With T_Φ = {now.time_constant_s:.3g} s sizes are off by {now.rms_um:.3g} µm (rms); "
+        f"{best.time_constant_s:g} s leaves {best.rms_um:.3g} µm with thresholds that centre them.",
         evidence={
             "present_s": now.time_constant_s,
             "present_rms_um": now.rms_um,
             "settings": [
-                {"time_constant_s": one.time_constant_s, "volts": list(one.thresholds_v), "rms_um": one.rms_um}
-                for one in better
+                {
+                    "time_constant_s": best.time_constant_s,
+                    "volts": list(best.thresholds_v),
+                    "rms_um": best.rms_um,
+                    "at_limit": best.at_limit,
+                }
             ],
         },
-        suggestion="; ".join(f"with {one.time_constant_s:g} s set {volts_text(one)}" for one in better),
+        suggestion=f"with {best.time_constant_s:g} s set {volts_text(best)}",
     )
-
-
-_PARTS = 200
-_STAGE_SHARE = 0.1  #: Share of the stage that follows, by which an end may be off before it is told.
-
-
-def stage_end_um(model: GaugingModel, number: int, seed: int) -> tuple[float, float] | None:
-    """Mean allowance when the command of a stage acts, by Monte Carlo, and its standard error [µm].
-
-    `number` counts from 0. None: no part reaches that threshold.
-    """
-    setup = model.setup
-    # what the springs still take off after the feed stands is not yet gone when the next feed begins
-    held_um = setup.grinding.lag_s * setup.rates_um_per_s[number]
-    alone = replace(
-        setup,
-        grinding=replace(setup.grinding, stages=setup.grinding.stages[: number + 1]),
-        thresholds_v=setup.thresholds_v[: number + 1],
-    )
-    sizes = finished_sizes(alone, _PARTS, seed=seed)
-    return (sizes.mean_um + held_um, sizes.mean_error_um) if sizes.tripped.any() else None
-
-
-def threshold_findings(model: GaugingModel, seed: int) -> Iterator[Finding]:
-    """Thresholds of the file, but for the last one, with which a stage does not end where the file wants it to.
-
-    Those of eq. 23 are not told, nor are those that end a stage where it is wanted although eq. 23 says otherwise. What
-    the last one makes of the sizes is in the sizes.
-    """
-    if model.file.thresholds is None:
-        return
-    stages, gauges = model.values.grinding.stages, model.stage_gauges
-    for number, volts in enumerate(model.file.thresholds.volts[:-1]):
-        wanted_um, by_eq_23 = stages[number].until_um, model.advised_thresholds_v[number]
-        least_um = max(mattering_um(model), _STAGE_SHARE * (wanted_um - stages[number + 1].until_um))
-        if abs((volts - by_eq_23) / gauges[number].gain_v_per_um) <= least_um:
-            continue
-        found = stage_end_um(model, number, seed)
-        if found is None or abs(found[0] - wanted_um) <= max(least_um, _ERRORS * found[1]):
-            continue
-        off_um = found[0] - wanted_um
-        digits = max(0, 1 - math.floor(math.log10(max(found[1], 1e-3))))
-        yield FINDINGS.finding(
-            "threshold-ends-elsewhere",
-            f"The threshold of stage {number + 1}, {volts:.6g} V, ends it at {found[0]:.{digits}f} µm on average, "
-            f"{abs(off_um):.3g} µm {'before' if off_um > 0 else 'after'} the {wanted_um:.4g} µm that are wanted "
-            f"(simulated). The calculated threshold (eq. 23) is {by_eq_23:.6g} V.",
-            evidence={"stage": number + 1, "volts": volts, "eq_23_v": by_eq_23, "off_um": off_um},
-            suggestion=(
-                f"set it to about {volts + gauges[number].gain_v_per_um * -off_um:.5g} V, "
-                "unless the stage is meant to end there"
-            ),
-        )
 
 
 #: Steps of all parts of one trial of other thresholds, and parts that it has at least: a second or so for a setting
@@ -355,8 +278,7 @@ def gauging_summary(
         else linear_range_um(curve, setup.gauge, mattering_um(model)),
         linear_within_um=mattering_um(model),
         findings=(
-            *threshold_findings(model, seed),
-            *formula_findings(model, formula, sizes, seed),
+            *formula_findings(model, formula, sizes),
             *_off(model, sizes, by_name.get(CENTRED)),
             *_capability(model, formula, known, by_name.get(BEST_CENTRED)),
             *_filter(by_name),

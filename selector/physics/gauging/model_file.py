@@ -11,17 +11,7 @@ from pydantic import Field
 
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import (
-    FEWEST_SIZES,
-    MOST_FEED_SD,
-    STEPS_ADVICE,
-    STEPS_PER_CORRELATION,
-    STEPS_PER_FILTER,
-    STEPS_PER_LAG,
-    STEPS_PER_TURN,
     feeds_s,
-    longest_step_s,
-    steps_in,
-    too_long,
 )
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
 from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_of, parameters_of
@@ -179,19 +169,14 @@ MOST_RECORDED = 50  #: Parts that are recorded in full; of more only the sizes a
 _PER_FILTER = 5
 _PER_TURN = 20
 _PER_GROOVE = 8
-_SHORT_FILTER_S = 1e-3
 _FEWEST, _MOST = 500, 20_000  #: Samples of a part, where the file does not say how often it is looked at.
 
 
 def planned_s(parts: FileParts) -> float:
     """How long a freshly dressed wheel needs for a part of mean allowance, with the lags of removal and filter [s]."""
-    grinding = parts.grinding
-    return grinding_s(parts) + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
-
-
-def grinding_s(parts: FileParts) -> float:
-    """The time that feed alone needs from the mean allowance to the end of the last stage [s]."""
-    return feeds_s(parts.grinding, Relay(), [stage.until_um for stage in parts.grinding.stages])
+    grinding, stages = parts.grinding, parts.grinding.stages
+    feeds = feeds_s(grinding, Relay(), [stage.until_um for stage in stages])
+    return feeds + 5.0 * grinding.lag_s + parts.filter_s + parts.relay.delay_s
 
 
 def sampling_s(file: GaugingFile, parts: FileParts) -> float:
@@ -229,52 +214,6 @@ def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contr
         found = f"{file.run.parts} parts of {samples:.3g} samples"
         expected = f"at most {MOST_STEPS} samples of all parts"
         yield ("run", "parts"), found, expected, "take fewer parts, or lengthen run.period_s"
-    else:
-        yield from _fine_steps(file, parts)
-
-
-def _fine_steps(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
-    """Sizes that would take too many steps of the calculation, however seldom a part is looked at."""
-    grinding, surface, relay = parts.grinding, parts.surface, parts.relay
-    step_s = longest_step_s(parts.filter_s, grinding, surface, parts.noise)
-    wanted = [stage.until_um for stage in grinding.stages]
-    ends = wanted
-    if file.thresholds is not None and parts.linear is not None:
-        line = parts.linear
-        reached = [(volts - line.bias_v) / line.gain_v_per_um for volts in file.thresholds.volts]
-        ends = [min(pair) for pair in zip(wanted, reached, strict=True)]
-    of_feeds, of_thresholds = (
-        steps_in(feeds_s(grinding, relay, until), step_s, surface, relay) for until in (wanted, ends)
-    )
-    wrong = too_long(of_feeds, of_thresholds, max(file.run.parts, FEWEST_SIZES))
-    if wrong is None:
-        return
-    where, found, expected = wrong
-    key: Key = ("thresholds", "volts") if where == "thresholds_v" else ("run", "parts")
-    if where == "stages" or (where == "parts" and file.run.parts <= FEWEST_SIZES):
-        where, key = "stages", _asks_for_steps(file, parts)
-    yield key, found, expected, STEPS_ADVICE[where]
-
-
-def _asks_for_steps(file: GaugingFile, parts: FileParts) -> Key:
-    """The key that makes steps so many: whatever asks for many more than a usual filter, else the feeds."""
-    surface, noise, relay, grinding = parts.surface, parts.noise, parts.relay, parts.grinding
-    line = file.transducer is None
-    turns_per_s = surface.workpiece_rpm / 60.0
-    per_s: dict[Key, float] = {
-        ("grinding", "stages"): STEPS_PER_FILTER / _SHORT_FILTER_S,
-        ("linear" if line else "transducer", *(() if line else ("smoothing",)), "time_constant_s"): (
-            STEPS_PER_FILTER / parts.filter_s
-        ),
-        ("noise", "rate_per_s"): STEPS_PER_CORRELATION * noise.rate_per_s if noise.sd_um > 0 else 0.0,
-        ("grinding", "lag_s"): STEPS_PER_LAG / grinding.lag_s if 0 < grinding.lag_s < parts.filter_s else 0.0,
-        ("surface", "workpiece_rpm"): STEPS_PER_TURN * turns_per_s if surface.runout_um > 0 else 0.0,
-        ("surface", "grooves"): 2.0 * surface.grooves * turns_per_s if surface.groove_depth_um > 0 else 0.0,
-        (*(() if line else ("transducer",)), "relay", "noise_hold_s"): (
-            1.0 / relay.noise_hold_s if relay.noise_v > 0 else 0.0
-        ),
-    }
-    return max(per_s, key=lambda key: per_s[key])
 
 
 def _rounded(value: float) -> float:
@@ -283,97 +222,14 @@ def _rounded(value: float) -> float:
     return next(times * power for times in (5.0, 2.0, 1.0) if times * power <= value * (1.0 + 1e-9))
 
 
-_SHORT = 0.5
-_OF_FEED = "give it as a share of the feed, 0.05 for 5 %"
-
-
-def slow_times(parts: FileParts) -> dict[str, float]:
-    """Key of the file → time by which gauge or machine are late [s]."""
-    gauge, relay = ("linear", "relay") if parts.transducer is None else ("transducer.smoothing", "transducer.relay")
-    return {
-        f"{gauge}.time_constant_s": parts.filter_s,
-        f"{relay}.delay_s": parts.relay.delay_s,
-        "grinding.lag_s": parts.grinding.lag_s,
-    }
-
-
-def early_slips(file: GaugingFile) -> Iterator[Contradiction]:
-    """Slips that what the sections describe would refuse in words that lead nowhere."""
-    grinding = file.grinding
-    allowance_um, spread = float(grinding.allowance_um), float(grinding.feed_sd)  # type: ignore[attr-defined]
-    stages = grinding.stages  # type: ignore[attr-defined]
-    first_um = max((float(stage.until_um) for stage in stages), default=0.0)
-    if 0 < allowance_um <= first_um < 1e3 * allowance_um:
-        yield (
-            ("grinding", "allowance_um"),
-            f"allowance_um = {allowance_um:g}, and a stage ends at {first_um:g} µm",
-            f"a start above {first_um:g} µm",
-            f"write allowance_um = {1e3 * allowance_um:g} if {allowance_um:g} mm was meant, or sort the stages",
-        )
-    if spread > MOST_FEED_SD:
-        meant = 0.01 * spread
-        advice = f"write feed_sd = {meant:g}: {spread:g} % is {meant:g}" if meant <= MOST_FEED_SD else _OF_FEED
-        expected = f"a share up to {MOST_FEED_SD:g}: with more some parts would not be fed at all"
-        yield ("grinding", "feed_sd"), f"feed_sd = {spread:g}", expected, advice
-
-
-def _of_times(parts: FileParts) -> Iterator[Contradiction]:
-    """Times that are longer than the grinding."""
-    lasts_s = grinding_s(parts)
-    for key, time_s in slow_times(parts).items():
-        if time_s > lasts_s:
-            name, meant = key.rsplit(".", 1)[-1], 1e-3 * time_s
-            advice = (
-                f"write {name} = {meant:g} if {time_s:g} ms was meant"
-                if meant < _SHORT * lasts_s
-                else "shorten it, or correct feeds and allowances"
-            )
-            yield (
-                tuple(key.split(".")),
-                f"{name} = {time_s:g} s, and the feeds take {lasts_s:.3g} s for the whole allowance",
-                "a time that is short against the grinding, at most as long as it",
-                advice,
-            )
-
-
-def _of_volts(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
-    """Thresholds of a line that no part comes near."""
-    gauge, grinding, surface = parts.linear, parts.grinding, parts.surface
-    if file.thresholds is None or gauge is None:
-        return
-    wanted_um, start_um = grinding.stages[-1].until_um, grinding.allowance_um
-    # as far below the wanted size as the start is above it, and what grooves and run-out take off the reading
-    least_um = 2.0 * wanted_um - start_um - surface.groove_depth_um - surface.runout_um
-    low_v, high_v = (gauge.bias_v + gauge.gain_v_per_um * end for end in (start_um, least_um))
-    for number, volts in enumerate(file.thresholds.volts):
-        if low_v <= volts <= high_v:
-            continue
-        reached_um = (volts - gauge.bias_v) / gauge.gain_v_per_um
-        advice = (
-            f"write {1e-3 * volts:g} if {volts:g} mV was meant"
-            if low_v <= 1e-3 * volts <= high_v
-            else "correct it or bias_v, or leave [thresholds] out: they are then calculated (eq. 23)"
-        )
-        yield (
-            ("thresholds", "volts", number),
-            f"{volts:g} V, which the gauge shows at {reached_um:.6g} µm",
-            f"{low_v:.5g} V, shown where grinding begins at {start_um:g} µm, to {high_v:.5g} V, far below the wanted "
-            f"{wanted_um:g} µm",
-            advice,
-        )
-
-
 def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
     """(key, found, expected, advice) of whatever does not fit together in a file whose values are valid one by one."""
     yield from _of_gauge(file)
-    yield from early_slips(file)
     yield from part_contradictions(file)
     parts = file_parts(file)
     yield from _of_linear(parts)
     yield from _of_wear(file, parts)
     yield from _of_thresholds(file, parts)
-    yield from _of_times(parts)
-    yield from _of_volts(file, parts)
     yield from bound_contradictions(file.bounds)
     yield from length_contradictions(file, parts)
 

@@ -43,8 +43,8 @@ class Grinding(Checked):
     allowance_um: Annotated[float, ABOVE_0, Unit("µm"), Limits(0.0, 1e6), Fit(), Usual(3.0, 3e3, _SIZE)]
     stages: tuple[Stage, ...]  #: The last one's `until_um` is x_k, the size at which the feed is to stop
     allowance_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=50.0)] = 0.0
-    #: Standard deviation of the feed from part to part, as a share
-    feed_sd: Annotated[float, FROM_0, Limits(0.0, 100.0), Fit(up_to=0.2)] = 0.0
+    #: Standard deviation of the feed from part to part, as a share; with more some parts would not be fed at all
+    feed_sd: Annotated[float, FROM_0, Limits(0.0, 0.25), Fit(up_to=0.2)] = 0.0
     #: Time constant with which removal follows infeed: springs of the machine over sharpness of the wheel [s]
     lag_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(up_to=5.0), Usual(0.0, 20.0, _SECONDS)] = 0.0
     #: Radius that the wheel loses, as a share of what it removes, when freshly dressed: the allowance falls slower

@@ -5,15 +5,11 @@ from selector.physics.finding_table import FINDINGS as SHARED_FINDINGS
 
 FINDINGS = Kinds.of(
     """
-unlikely-masses [warning] masses are as large as if they were in g
-    → Divide mass_kg by 1000 if g was meant.
 unlikely-eigenfrequency [warning] an eigenfrequency is one that no machine has
     → Check the mass (kg, not g) and the stiffness (N/m, not N/µm).
 sharp-resonance [warning] a source shakes at a resonance with little damping
     → Make sure of the dissipation and the stiffness of the joint: they decide how large it is.
-source-in-no-chain [info, warning] lines of sources are missing from the chain method
-    → Name them in the chains that begin where they act, or take the coupled structure.
-no-chain-to-final [info, warning] no chain leads from a source to tool or workpiece
+no-chain-to-final [info, warning] no chain carries lines of a source to tool or workpiece
     → Add chains from these sources, or take the coupled structure.
 chains-off-coupled [info, warning] the chain method differs from the coupled structure
     → believe the coupled structure: chains leave out how members act back on those before them, and what is merged,
@@ -30,11 +26,9 @@ motion-not-compared [info, warning] recorded motions are not known to be of tool
     → Say in the machine file what they moved: place.
 channel-of-nothing [warning] a recorded channel belongs to nothing of the model and does not act
     → Give it the place of its source or shaft in the machine file.
-recorded-clock-uneven [info, warning] the recorded clock is uneven; forces are brought to even times by splines
+recorded-clock-uneven [warning] the recorded clock is uneven; forces are brought to even times by splines
     → record with an even clock, or give the true one
-recorded-rows-lost [info] rows of the clock are missing; they are put in as the force went before and after
-ring-longer-than-run [warning] a free vibration takes longer to fade than the run lasts
-    → give every joint its dissipation
+recorded-rows-lost [info] rows of the clock are missing; they are put in by splines
 steady-before-recording [info, warning] recorded forces are taken to have gone on before and after the run as they went
     at its ends
     → leave this stretch out when you compare
@@ -44,8 +38,6 @@ speed-without-sign [info, warning] a speed is below 0: the shaft is taken to tur
     → Cut the run where the shaft turns round if this matters.
 lines-of-the-file [info] recorded forces act, and lines and errors of the surface are those of the model file
     → compare the simulated with the recorded channels, or put what was recorded into the spectra
-too-many-realisations [info] there are too many phases of the sources to go through
-    → Take fewer phases or sections.
 chains-not-judged [info] chains cannot be judged over all frequencies
     → See what the finding names.
 lines-at-mean-speed [info] lines, amplitudes and errors are those of the mean speed; the recording follows the course

@@ -16,9 +16,7 @@ from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.motion.run_up import MotionSignal
 from selector.physics.vibration.recorded_force import (
-    FADED,
     GAP,
-    StampedAnswer,
     Stretch,
     gaps,
     ring_time_s,
@@ -35,7 +33,7 @@ from selector.physics.vibration.vibration_model import (
     speed_name,
 )
 from selector.recording import Channel, Recording
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 
 @dataclass(frozen=True)
@@ -133,106 +131,69 @@ def _unused(
 
 
 _EVEN = 1e-3  #: Share of a step by which the stamps of an even clock may stray untold.
-_NEARLY = 1.1
-_MOST_GAPS = 10
 _LONG = 0.5  #: Share of the run from which on its beginning is a warning.
-_UM = 1e6
 
 
 def gap_findings(time_s: Vector, ring_s: float | None) -> Iterator[Finding]:
-    """Gaps between stamps; `ring_s` is None where no force was recorded [s]."""
+    """The longest gap between stamps, and how many there are; `ring_s` is None where no force was recorded [s]."""
     found = gaps(time_s)
-    for number, (begin_s, end_s) in enumerate(found[:_MOST_GAPS]):
-        until_s = float(end_s) if ring_s is None else min(float(end_s) + ring_s, float(time_s[-1]))
-        more = len(found) - _MOST_GAPS if number == _MOST_GAPS - 1 else 0
-        yield FINDINGS.finding(
-            "recorded-gap",
-            f"Nothing was recorded from {begin_s:.6g} to {end_s:.6g} s. "
-            + (
-                "Speeds run straight across."
-                if ring_s is None
-                else f"What the force did there is not known: the motion is not to be believed before {until_s:.6g} s, "
-                "when what it left has faded; the rest is not touched. Speeds run straight across."
-            )
-            + (f" There are {more} more gaps." if more > 0 else ""),
-            Where(from_s=float(begin_s), to_s=until_s),
-            {"gap_s": float(end_s - begin_s), "gaps": len(found)},
-            "leave this stretch out when you compare, or cut the run at its gaps",
-        )
+    if not len(found):
+        return
+    begin_s, end_s = found[int(np.argmax(found[:, 1] - found[:, 0]))].tolist()
+    until_s = end_s if ring_s is None else min(end_s + ring_s, float(time_s[-1]))
+    yield FINDINGS.finding(
+        "recorded-gap",
+        f"Nothing was recorded from {begin_s:.6g} to {end_s:.6g} s"
+        + (f", the longest of {len(found)} gaps" if len(found) > 1 else "")
+        + ". Speeds and forces run straight across"
+        + ("." if ring_s is None else f": the motion is not to be believed before {until_s:.6g} s."),
+        Where(from_s=begin_s, to_s=until_s),
+        {"gap_s": end_s - begin_s, "gaps": len(found)},
+        "leave this stretch out when you compare, or cut the run at its gaps",
+    )
 
 
 def clock_findings(time_s: Vector, parts: Sequence[Stretch]) -> Iterator[Finding]:
     """Stamps that stray from an even grid, those that have none, and rows that were lost; for recorded forces."""
-    steps = np.diff(time_s)
-    uneven = [part for part in parts if not part.even]
-    strayed = [part for part in parts if part.even and part.stray > _EVEN]
-    if uneven:
-        good_hz = min(part.good_to_hz for part in uneven)
+    stray = max(part.stray for part in parts)
+    if not all(part.even for part in parts):
+        steps = np.diff(time_s)
         yield FINDINGS.finding(
             "recorded-clock-uneven",
-            f"The clock is uneven: steps from {steps.min():.4g} to {max(part.widest_s for part in uneven):.4g} s. "
-            f"Recorded forces are brought to even times by cubic splines, good to 1 % up to {good_hz:.4g} Hz; what is "
-            "quicker is answered too weakly, or as another frequency.",
-            evidence={"good_to_hz": good_hz},
-            level="info" if all(part.widest_s < _NEARLY * np.median(steps) for part in uneven) else "warning",
+            f"The clock is uneven: steps from {steps.min():.4g} to {steps.max():.4g} s. Recorded forces are brought to "
+            "even times by cubic splines; what has fewer than some seven of the longer steps a period is answered too "
+            "weakly, or as another frequency.",
+            evidence={"least_s": float(steps.min()), "most_s": float(steps.max())},
+            level="warning",
         )
-    if strayed:
-        stray, good_hz = max(part.stray for part in strayed), min(part.good_to_hz for part in strayed)
+    if stray > _EVEN:
         yield FINDINGS.finding(
             "recorded-clock-jitter",
             f"Stamps stray by up to {100 * stray:.3g} % of a sample from an even clock, whose ticks count as the times "
-            "of the forces. Had those been recorded when the stamps say, they would be good to 1 % up to "
-            f"{good_hz:.4g} Hz.",
-            evidence={"stray": stray, "good_to_hz": good_hz},
+            "of the forces.",
+            evidence={"stray": stray},
             suggestion="if the clock was even, give its times",
-            level="info" if stray < 0.1 else "warning",
+            level="info",
         )
     missing = np.concatenate([np.diff(part.at) - 1.0 for part in parts if part.even] or [np.zeros(0)])
     lost = int(missing[missing <= GAP - 1.0].sum())
     if lost:
         yield FINDINGS.finding(
             "recorded-rows-lost",
-            f"{lost} row{'s' if lost > 1 else ''} of the clock lack{'' if lost > 1 else 's'}: put in as the force went "
-            "before and after.",
+            f"{lost} row{'s' if lost > 1 else ''} of the clock lack{'' if lost > 1 else 's'}: put in by cubic splines.",
             evidence={"lost": lost},
         )
 
 
-def end_findings(
-    motions: Sequence[StampedAnswer],
-    finals: Sequence[str],
-    motion_m: NDArray[np.float64],
-    ring_s: float,
-    duration_s: float,
-) -> Iterator[Finding]:
-    """By how much the motion may differ where the recorded forces begin and end; `motion_m` is that by them all."""
-    left = max(one.left for one in motions)
-    if left > FADED:
-        yield FINDINGS.finding(
-            "ring-longer-than-run",
-            f"A free vibration takes {ring_s:.3g} s to fade: {100 * left:.2g} % of one at the end of the recorded "
-            "forces laps over to their beginning.",
-            evidence={"ring_s": ring_s, "left": left},
-        )
-    begin = sum(one.begin_m[0] for one in motions)
-    end = sum(one.end_m[-1] for one in motions)
-    moves = np.ptp(motion_m, axis=1) / 2.0
-    share = np.divide(begin, moves, out=np.zeros_like(moves), where=moves > 0.0)
-    worst = int(np.argmax(begin))
-    until_s = min(ring_s, duration_s)
-    yield FINDINGS.finding(
+def steady_before(ring_s: float, duration_s: float) -> Finding:
+    """Until when the motion by recorded forces hangs on what acted before them."""
+    return FINDINGS.finding(
         "steady-before-recording",
         "Recorded forces are taken to have gone on before and after the run as they went at its ends. What really "
-        f"acted is not known: at the beginning the motion of {finals[worst]} may differ by about "
-        f"{_UM * begin[worst]:.3g} µm ({100 * share[worst]:.2g} % of its swing), {100 * FADED:.2g} % of that after "
-        f"{ring_s:.3g} s, and at the last sample by {_UM * end.max():.2g} µm.",
-        Where(from_s=0.0, to_s=until_s),
-        {
-            "ring_s": ring_s,
-            "begin_um": {name: _UM * float(one) for name, one in zip(finals, begin, strict=True)},
-            "end_um": {name: _UM * float(one) for name, one in zip(finals, end, strict=True)},
-        },
-        level="warning" if until_s > _LONG * duration_s and share[worst] > FADED else "info",
+        f"acted is not known: a thousandth of what it left is still there after {ring_s:.3g} s.",
+        Where(from_s=0.0, to_s=min(ring_s, duration_s)),
+        {"ring_s": ring_s if np.isfinite(ring_s) else None},
+        level="warning" if ring_s > _LONG * duration_s else "info",
     )
 
 
@@ -338,30 +299,28 @@ class _DrivenRun:
         found = self.model.signal(self.time_s, self.courses, phases_rad, sources=others, leave_out=True)
         self.findings += found.findings
         answers = self._answers(forces)
-        motion = found.motion_m + sum((one.motion_m for one in answers.values()), np.zeros_like(found.motion_m))
+        motion = found.motion_m + sum((moved for moved, _ in answers.values()), np.zeros_like(found.motion_m))
         rows = dict(zip(found.sources, found.force_n, strict=True))
-        rows |= {source: one.force_n for source, one in answers.items()}
+        rows |= {source: force for source, (_, force) in answers.items()}
         names = tuple(source.name for source in self.model.sources)
         force = np.array([rows[name] for name in names]).reshape(len(names), len(self.time_s))
         return replace(found, time_s=self.stamps_s, sources=names, force_n=force, motion_m=motion)
 
-    def _answers(self, forces: Mapping[str, Vector]) -> dict[str, StampedAnswer]:
-        """Source → motion by its recorded force."""
+    def _answers(self, forces: Mapping[str, Vector]) -> dict[str, tuple[Matrix, Vector]]:
+        """Source → motion by its recorded force, and that as it acted."""
         if not forces:
             self.findings += gap_findings(self.time_s, None)
             return {}
         ring_s = ring_time_s(self.model.structure)
-        parts = stretches(self.time_s, ring_s, list(forces.values()))
+        parts = stretches(self.time_s, ring_s)
         finals, method = self.model.finals, self.model.method(self.mean_rpm)
         self.findings += (*gap_findings(self.time_s, ring_s), *clock_findings(self.time_s, parts))
-        answers = {
+        self.findings.append(steady_before(ring_s, self.duration_s))
+        return {
             source.name: stamped_answer(self.model.structure, source, forces[source.name], parts, finals, method)
             for source in self.model.sources
             if source.name in forces
         }
-        motion = np.sum([one.motion_m for one in answers.values()], axis=0)
-        self.findings += end_findings(list(answers.values()), tuple(finals), motion, ring_s, self.duration_s)
-        return answers
 
     def _recorded_courses(self) -> dict[str, ShaftCourse]:
         found = {}
@@ -415,11 +374,10 @@ class _DrivenRun:
         edges = np.flatnonzero(np.diff(np.r_[False, lacks, False].astype(np.int8)))
         begin, longest = max(zip(edges[::2], edges[1::2] - edges[::2], strict=True), key=lambda one: int(one[1]))
         first, last = max(int(begin) - 1, 0), min(int(begin + longest), len(lacks) - 1)
-        is_force = self.recording.channel(channel).role == "force"
         return FINDINGS.finding(
             "input-bridged",
             f"{channel} lacks {lacks.sum()} of {len(lacks)} values, up to {longest} in a row: "
-            + ("put in as it went before and after." if is_force else "bridged straight."),
+            "put in from those before and after.",
             Where(channel=channel, from_s=float(self.time_s[first]), to_s=float(self.time_s[last])),
             {"missing": int(lacks.sum()), "longest": int(longest)},
         )

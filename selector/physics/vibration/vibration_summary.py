@@ -13,19 +13,15 @@ from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.model_file import HEAVIEST_KG
 from selector.physics.vibration.motion.chatter import StabilityLimit, stability_limit
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import (
     KindHeight,
     PeriodicError,
-    are_countable,
     kind_heights,
-    mean_square,
     periodic_errors,
     realisation_amounts,
     section_times,
-    source_motion,
 )
 from selector.physics.vibration.structure.source import Excitation, excitation
 from selector.physics.vibration.structure.structure import (
@@ -36,25 +32,6 @@ from selector.physics.vibration.structure.structure import (
 )
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Complex
-
-_TONNE = 1000.0
-_LOWEST_HZ = 10.0
-_GRAMS = 1e-3
-
-
-def mass_slips(structure: Structure, modes: StructureModes, heaviest_kg: float) -> Iterator[Finding]:
-    """A warning where no mass is below a tonne, and one is beyond `heaviest_kg` or the structure swings below 10 Hz."""
-    masses = {one.name: one.mass_kg for one in structure.members}
-    least, most = min(masses.values()), max(masses.values())
-    if least >= _TONNE and (most > heaviest_kg or float(modes.frequency_hz[0]) < _LOWEST_HZ):
-        yield FINDINGS.finding(
-            "unlikely-masses",
-            f"No member is lighter than {least:.6g} kg, and the heaviest has {most:.6g} kg. In g all of them would be "
-            f"{_GRAMS * least:.6g} to {_GRAMS * most:.6g} kg.",
-            evidence={"least_kg": least, "most_kg": most},
-            suggestion="divide every mass_kg by 1000 if g was meant",
-        )
-
 
 SHARP = 30.0  #: Amplification of a line by a mode above which a part of a percent in frequency decides its size.
 CHAINS_OFF = 0.1  #: Share by which the chains may differ from the coupled structure before it is said.
@@ -67,7 +44,6 @@ _WORDS = {RELATIVE: "the tool against the workpiece"}
 def model_findings(model: VibrationModel, modes: StructureModes) -> tuple[Finding, ...]:
     """What is odd before it runs: numbers and eigenfrequencies that no machine has, lines in sharp resonances."""
     found = list(unlikely_values(model.file))
-    found += mass_slips(model.structure, modes, HEAVIEST_KG)
     found += _odd_frequencies(model.structure, modes)
     found += _sharp(model, modes)
     return tuple(found)
@@ -126,49 +102,18 @@ def chain_findings(model: VibrationModel, coupled: FinalMotions, chains: FinalMo
         one = _difference(name, coupled, coupled.of(*sides), chains.of(*sides), carried)
         differences += [] if one is None else [one]
     off = [] if not differences else [_off(differences, level)]
-    return (*_in_no_chain(model, coupled, chains, level), *_missing(model, coupled, chains, level), *off)
-
-
-def _in_no_chain(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
-    """One finding of all sources with lines that no chain carries to any final; what moves most comes first."""
-    lost, moved_um = ~chains.carried.any(axis=0), {}
-    frequency: dict[str, list[float]] = {}
-    for number, source in enumerate(chains.sources):
-        rows = np.flatnonzero(lost & (chains.source == number))
-        if len(rows):
-            frequency[source] = np.sort(chains.frequency_hz[rows]).tolist()
-            moved_um[source] = {final: _rms_um(coupled.of(final)[rows]) for final in FINALS}
-    names = sorted(frequency, key=lambda name: -max(moved_um[name].values()))
-    if not names:
-        return
-    all_um = {final: _rms_um(coupled.of(final)[lost]) for final in FINALS}
-    moved = " and ".join(f"{_WORDS.get(final, f'the {final}')} by {size:.3g} µm" for final, size in all_um.items())
-    named = {name for chain in model.chains for name in chain.sources}
-    where = "a chain of their range" if named & frequency.keys() else "any chain"
-    listed = ", ".join(names[:6]) + (" …" if len(names) > 6 else "")
-    yield FINDINGS.finding(
-        "source-in-no-chain",
-        f"Lines of {listed} at {_listed(np.unique(chains.frequency_hz[lost]))} Hz are not in {where}, and missing from "
-        f"the chain method. By the coupled structure they move {moved} (rms).",
-        evidence={
-            "sources": names,
-            "frequency_hz": {name: frequency[name] for name in names},
-            "coupled_um": {name: moved_um[name] for name in names},
-        },
-        level=level,
-    )
+    return (*_missing(model, coupled, chains, level), *off)
 
 
 def _missing(model: VibrationModel, coupled: FinalMotions, chains: FinalMotions, level: Level) -> Iterator[Finding]:
-    """Finals that a good part of the motion reaches by lines whose chains lead to the other final only.
+    """Finals that a good part of the motion reaches by lines without a chain of their range to them.
 
     Where the file has no chain to a final it asks nothing of the chains there, unless they make the recording.
     """
-    elsewhere = chains.carried.any(axis=0)
     for final in FINALS:
         if level == "info" and not any(chain.final == model.finals[final] for chain in model.chains):
             continue
-        rows = np.flatnonzero(elsewhere & ~chains.carried[chains.finals.index(final)])
+        rows = np.flatnonzero(~chains.carried[chains.finals.index(final)])
         size, missing = _rms_um(coupled.of(final)), _rms_um(coupled.of(final)[rows])
         if size == 0 or missing <= CHAINS_OFF * size:
             continue
@@ -291,9 +236,7 @@ class AmplitudeSummary:
     mean_abs_um: float  #: Expectation of the ordinate's amount, mean over the sections [µm]
     rms_um: float  #: Root of the mean square ordinate, in closed form [µm]
     largest_um: float  #: Largest instantaneous amplitude of any realisation at any section [µm]
-    #: realisations and sections: How many of both; 0 where the realisations are too many and only `rms_um` is known
-    #: (the others are 0 then)
-    realisations: int
+    realisations: int  #: How many were gone through
     sections: int
 
 
@@ -333,7 +276,6 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
     if cut is not None:
         errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
     heights = () if cut is None else kind_heights(errors, cut)
-    findings += _too_many(model, amplitudes, errors)
     stability = None if cut is None else stability_limit(model.structure, modes, cut, **model.finals)
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(
@@ -380,45 +322,13 @@ def _lines(
 
 
 def _amplitude(model: VibrationModel, name: str, motions: FinalMotions) -> AmplitudeSummary:
-    """Over all realisations; where these are too many the mean square alone."""
     motion = motions.of(*(FINALS if name == RELATIVE else (name,)))
     wanted = model.file.realisations
-    time_s = section_times(wanted.sections, model.file.run.duration_s)
-    of_lines = (motion, motions.frequency_hz, motions.source, time_s)
-    moving = len(set(motions.source[np.abs(motion) > 0].tolist()))
-    if not are_countable(moving, sections=wanted.sections, phases=wanted.phases):
-        z_m = source_motion(*of_lines, n_sources=len(motions.sources))
-        rms_um = _UM * float(np.sqrt(np.mean(mean_square(z_m, phases=wanted.phases))))
-        return AmplitudeSummary(0.0, 0.0, rms_um, 0.0, 0, 0)
+    of_lines = (motion, motions.frequency_hz, motions.source, section_times(wanted.sections, model.file.run.duration_s))
     amounts = realisation_amounts(*of_lines, n_sources=len(motions.sources), phases=wanted.phases)
     found_m = amounts.expected_m, amounts.mean_abs_m, amounts.rms_m, amounts.largest_m
     expected, mean_abs, rms, largest = (_UM * size_m for size_m in found_m)
     return AmplitudeSummary(expected, mean_abs, rms, largest, amounts.count, wanted.sections)
-
-
-def _too_many(
-    model: VibrationModel, amplitudes: Mapping[str, AmplitudeSummary], errors: tuple[PeriodicError, ...]
-) -> Iterator[Finding]:
-    """One finding of all that is not over the realisations because they are too many."""
-    uncounted = [name for name, one in amplitudes.items() if not one.realisations]
-    at_hz = [one.frequency_hz for one in errors if not one.realisations]
-    if not uncounted and not at_hz:
-        return
-    wanted, said = model.file.realisations, []
-    if uncounted:
-        said.append("Of the motion only the mean square is given, which needs none.")
-    if at_hz:
-        listed = ", ".join(f"{one:.4g}" for one in at_hz[:6]) + (" …" if len(at_hz) > 6 else "")
-        said.append(f"Periodic errors at {listed} Hz are expectations over phases that are anything, in closed form.")
-    yield FINDINGS.finding(
-        "too-many-realisations",
-        f"{wanted.phases} phases of {len(model.sources)} sources at {wanted.sections} sections are too many to go "
-        f"through. {' '.join(said)}",
-        evidence={"motions": uncounted, "periodic_errors_hz": at_hz},
-        suggestion="take fewer phases or sections to have the amplitudes too"
-        if uncounted
-        else "take fewer phases if those steps of a turn are meant",
-    )
 
 
 def judged_frequencies_hz(

@@ -11,7 +11,6 @@ from selector.figures.simulated.ball_bar import ball_bar_figure
 from selector.figures.simulated.drive import (
     axis_course,
     frequency_response,
-    friction_over_speed,
     stiffness_and_damping,
     varying_against_constant,
 )
@@ -79,10 +78,6 @@ def _axis(result: SimulationResult, one: AxisInRun, response: Response | None, *
     varying = course_of(model, one.name, moved)
     if varying is not None:
         drawn += _varying(one, moved, varying, response)
-    if np.ptp(one.motion.friction_n) > 0:
-        near = _stribeck(one.axis)
-        picture = friction_over_speed(one.motion, name, near_m_per_s=near, measures=one.measures)
-        drawn.append(Drawing(picture, _FRICTION))
     return drawn
 
 
@@ -148,21 +143,11 @@ def _instants_s(course: ParameterCourse) -> tuple[float, ...]:
     return tuple(k * course.period_s for k in sorted(at))
 
 
-def _stribeck(axis: Axis) -> float | None:
-    """Speed around a reversal worth a closer look [m/s]."""
-    friction = axis.friction
-    rises = friction.static_n is not None and friction.static_n != friction.coulomb_n
-    return 4.0 * friction.stribeck_speed_m_per_s if rises or friction.lugre is not None else None
-
-
 _THINNED = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 _COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {_THINNED}"
 _LIMITED = " Shaded: a limit of current or speed is reached."
 _VARYING = "Stiffness changes with load and position, damping with speed. Dotted: instants of the frequency response."
 _COMPARED = "Constant: the stiffness at position 0 without load, and the damping of viscous friction alone."
-_FRICTION = (
-    "Dry friction against the speed of the table, positive against the positive direction. Viscous friction is apart."
-)
 _RESPONSE = (
     "From commanded to true position, for small motions without dry friction, backlash and limits. Dotted: −3 dB."
 )

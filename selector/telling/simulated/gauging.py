@@ -1,17 +1,16 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
-import math
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, BEST_FILTER, CENTRED, PRESENT, Setting, off_text
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, Setting
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability
 from selector.telling.account import Account, Captioned, Table, Verdict, section, table
-from selector.telling.numbers import NONE, listed, ms_text
+from selector.telling.numbers import NONE, listed, ms_text, uncertain_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
 
 MATTERS = 0.9  #: An error that falls to less than this share of itself is worth a change.
@@ -23,7 +22,6 @@ _SCRAP = 1.0  #: Cpk below which parts are scrap day by day.
 SETTINGS = {
     PRESENT: "as it is",
     CENTRED: "last threshold centred",
-    BEST_FILTER: "best filter, calculated thresholds (eq. 23)",
     BEST_CENTRED: "best filter, last threshold centred",
 }
 
@@ -116,8 +114,8 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
     rows = [
         (
             f"Monte Carlo, {len(sizes.finished_um)} parts",
-            *(spread_text(sizes.mean_um - zero, sizes.mean_error_um) for zero in zeros),
-            spread_text(sizes.sd_um, sizes.sd_error_um),
+            *(uncertain_text(sizes.mean_um - zero, sizes.mean_error_um, least=0) for zero in zeros),
+            uncertain_text(sizes.sd_um, sizes.sd_error_um, least=0),
             *(NONE,) * 2,
         ),
         (
@@ -174,10 +172,10 @@ def trade_off_table(summary: GaugingSummary) -> Table:
     """Filter and thresholds as they are, and what others give."""
     rows = [
         (
-            SETTINGS[one.name] + (", at the end of what was looked at" if one.at_limit else ""),
+            SETTINGS[one.name],
             number_text(1e3 * one.time_constant_s),
             volts_text(one),
-            off_text(one).replace("-", "−"),
+            uncertain_text(one.bias_um, one.bias_error_um, least=0),
             _um(one.sd_um),
             _um(one.rms_um),
         )
@@ -186,13 +184,12 @@ def trade_off_table(summary: GaugingSummary) -> Table:
     note = (
         f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
         "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
-        "Calculated thresholds, eq. 23: the voltage of the wanted size, ahead by what is still ground off while "
-        "filter, relay and springs are late. A centred one is moved until the mean is as wanted."
+        "A centred threshold is moved until the mean is as wanted."
     )
     if summary.filters:
         ends = (summary.filters[0], summary.filters[-1])
         note += (
-            f" The best filters are looked for from {ms_text(ends[0].time_constant_s)} to "
+            f" The best filter is looked for from {ms_text(ends[0].time_constant_s)} to "
             f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
         )
     if len(summary.settings) < len(SETTINGS):
@@ -245,17 +242,6 @@ def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
     ]
 
 
-def spread_text(value: float, spread: float) -> str:
-    """A value ± its spread or error, both with as many decimals as two digits of that need."""
-    if not spread > 0:
-        return number_text(value)
-    decimals = min(max(0, 1 - math.floor(math.log10(spread))), 9)
-    rounded = f"{value:.{decimals}f}"
-    # no minus sign before zeros
-    text = rounded.removeprefix("-") if float(rounded) == 0 else rounded.replace("-", "−")
-    return f"{text} ± {spread:.{decimals}f}"
-
-
 def _um(value: float, digits: int = 3) -> str:
     """A length; what is below a tenth of a nanometre is 0."""
     return number_text(value if abs(value) >= _ROUNDING_UM else 0.0, digits)
@@ -295,34 +281,19 @@ def _advice(summary: GaugingSummary) -> list[str]:
     narrower = both if both is not None and both.sd_um < MATTERS * present.sd_um else None
     found = []
     if centred is not None and centred.rms_um < MATTERS * present.rms_um:
+        off = uncertain_text(centred.bias_um, centred.bias_error_um, least=0)
         found.append(
             f"{_thresholds(centred)} in place of {volts_text(present, like=centred)} V would centre them (simulated: "
-            f"off by {off_text(centred).replace('-', '−')} µm; rms error {number_text(present.rms_um, 2)} → "
+            f"off by {off} µm; rms error {number_text(present.rms_um, 2)} → "
             f"{number_text(centred.rms_um, 2)} µm)"
         )
-    if narrower is not None and not narrower.at_limit:
+    if narrower is not None:
         found.append(
             f"a filter of {ms_text(narrower.time_constant_s)} in place of {ms_text(present.time_constant_s)}, with "
             f"{_thresholds(narrower)}, would narrow the spread to {number_text(narrower.sd_um, 2)} µm (simulated)"
         )
-    first, *more = found or [
-        "the last threshold is right as it is"
-        if narrower is not None
-        else "neither another filter nor another last threshold would make them much better"
-    ]
-    sentences = [f"{one[0].upper()}{one[1:]}." for one in more]
-    if narrower is not None and narrower.at_limit:
-        longer = narrower.time_constant_s > present.time_constant_s
-        sentences.append(
-            f"Longer filters narrow the spread as far as was looked, to "
-            f"{number_text(narrower.sd_um, 2)} µm at {ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: "
-            "the optimum lies at that limit, which is there because the last stage has to be long against its filter, "
-            "and not because more would be worse."
-            if longer
-            else f"Shorter filters narrow the spread as far as was looked, to {number_text(narrower.sd_um, 2)} µm at "
-            f"{ms_text(narrower.time_constant_s)} with {_thresholds(narrower)}: the optimum lies at that limit."
-        )
-    return [first, *sentences]
+    first, *more = found or ["neither another filter nor another last threshold would make them much better"]
+    return [first, *(f"{one[0].upper()}{one[1:]}." for one in more)]
 
 
 def volts_text(one: Setting, like: Setting | None = None) -> str:

@@ -13,14 +13,14 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_FILTER, PRESENT, Setting
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, PRESENT, Setting
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.sizes import SizesByFormula
 from selector.telling.account import Block, Drawing, Note
-from selector.telling.numbers import ms_text
-from selector.telling.simulated.gauging import MATTERS, spread_text
+from selector.telling.numbers import ms_text, uncertain_text
+from selector.telling.simulated.gauging import MATTERS
 from selector.telling.simulated.result import SimulationResult
 from selector.types import Vector
 
@@ -130,7 +130,7 @@ def _filter(summary: GaugingSummary) -> list[Block]:
 
 def _best_and_present(summary: GaugingSummary) -> tuple[Setting, Setting]:
     by_name = {one.name: one for one in summary.settings}
-    return by_name.get(BEST_FILTER, by_name[PRESENT]), by_name[PRESENT]
+    return by_name.get(BEST_CENTRED, by_name[PRESENT]), by_name[PRESENT]
 
 
 def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
@@ -144,8 +144,9 @@ def sizes_title(summary: GaugingSummary) -> str:
     """What the histogram shows, as plain text for a figure."""
     sizes, formula = summary.sizes, summary.formula
     return (
-        f"Simulated: mean size {spread_text(sizes.mean_um, sizes.sd_um)} µm (standard deviation); by formula "
-        f"{spread_text(formula.mean_um + formula.curvature_um, formula.sd_um)} µm"
+        f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
+        "by formula "
+        f"{uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)} µm"
     )
 
 
@@ -161,8 +162,7 @@ def filter_title(summary: GaugingSummary) -> str:
     text = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
     if best.rms_um > MATTERS * present.rms_um:
         return f"{text}; the best one would make little difference"
-    edge = ", the end of what was looked at" if best.at_limit else ""
-    return f"{text}, {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)}{edge}"
+    return f"{text}, {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
 
 
 _HISTOGRAM = (
@@ -173,8 +173,8 @@ _CHART = "In the order of grinding."
 _CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
 _FILTER = (
     "Simulated: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
-    "present one with the threshold that it has. A longer filter quiets the noise, but makes the gauge late, and how "
-    "much that is in size depends on the feed of the part."
+    "present one with the threshold that it has, the best one with centred ones. A longer filter quiets the noise, but "
+    "makes the gauge late, and how much that is in size depends on the feed of the part."
 )
 _PART = (
     "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "

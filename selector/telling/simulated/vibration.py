@@ -15,7 +15,7 @@ from selector.physics.vibration.motion.periodic_error import KindHeight, Periodi
 from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
 from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
 from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel
-from selector.physics.vibration.vibration_summary import AmplitudeSummary, LineSummary, VibrationSummary
+from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Captioned, Table, section, table
 from selector.telling.numbers import listed, share_text, span_text
 from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
@@ -193,9 +193,8 @@ def motions_table(summary: VibrationSummary) -> Table:
     rows = []
     for final, name in FINALS.items():
         one = summary.amplitudes[final]
-        expected_um, largest_um = (one.expected_um, one.largest_um) if one.realisations else (None, None)
-        rows.append((name, expected_um, one.rms_um, largest_um))
-    note = f"Over {counts} combinations of phases." if counts else ""
+        rows.append((name, one.expected_um, one.rms_um, one.largest_um))
+    note = f"Over {counts} combinations of phases."
     return table(["motion [µm]", ">expected amplitude", ">rms", ">largest amplitude"], rows, note)
 
 
@@ -271,12 +270,11 @@ def kinds_sentence(heights: Sequence[KindHeight]) -> str:
 def motion_sentence(summary: VibrationSummary) -> str:
     """How far the tool moves against the workpiece, whatever the phases, and whose share that is."""
     one = summary.amplitudes[RELATIVE]
-    text = f"The tool moves against the workpiece by {number_text(one.rms_um)} µm root mean square"
-    if one.realisations:
-        text += (
-            f"; its amplitude is {number_text(one.expected_um)} µm on average over {one.realisations} combinations of "
-            f"phases and over time, {number_text(one.largest_um)} µm at most"
-        )
+    text = (
+        f"The tool moves against the workpiece by {number_text(one.rms_um)} µm root mean square; its amplitude is "
+        f"{number_text(one.expected_um)} µm on average over {one.realisations} combinations of phases and over time, "
+        f"{number_text(one.largest_um)} µm at most"
+    )
     shares = source_shares(summary.lines)
     first = [f"{name} {share_text(share)}" for name, share in list(shares.items())[:3] if share >= 0.01]
     return f"{text}. Of its mean square: {', '.join(first)}." if first else f"{text}."
@@ -444,7 +442,7 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "split_hz": summary.split_hz,
         "modes": _modes_data(summary.modes),
         "lines": [dict(vars(one)) for one in summary.lines],
-        "amplitudes": {final: _amplitude_data(one) for final, one in summary.amplitudes.items()},
+        "amplitudes": {final: dict(vars(one)) for final, one in summary.amplitudes.items()},
         "periodic_errors": [dict(vars(one)) for one in summary.errors],
         "heights": {
             kind: {
@@ -493,11 +491,6 @@ def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:
             }
         )
     return found
-
-
-def _amplitude_data(one: AmplitudeSummary) -> dict[str, Any]:
-    unknown = () if one.realisations else ("expected_um", "mean_abs_um", "largest_um")
-    return {name: None if name in unknown else value for name, value in vars(one).items()}
 
 
 def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:

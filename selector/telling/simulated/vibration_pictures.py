@@ -11,8 +11,6 @@ from selector.figures.simulated.vibration import (
     MOST_SOURCES,
     Answer,
     accuracy_strips,
-    chain_text,
-    error_of_chains,
     errors_over_wavelength,
     line_amplitudes,
     line_text,
@@ -179,14 +177,7 @@ def _chains(summary: VibrationSummary) -> list[Block]:
     strips = accuracy_strips(
         accuracy, f"Computed: the chain method is within 10 % of the coupled structure over {within} of the frequencies"
     )
-    ranked = sorted(accuracy, key=lambda one: (one.published.share_within, -one.published.rms_db))
-    worst = ranked[0]
-    course = error_of_chains(
-        ranked,
-        f"Computed: {chain_text(worst)} is off most, by {number_text(worst.published.rms_db)} dB (rms); within 10 % "
-        f"over {share_text(worst.published.share_within)} of its frequencies",
-    )
-    return [Drawing(strips, _STRIPS), Drawing(course, _ONE_CHAIN + (_OTHER_CHAINS if len(accuracy) > 1 else ""))]
+    return [Drawing(strips, _STRIPS)]
 
 
 def _answers(
@@ -264,8 +255,3 @@ _RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the l
 _COURSE = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 _STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
 _STRIPS = "Error of amplitude and phase against the coupled solution of the whole structure, over the chain's range."
-_ONE_CHAIN = (
-    "Green: within 10 %. One way: what the back reaction makes, the chain alone solved both ways. Cut out: what "
-    "merging, holding and leaving out members makes."
-)
-_OTHER_CHAINS = " The menu has all chains, the worst first."

@@ -285,8 +285,6 @@ def test_what_is_odd_is_told():
     assert 0.0 < limited.evidence["share"] < 1.0
     slow = told(model(("motion", MOVES), ("axes.X.servo.speed_limit", 0.05)))["faster-than-speed-limit"]
     assert slow.evidence["possible_m_per_s"] == 0.05
-    coarse = told(model(("axes.X.sensing.scale_resolution_m", 0.05), ("motion", MOVES)))
-    assert coarse["coarse-encoder"].where.channel == "X"
 
 
 def test_a_table_that_leaves_its_screw_is_told():

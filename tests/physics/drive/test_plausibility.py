@@ -91,10 +91,6 @@ def test_effects_that_cannot_be_are_told():
         ("axes.X.ripple", [{"harmonic": 2.0, "share": 2.0}]),
     )
     assert [one.id for one in model_findings(strange)] == ["breakaway-below-sliding"] * 2 + ["ripple-beyond-force"]
-    blind = model(("axes.X.sensing", {"scale_resolution_m": 0.03}))
-    told = {one.id: one for one in simulation_findings(blind, blind.simulation())}
-    # a sine of 10 mm: 20 mm of travel
-    assert told["travel-within-play"].evidence == {"travel_um": pytest.approx(2e4, rel=1e-4), "play_um": 3e4}
 
 
 def test_a_sine_with_fewer_than_two_samples_a_period_is_refused():

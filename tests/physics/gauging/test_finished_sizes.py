@@ -220,30 +220,30 @@ def test_steps_resolve_what_happens():
 
 @pytest.mark.parametrize(
     ("change", "key"),
-    [({"parts": 10**9}, "parts"), ({"steps": 10**6}, "stages")],
+    [({"parts": 10**9}, "run.parts"), ({"steps": 10**6}, "grinding.stages")],
 )
 def test_what_cannot_be_ground_is_refused(change, key):
     with pytest.raises(InputError) as caught:
         finished_sizes(set_up(), **({"parts": 1} | change))
-    assert caught.value.where == key
+    assert caught.value.where == f"key {key}"
 
 
 @pytest.mark.parametrize(
     ("change", "key"),
     [
-        ({"thresholds_v": (2.5, 1e6)}, "thresholds_v"),
-        ({"thresholds_v": (1e6, 1e6)}, "thresholds_v"),
-        ({"grinding": replace(TWO_STAGES, stages=(Stage(1e-5, 12.0), Stage(5.0, 2.0)))}, "stages"),
-        ({"gauge": replace(GAUGE, time_constant_s=1e-7)}, "stages"),
-        ({"noise": Noise(0.1, 1e7)}, "stages"),
-        ({"relay": Relay(0.02, 0.01, 1e-8)}, "stages"),
-        ({"relay": Relay(1e5)}, "stages"),
+        ({"thresholds_v": (2.5, 1e6)}, "thresholds.volts"),
+        ({"thresholds_v": (1e6, 1e6)}, "thresholds.volts"),
+        ({"grinding": replace(TWO_STAGES, stages=(Stage(1e-5, 12.0), Stage(5.0, 2.0)))}, "grinding.stages"),
+        ({"gauge": replace(GAUGE, time_constant_s=1e-7)}, "grinding.stages"),
+        ({"noise": Noise(0.1, 1e7)}, "grinding.stages"),
+        ({"relay": Relay(0.02, 0.01, 1e-8)}, "grinding.stages"),
+        ({"relay": Relay(1e5)}, "grinding.stages"),
     ],
 )
 def test_parts_that_nobody_waits_for_are_refused_at_once(change, key):
     with pytest.raises(InputError, match="steps of the calculation") as caught:
         finished_sizes(replace(set_up(), **change), 1)
-    assert caught.value.where == key
+    assert caught.value.where == f"key {key}"
 
 
 def test_how_often_a_part_is_looked_at_does_not_change_it():

@@ -6,7 +6,7 @@ import copy
 import math
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError
@@ -125,13 +125,7 @@ MISTAKES = {
     "a number in a text": (LINEAR, ("noise.sd_um", "1 µm"), "noise.sd_um", "number"),
     "not a number": (LINEAR, ("noise.sd_um", math.nan), "noise.sd_um", "finite"),
     "a share beyond all": (LINEAR, ("grinding.feed_sd", 5.0), "grinding.feed_sd", r"0\.25"),
-    "a share in percent": (LINEAR, ("grinding.feed_sd", 6.0), "grinding.feed_sd", "6 % is 0.06"),
-    "a filter in ms": (LINEAR, ("linear.time_constant_s", 100.0), "linear.time_constant_s", "0.1 if 100 ms"),
-    "a delay in ms": (LINEAR, ("relay.delay_s", 50.0), "relay.delay_s", "0.05 if 50 ms"),
-    "a lag in ms": (LINEAR, ("grinding.lag_s", 500.0), "grinding.lag_s", "0.5 if 500 ms"),
-    "an allowance in mm": (LINEAR, ("grinding.allowance_um", 0.06), "grinding.allowance_um", "60 if 0.06 mm"),
-    "volts in mV": (LINEAR, ("thresholds.volts", [745.0, 799.0]), "thresholds.volts[1]", "0.745 if 745 mV"),
-    "volts of no part": (LINEAR, ("thresholds.volts", [0.745, 3.0]), "thresholds.volts[2]", "far below the wanted"),
+    "an allowance in mm": (LINEAR, ("grinding.allowance_um", 0.06), "grinding.stages", "less allowance"),
     "a wheel that is never dressed": (
         changed(LINEAR, ("grinding.wheel_wear", 0.2), ("grinding.wear_growth_per_part", 0.05)),
         ("run.parts", 40), "grinding.wear_growth_per_part", "dressed",
@@ -163,15 +157,8 @@ def test_left_out_the_period_shows_filter_and_grooves_and_is_not_too_short(filte
     if grooves:
         surface |= {"grooves": grooves, "groove_share": 0.1, "groove_depth_um": 5.0}
     stages = [{"feed_um_per_s": feed, "until_um": 0.0}]
-    # a filter that takes longer than the grinding is refused
-    filter_s = min(filter_s, 60.0 / feed)
     values = changed(LINEAR, ("linear.time_constant_s", filter_s), ("surface", surface), ("grinding.stages", stages))
-    try:
-        file = checked_model_file(values)
-    except ModelFileError as error:
-        # a quick filter or many grooves in a slow grinding: refused for their number of steps, of which others tell
-        assume("steps of the calculation" not in error.found)
-        raise
+    file = checked_model_file(values)
     parts = file_parts(file)
     samples = planned_s(parts) / sampling_s(file, parts)
     # rounding down to 1, 2, 5 makes up to 2.5 times as many

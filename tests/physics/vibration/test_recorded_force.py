@@ -45,8 +45,7 @@ def test_a_constant_or_growing_force_deflects_statically_from_the_first_sample_t
     for force in (np.full(4000, 10.0), 5.0 - 3.0 * TIME_S, np.full(3, 10.0), np.full(1, 10.0)):
         found = answer(force)
         # compliance in step with the force; rounding
-        assert found.motion_m == pytest.approx(np.outer(static, force), rel=1e-9)
-        assert max(found.begin_m.max(), found.end_m.max()) < 1e-12 * static.max() * 10.0
+        assert found == pytest.approx(np.outer(static, force), rel=1e-9)
 
 
 @pytest.mark.parametrize("frequency_hz", [31.0, 48.0, 300.0, 900.0])
@@ -56,29 +55,20 @@ def test_a_sine_is_steady_from_the_first_sample_to_the_last(frequency_hz):
     exact = 50.0 * response(0.0).real + 20.0 * (response(frequency_hz) * turning).imag
     # 1e-3 of what comes up twice a ring-down before; the level of the static force takes in a part of a period of the
     # sine, answered without loss: 20 N/(2π·31 Hz·0.5 s) of η = 10 %
-    assert np.abs(found.motion_m - exact).max() < 3e-3 * 20.0 * np.abs(response(frequency_hz)).max()
+    assert np.abs(found - exact).max() < 3e-3 * 20.0 * np.abs(response(frequency_hz)).max()
 
 
-def test_noise_is_exact_but_for_what_acted_before_and_after_and_that_is_told():
+def test_noise_is_exact_but_for_what_acted_before_and_after():
     random = np.random.default_rng(3)
     ring = int(ring_time_s(STRUCTURE) / STEP_S)
     long = random.normal(size=1 << 16)
     exact = fft.irfft(response(fft.rfftfreq(len(long), STEP_S)) * fft.rfft(long), len(long))
     largest = np.abs(exact).max(axis=1)
-    off_begin, told_begin, off_end, told_end = [], [], [], []
     for first in range(8000, 56000, 8000):
-        found = answer(long[first : first + 4000])
-        off = np.abs(found.motion_m - exact[:, first : first + 4000]) / largest[:, None]
+        off = np.abs(answer(long[first : first + 4000]) - exact[:, first : first + 4000]) / largest[:, None]
         # what acted before has faded
         assert off[:, ring:-ring].max() < 4.0 * FADED
-        off_begin.append(off[:, :ring].max(axis=1))
-        off_end.append(off[:, -1])
-        told_begin.append(found.begin_m / largest)
-        told_end.append(found.end_m / largest)
-    # of a force that nobody knows only the size can be told: within half and twice on the mean of six
-    assert 0.5 < np.mean(told_begin) / np.mean(off_begin) < 2.0
-    assert 0.3 < np.mean(told_end) / np.mean(off_end) < 6.0  # single samples scatter more than largest values
-    assert np.mean(off_begin) > 0.05 > 0.02 > np.max(off_end)
+        assert off[:, :ring].max() > 0.05 > 0.02 > off[:, -1].max()
 
 
 def test_noise_moves_it_as_a_simulation_in_time_with_the_same_loss_of_every_mode():
@@ -92,7 +82,7 @@ def test_noise_moves_it_as_a_simulation_in_time_with_the_same_loss_of_every_mode
     # slow against the sampling, so that straight lines between samples, which lsim takes, and the transform agree
     force = signal.sosfiltfilt(signal.butter(4, 100.0, fs=1 / STEP_S, output="sos"), random)
     exact = signal.lsim((a, b, c, np.zeros((2, 1))), force, np.arange(8000) * STEP_S)[1].T
-    found = answer(force).motion_m
+    found = answer(force)
     ring = int(ring_time_s(STRUCTURE) / STEP_S)
     # below its resonance a hysteretic mode loses more than a viscous one: shares of η = 5 to 8 %
     assert np.abs(found - exact)[:, ring:].max() < 0.1 * np.abs(exact).max()
@@ -104,13 +94,13 @@ def test_a_step_is_answered_by_what_was_before_and_what_is_behind_it():
     found, after = answer(force), 100.0 * response(0.0).real
     # joints that lose the same at every frequency creep for ever, η/π of the motion for every e-fold of the time: 3 %;
     # that the answer comes before its cause is the same
-    assert np.abs(found.motion_m[:, -1:] - after).max() < 0.1 * after.max()
-    assert np.abs(found.motion_m[:, 0]).max() < 0.1 * after.max()
+    assert np.abs(found[:, -1:] - after).max() < 0.1 * after.max()
+    assert np.abs(found[:, 0]).max() < 0.1 * after.max()
 
 
 def test_a_blow_at_the_beginning_is_not_taken_for_one_of_many():
     blow = np.where(TIME_S < 0.004, 100.0 * np.sin(np.pi * TIME_S / 0.004) ** 2, 0.0)
     later = np.roll(blow, 1000)
-    early, late = answer(blow).motion_m, answer(later).motion_m
+    early, late = answer(blow), answer(later)
     # half a second before the blow nothing moves but the trace that hysteretic joints have: 1e-3
     assert np.abs(late[:, 1000:] - early[:, :-1000]).max() < 0.01 * np.abs(late).max()

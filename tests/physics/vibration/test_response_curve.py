@@ -30,14 +30,6 @@ def test_as_good_as_solving_everywhere(low, high):
     assert curve.points < 12_000
 
 
-def test_derivatives_are_those_of_the_response():
-    curve = response_curve(resonances, 30.0, 50.0, loss_factor=0.01)
-    at, step = np.linspace(31.0, 49.0, 200), 1e-3
-    second = (resonances(at + step) - 2.0 * resonances(at) + resonances(at - step)) / step**2
-    # the second derivative of a spline is worse than the spline; it only has to tell how sharp a peak is
-    assert np.abs(curve.at(at, derivative=2) - second).max() < 0.01 * np.abs(second).max()
-
-
 def test_a_jump_stays_a_jump():
     def solved(frequency):
         return np.where(frequency > 100.0, 2.0 + 0.01j * frequency, 1.0)[None]
@@ -54,7 +46,6 @@ def test_one_frequency_is_a_curve_too():
     for at in (40.0, 0.0):
         curve = response_curve(resonances, at, at, loss_factor=0.01)
         assert curve.at(np.array([at])) == pytest.approx(resonances(np.array([at])), rel=1e-12)
-        assert np.abs(curve.at(np.array([at]), derivative=2)).max() == 0.0
 
 
 def test_a_peak_without_end_is_refused():

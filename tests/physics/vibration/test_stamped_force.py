@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.physics.vibration.motion.final_motion import final_receptance
 from selector.physics.vibration.recorded_force import (
     autoregression,
-    bridged,
     continued,
     gaps,
     ring_time_s,
@@ -40,16 +39,16 @@ def steady(time_s, frequency_hz):
 
 def off(stamps_s, force_n, exact_m, rows=slice(None)):
     """Largest error as a share of the largest motion."""
-    found = stamped_answer(STRUCTURE, SOURCE, force_n, stretches(stamps_s, RING_S), FINALS)
-    assert np.isfinite(found.motion_m).all()
-    return np.abs(found.motion_m[0] - exact_m)[rows].max() / np.abs(exact_m).max()
+    motion, _ = stamped_answer(STRUCTURE, SOURCE, force_n, stretches(stamps_s, RING_S), FINALS)
+    assert np.isfinite(motion).all()
+    return np.abs(motion[0] - exact_m)[rows].max() / np.abs(exact_m).max()
 
 
 # a response is known to 1e-6 of the largest, that at the resonance; at 900 Hz the motion is 3e-5 of that (3 %)
 TOLERANCE = {40.0: 1e-3, 300.0: 5e-3, 900.0: 0.05}
 
 
-@pytest.mark.parametrize("frequency_hz", [40.0, *HIGH_HZ])
+@pytest.mark.parametrize("frequency_hz", [40.0, 300.0])
 def test_one_lost_row_of_60_000_shifts_nothing(frequency_hz):
     time_s = np.delete(np.arange(60000) * STEP_S, 30000)
     assert off(time_s, *steady(time_s, frequency_hz)) < TOLERANCE[frequency_hz]
@@ -58,7 +57,7 @@ def test_one_lost_row_of_60_000_shifts_nothing(frequency_hz):
 @pytest.mark.parametrize("frequency_hz", [40.0, *HIGH_HZ, 452.6])
 def test_a_gap_does_not_touch_the_rest(frequency_hz):
     rows = np.arange(4000)
-    for pause_s in (4.0, 4.0003, 0.1):  # the second begins anew beside the grid, the last is shorter than the ring-down
+    for pause_s in (4.0, 4.0003):  # the second begins anew beside the grid
         time_s = rows * STEP_S + np.where(rows >= 2000, pause_s, 0.0)
         away = (time_s < time_s[1999] - 0.01) | (time_s > time_s[2000] + RING_S)
         # 452.6 Hz was another frequency, near the resonance, on a grid that was stretched over the gap
@@ -75,40 +74,28 @@ def test_stamps_that_stray_are_those_of_an_even_clock(frequency_hz):
         true_s * (1.0 + 1e-5) + 100.0,
     ):
         assert off(stamps_s, force, motion) < TOLERANCE[frequency_hz]
-    (part,) = stretches(true_s + np.random.default_rng(4).uniform(-0.2, 0.2, 4000) * STEP_S, RING_S)
-    # a sine that is taken beside by σ is off by ω·σ: 1 % where that is 0.01
-    assert 2.0 * np.pi * part.good_to_hz * 0.2 / np.sqrt(3.0) * STEP_S == pytest.approx(0.01, rel=0.02)
 
 
-@pytest.mark.parametrize("frequency_hz", [40.0, 300.0])
-def test_stray_stamps_are_believed_where_the_force_went_along(frequency_hz):
-    even_s = np.arange(8000) * STEP_S
-    strayed_s = even_s + np.random.default_rng(8).uniform(-0.1, 0.1, 8000) * STEP_S
-    noise = 0.1 * np.random.default_rng(9).normal(size=8000)
-    for taken_s, believed in ((strayed_s, True), (even_s, False)):
-        force, motion = steady(taken_s, frequency_hz)
-        (part,) = stretches(strayed_s, RING_S, [force + noise])
-        assert part.even != believed
-        found = stamped_answer(STRUCTURE, SOURCE, force, [part], FINALS).motion_m[0]
-        # of 6.7 samples a period a spline leaves parts of a per cent, spread over all frequencies, and the resonance
-        # answers to it 600 times as much as the force at 300 Hz moves; taken as even it is 170 %
-        assert np.abs(found - motion)[50:-50].max() < 0.08 * np.abs(motion).max()
-    # too quick for a spline: even, and the finding says how good that is
-    assert stretches(strayed_s, RING_S, [steady(strayed_s, 900.0)[0]])[0].even
-    assert stretches(strayed_s, RING_S, [np.full(8000, np.nan), np.zeros(8000)])[0].even
+def test_what_a_gap_that_is_shorter_than_the_ring_down_leaves_fades():
+    rows = np.arange(4000)
+    time_s = rows * STEP_S + np.where(rows >= 2000, 0.1, 0.0)
+    force, motion = steady(time_s, 40.0)
+    later = off(time_s, force, motion, time_s > time_s[2000] + RING_S)
+    # nothing is known of the force of a tenth of a second, which was as large as the rest
+    assert later < 2e-3 < 0.1 < off(time_s, force, motion)
 
 
-def test_an_uneven_clock_is_good_up_to_the_frequency_it_tells():
+def test_an_uneven_clock_is_brought_to_even_times():
     time_s = np.cumsum(np.random.default_rng(5).uniform(0.5, 1.5, 8000)) * STEP_S
     (part,) = stretches(time_s, RING_S)
     assert not part.even
-    assert 150.0 < part.good_to_hz < 300.0  # 6.7 of the widest steps a period, which are 0.75 ms: 199 Hz
     inner = slice(50, -50)  # a spline has less to go by at its ends
-    for share in (0.2, 0.5, 1.0):
-        force, motion = steady(time_s, share * part.good_to_hz)
+    # 6.7 of the widest steps a period, which are 0.75 ms: a cubic spline is within 1 % of a sine of 199 Hz
+    for frequency_hz in (40.0, 100.0, 199.0):
+        force, motion = steady(time_s, frequency_hz)
         grid_s = time_s[0] + np.arange(part.count) * part.step_s
-        even = 10.0 * np.sin(2.0 * np.pi * share * part.good_to_hz * grid_s)
-        assert np.abs(part.on_grid(force)[0] - even)[200:-200].max() < 0.01 * 10.0
+        even = 10.0 * np.sin(2.0 * np.pi * frequency_hz * grid_s)
+        assert np.abs(part.on_grid(force) - even)[200:-200].max() < 0.01 * 10.0
         # what is off by 1 % holds other frequencies too, among them the resonance
         assert off(time_s, force, motion, inner) < 0.03
     assert off(time_s, *steady(time_s, 0.9 * 1000.0)) > 0.1  # and not beyond
@@ -116,24 +103,27 @@ def test_an_uneven_clock_is_good_up_to_the_frequency_it_tells():
 
 def test_values_that_lack_are_as_lost_rows_and_the_force_that_acted_has_none():
     time_s = np.arange(8000) * STEP_S
-    force, motion = steady(time_s, 300.0)
+    force, motion = steady(time_s, 40.0)
     holes = force.copy()
-    holes[[0, 1, 7999]] = holes[3000:3040] = holes[np.random.default_rng(6).choice(8000, 200)] = np.nan
-    found = stamped_answer(STRUCTURE, SOURCE, holes, stretches(time_s, RING_S), FINALS)
-    assert found.force_n == pytest.approx(force, abs=0.02 * 10.0)  # 40 samples on end are foretold from both sides
-    assert np.abs(found.motion_m[0] - motion).max() < 0.02 * np.abs(motion).max()
+    holes[np.random.default_rng(6).choice(8000, 200)] = np.nan
+    found, acted = stamped_answer(STRUCTURE, SOURCE, holes, stretches(time_s, RING_S), FINALS)
+    assert acted == pytest.approx(force, abs=0.02 * 10.0)  # two of 50 samples a period that lack side by side
+    assert np.abs(found[0] - motion).max() < 0.02 * np.abs(motion).max()
+    holes = force.copy()
+    holes[3000:3040] = np.nan  # nothing better than straight is known over many
+    _, acted = stamped_answer(STRUCTURE, SOURCE, holes, stretches(time_s, RING_S), FINALS)
+    assert acted[3000:3040] == pytest.approx(np.interp(np.arange(3000, 3040), [2999, 3040], force[[2999, 3040]]))
     nothing = np.where(time_s < 10.0, np.nan, force)
     nothing[0] = 3.0
-    found = stamped_answer(STRUCTURE, SOURCE, nothing, stretches(time_s, RING_S), FINALS)
-    assert found.force_n == pytest.approx(3.0)
+    _, acted = stamped_answer(STRUCTURE, SOURCE, nothing, stretches(time_s, RING_S), FINALS)
+    assert acted == pytest.approx(3.0)
 
 
 def test_a_stretch_of_which_nothing_is_known_has_the_mean_of_the_others():
     time_s = np.concatenate((np.arange(100), 1e5 + np.arange(100))) * STEP_S
     force = np.concatenate((np.full(100, 4.0), np.full(100, np.nan)))
-    found = stamped_answer(STRUCTURE, SOURCE, force, stretches(time_s, RING_S), FINALS)
-    assert found.motion_m[0] == pytest.approx(4.0 * response(0.0).real, rel=1e-9)
-    assert found.begin_m.shape == (2, 1)
+    found, _ = stamped_answer(STRUCTURE, SOURCE, force, stretches(time_s, RING_S), FINALS)
+    assert found[0] == pytest.approx(4.0 * response(0.0).real, rel=1e-9)
 
 
 def test_gaps_are_where_nothing_was_recorded_and_rounded_stamps_have_none():
@@ -151,21 +141,17 @@ def test_rows_keep_their_places_whatever_is_lost(lost, step_s, begin_s):
     for part in stretches(begin_s + kept * step_s, np.inf):
         assert part.even
         assert part.at.tolist() == (kept - kept[0]).tolist()
-        grid, known = part.on_grid(kept.astype(float))
-        assert part.at_rows(grid).tolist() == kept.tolist()
-        assert known.sum() == len(kept)
+        rows = kept[part.first : part.end]
+        # a cubic spline of a straight line, to rounding
+        assert part.at_rows(part.on_grid(rows.astype(float))) == pytest.approx(rows, rel=1e-9)
 
 
 @settings(max_examples=20)
-@given(st.floats(0.02, 0.98), st.floats(0.0, 6.28), st.integers(1, 20))
-@example(0.0365, 2.5, 20)
-def test_a_sine_goes_on_and_is_bridged_as_a_sine(share, phase, lost):
+@given(st.floats(0.02, 0.98), st.floats(0.0, 6.28))
+def test_a_sine_goes_on_as_a_sine(share, phase):
     course = np.sin(np.pi * share * np.arange(4000) + phase)
-    known = np.ones(3000, dtype=bool)
-    known[1500 : 1500 + lost] = False
-    # Burg's frequencies of a sine are off by parts of 1e-6 with hundreds of terms
-    assert bridged(np.where(known, course[:3000], 0.0), known) == pytest.approx(course[:3000], abs=0.01)
-    # some parts of 1e-4 as a rule; 0.064 at the few frequencies where that adds up, one of which is the example
+    # Burg's frequencies of a sine are off by parts of 1e-6 with hundreds of terms: some parts of 1e-4 as a rule, 0.064
+    # at the few frequencies where that adds up
     assert continued(course[:3000], 1000) == pytest.approx(course[3000:], abs=0.1)
 
 

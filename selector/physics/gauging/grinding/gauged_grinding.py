@@ -39,8 +39,6 @@ from selector.physics.gauging.grinding._part_kernel import (
 from selector.physics.gauging.process import Grinding, Noise, Surface
 from selector.types import Vector
 
-MOST_FEED_SD = 0.25  #: Spread of a feed over parts beyond which some part would hardly be fed at all.
-
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
 
@@ -116,13 +114,6 @@ MOST_STEPS = 500_000_000  #: Of all parts together: about a minute.
 FEWEST_SIZES = 2000  #: Parts from which sizes are told, where a file has fewer.
 MOST_STEPS_OF_PART = 3_000_000  #: Half a second, in which nothing hears Ctrl-C.
 
-#: What to do about what asks for too many steps.
-STEPS_ADVICE = {
-    "stages": "give it, or the feeds and allowances, the right power of ten",
-    "thresholds_v": "set the thresholds within what is ground, or leave them out: they follow from the sizes wanted",
-    "parts": "grind fewer parts, or give slower noise (rate_per_s)",
-}
-
 
 def longest_step_s(filter_s: float, grinding: Grinding, surface: Surface, noise: Noise) -> float:
     """The longest step that resolves filter, noise, lag and run-out [s]."""
@@ -158,21 +149,33 @@ def steps_in(duration_s: float, step_s: float, surface: Surface, relay: Relay) -
     return duration_s * per_s
 
 
-def too_long(of_feeds: float, of_thresholds: float, parts: int) -> tuple[str, str, str] | None:
-    """What asks for too many steps ("stages", "thresholds_v" or "parts"), how many, how many may be; None: nothing.
+def require_few_steps(of_feeds: float, of_thresholds: float, parts: int) -> None:
+    """InputError if one part, or all, takes too many steps.
 
     `of_feeds` are the steps of one part that ends where it is wanted, `of_thresholds` where its thresholds are.
     """
     most = MOST_STEPS_OF_PART
     if of_feeds > most:
-        return "stages", f"{of_feeds:.3g} steps of the calculation for one part", f"at most {most:.0e}"
+        raise InputError(
+            f"{of_feeds:.3g} steps of the calculation for one part",
+            expected=f"at most {most:.0e}",
+            where="key grinding.stages",
+            advice="give feeds, allowances, filter, noise and turns the right power of ten",
+        )
     if of_thresholds > most:
-        found = f"thresholds that one part reaches after {of_thresholds:.3g} steps of the calculation"
-        return "thresholds_v", found, f"at most {most:.0e}"
+        raise InputError(
+            f"thresholds that one part reaches after {of_thresholds:.3g} steps of the calculation",
+            expected=f"at most {most:.0e}",
+            where="key thresholds.volts",
+            advice="set them within what is ground, or leave them out: they follow from the sizes wanted",
+        )
     if of_thresholds * parts > MOST_STEPS:
-        found = f"{parts} parts of {of_thresholds:.3g} steps of the calculation"
-        return "parts", found, f"at most {MOST_STEPS:.0e} steps in all"
-    return None
+        raise InputError(
+            f"{parts} parts of {of_thresholds:.3g} steps of the calculation",
+            expected=f"at most {MOST_STEPS:.0e} steps in all",
+            where="key run.parts",
+            advice="grind fewer parts, or give slower noise (noise.rate_per_s)",
+        )
 
 
 TABLE = 4096  #: Points of a characteristic, evenly spread, between which the loop goes straight.
@@ -208,10 +211,7 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
     step_s = gauge.time_constant_s / (steps_per_filter(setup) if steps is None else steps)
     lowest = _lowest_um(setup)
     of_feeds, of_thresholds = (slower * _steps_until(setup, step_s, ends) for ends in (_wanted_um(setup), lowest))
-    wrong = too_long(of_feeds, max(of_feeds, of_thresholds), parts)
-    if wrong is not None:
-        where, found, expected = wrong
-        raise InputError(found, expected=expected, where=where, advice=STEPS_ADVICE[where])
+    require_few_steps(of_feeds, max(of_feeds, of_thresholds), parts)
     curve, ripple = setup.characteristic, setup.crest
     table, start, step = _NO_TABLE if curve is None else _tabulated(curve.allowance_um, curve.voltage_at)
     crest, crest_from, crest_step = (

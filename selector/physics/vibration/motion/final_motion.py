@@ -35,12 +35,12 @@ class ResponseCurve:
     ends_hz: Vector  #: (n_pieces,): Highest frequency of every piece [Hz]
     points: int  #: Frequencies at which the response was solved and kept
 
-    def at(self, frequency_hz: Vector, *, derivative: int = 0) -> ComplexMatrix:
-        """The response, or its derivative by the frequency [1/Hz, 1/Hz²], shape (n_outputs, n_freq)."""
+    def at(self, frequency_hz: Vector) -> ComplexMatrix:
+        """The response, shape (n_outputs, n_freq)."""
         piece = np.minimum(np.searchsorted(self.ends_hz, frequency_hz), len(self.pieces) - 1)
         parts = [np.flatnonzero(piece == number) for number in range(len(self.pieces))]
         found = np.concatenate(
-            [spline(frequency_hz[rows], nu=derivative) for spline, rows in zip(self.pieces, parts, strict=True)],
+            [spline(frequency_hz[rows]) for spline, rows in zip(self.pieces, parts, strict=True)],
             axis=1,
         )
         if len(parts) == 1:

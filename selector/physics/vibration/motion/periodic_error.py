@@ -23,9 +23,8 @@ from selector.types import ComplexMatrix, Vector
 
 MOST_VALUES = 2_000_000_000  #: Realisations that differ × sections: some fifteen seconds.
 MOST_REALISATIONS = 1 << 22
+_DRAWN = 1 << 14  #: Realisations that are drawn where there are more: a mean of them is within half a percent.
 _BLOCK = 1 << 15
-_WAVES, _MOST_WAVES = 512, 1 << 17
-_REST = 1e-9
 _Above0 = Annotated[float, ABOVE_0]
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
@@ -38,7 +37,7 @@ class Realisations:
     mean_abs_m: float  #: Expectation of |x|, mean over the sections
     rms_m: float  #: Root of the mean of x² over realisations and sections, in closed form (`mean_square`)
     largest_m: float  #: Largest |Z| of any realisation at any section
-    count: int  #: N
+    count: int  #: How many were gone through: N, or fewer that were drawn of them
 
 
 def realisation_amounts(
@@ -58,8 +57,9 @@ def realisation_amounts(
     `motion_m` is X of every line [m], at `frequency_hz` [Hz] and of `source`, the position of one of all `n_sources`:
     each of shape (n_lines,). `time_s` are the times of the sections [s], see `section_times`; `phases` is P ≥ 1.
 
-    InputError: no section, or too many realisations (`are_countable`); `mean_square` and `any_phase_amplitude` have no
-    limit.
+    Where there are too many they are drawn (the same ones every time); `mean_square` needs none.
+
+    InputError: no section, no source, or no phase.
     """
     motion = np.asarray(motion_m, dtype=np.complex128)
     frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
@@ -67,11 +67,21 @@ def realisation_amounts(
     moving = [motion[rows] for rows in (owner == s for s in range(n_sources))]
     turning = [frequency[owner == s] for s in range(n_sources)]
     active = [s for s in range(n_sources) if np.any(moving[s])]
-    _require_countable(n_sources, len(active), len(time), phases)
-    different = phases ** max(len(active) - 1, 0)
+    if min(len(time), n_sources, phases) < 1:
+        raise InputError(
+            f"{n_sources} sources, {len(time)} sections, {phases} phases",
+            expected="at least 1 of each",
+            where="realisations",
+            advice="give a source, a section and a phase",
+        )
+    # logarithms: the powers may have thousands of digits
+    most = min(MOST_REALISATIONS, max(MOST_VALUES // len(time), 1))
+    are_few = max(len(active) - 1, 0) * math.log(phases) <= math.log(most) + SAME
+    different = phases ** max(len(active) - 1, 0) if are_few else min(_DRAWN, most)
     step = np.exp(2j * np.pi * np.arange(phases) / phases)
     # all shifts of the later half of the sources beside all of the earlier: two small sums and one outer one
     half = max((len(active) + 1) // 2, 1)
+    drawn = step[np.random.default_rng(0).integers(phases, size=(0 if are_few else len(active), different))]
     section = np.empty((3, len(time)))
     square = 0.0
     width = max(1, _BLOCK // different)
@@ -80,16 +90,20 @@ def realisation_amounts(
         z = np.zeros((max(len(active), 1), len(time[block])), dtype=np.complex128)
         for row, s in enumerate(active):
             z[row] = _phasors(moving[s], turning[s], time[block])
-        one, other = _shifted(z[:half], step, fixed=True), _shifted(z[half:], step, fixed=False)
         # a section a row, so that what is added up lies side by side
-        total = (one[:, :, None] + other[:, None, :]).reshape(-1, different)
+        if are_few:
+            one, other = _shifted(z[:half], step, fixed=True), _shifted(z[half:], step, fixed=False)
+            total = (one[:, :, None] + other[:, None, :]).reshape(-1, different)
+        else:
+            total = z.T @ drawn
         size = np.sqrt(total.real**2 + total.imag**2)
         section[0, block] = size.mean(axis=1)
-        section[1, block] = _mean_ordinate(total, step)
+        section[1, block] = _mean_ordinate(total, step if are_few else step[:1])
         section[2, block] = size.max(axis=1)
         square += float(np.sum(mean_square(z, phases=phases)))
     expected, mean_abs, largest = float(section[0].mean()), float(section[1].mean()), float(section[2].max())
-    return Realisations(expected, mean_abs, math.sqrt(max(square / len(time), 0.0)), largest, phases**n_sources)
+    count = phases**n_sources if are_few else different
+    return Realisations(expected, mean_abs, math.sqrt(max(square / len(time), 0.0)), largest, count)
 
 
 def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
@@ -108,52 +122,6 @@ def mean_square(z_m: ArrayLike, *, phases: int = 4) -> Vector:
     return np.asarray(0.5 * (z.real**2 + z.imag**2).sum(axis=0))
 
 
-def any_phase_amplitude(amplitude_m: ArrayLike) -> float:
-    """E|Σ_s a_s·e^{iφ_s}| over phases that are anything, each for itself; the limit of many steps P [m].
-
-    With x the ordinate, E|Z| = π/2·E|x|, and |x| as a Fourier series over −A … A, A = Σ a_s, leaves of every wave its
-    mean, a product of Bessel functions: E|Z| = A·(π/4 − (2/π)·Σ_{odd k} Π_s J0(π·k·a_s/A)/k²).
-
-    `amplitude_m` is a_s, not below 0 [m], shape (n_sources,).
-    """
-    from scipy.special import j0
-
-    amplitude = np.asarray(amplitude_m, dtype=np.float64)
-    largest = float(amplitude.max(initial=0.0))
-    if largest == 0.0:
-        return 0.0
-    # shares of the largest first: the sum of the smallest numbers has no digits
-    share = amplitude / largest
-    whole = float(share.sum())
-    share = share[share > 0.0] / whole
-    total, begin = 0.0, 1
-    while begin < _MOST_WAVES:
-        wave = np.arange(begin, begin + _WAVES, 2, dtype=np.float64)
-        total += float(np.sum(np.prod(j0(np.pi * np.outer(wave, share)), axis=1) / wave**2))
-        begin += _WAVES
-        # |J0(u)| is below √(2/πu), and the rest of Σ 1/k² over odd k below 1/2k
-        if float(np.prod(np.minimum(np.sqrt(2.0 / (np.pi**2 * begin * share)), 1.0))) / begin < _REST:
-            break
-    return largest * whole * (math.pi / 4.0 - 2.0 / math.pi * total)
-
-
-def are_countable(active: int, *, sections: int = 1, phases: int = 4) -> bool:
-    """Whether the realisations of so many sources that move, times the sections, are few enough to go through."""
-    # logarithms: the powers may have thousands of digits
-    different = max(active - 1, 0) * math.log(phases)
-    return different <= math.log(MOST_REALISATIONS) + SAME and different + math.log(sections) <= math.log(MOST_VALUES)
-
-
-def source_motion(
-    motion_m: ArrayLike, frequency_hz: ArrayLike, source: ArrayLike, time_s: ArrayLike, *, n_sources: int
-) -> ComplexMatrix:
-    """z_s(t), the sum of X·e^{iωt} over the lines of each source; complex, shape (n_sources, n_sections) [m]."""
-    motion, frequency = np.asarray(motion_m, dtype=np.complex128), np.asarray(frequency_hz, dtype=np.float64)
-    owner, time = np.asarray(source), np.asarray(time_s, dtype=np.float64)
-    rows = [owner == s for s in range(n_sources)]
-    return np.array([_phasors(motion[row], frequency[row], time) for row in rows]).reshape(n_sources, len(time))
-
-
 def section_times(sections: int, duration_s: float) -> Vector:
     """Times that lie evenly in (0, `duration_s`) without being a grid; ascending, shape (sections,) [s].
 
@@ -168,23 +136,6 @@ def section_times(sections: int, duration_s: float) -> Vector:
             advice="correct the number of sections or the duration",
         )
     return np.sort(np.mod((np.arange(sections) + 0.5) * _GOLDEN, 1.0)) * duration_s
-
-
-def _require_countable(sources: int, active: int, sections: int, phases: int) -> None:
-    if sections < 1 or sources < 1 or phases < 1:
-        raise InputError(
-            f"{sources} sources, {sections} sections, {phases} phases",
-            expected="at least 1 of each",
-            where="realisations",
-            advice="give a source, a section and a phase",
-        )
-    if not are_countable(active, sections=sections, phases=phases):
-        raise InputError(
-            f"{phases} phases of {active} sources that move it, {sections} sections",
-            expected=f"{phases}^{active - 1} up to {MOST_REALISATIONS}, and times the sections up to {MOST_VALUES:.0e}",
-            where="realisations.phases",
-            advice="take fewer phases or sections; the mean square needs neither (rms in closed form)",
-        )
 
 
 def _phasors(motion: NDArray[np.complex128], frequency: Vector, time: Vector) -> NDArray[np.complex128]:
@@ -277,9 +228,7 @@ class PeriodicError:
     height_um: Mapping[str, float]  #: Final → W (V eq. 2) [µm]
     published_um: float  #: Sum of W over tool and workpiece [µm]
     kinematic_um: float  #: 2·|X_tool − X_workpiece|, expectation over the phases of the sources [µm]
-    #: Combinations of phases that the expectations are over; 0 where they are too many: then these are over phases that
-    #: are anything instead of P steps of a turn (`any_phase_amplitude`)
-    realisations: int = 1
+    realisations: int = 1  #: Combinations of phases that the expectations are over
 
 
 @dataclass(frozen=True)
@@ -305,7 +254,7 @@ def periodic_errors(
     """Periodic errors of the first revolution, one a frequency, by frequency; lines without motion leave none.
 
     Lines of one source at one frequency are added with their phases; several sources there by the expectation of the
-    amplitude over P phase shifts of each, or over all phases where the combinations are too many to go through.
+    amplitude over P phase shifts of each.
 
     InputError: an exponent that makes a number too large.
     """
@@ -318,8 +267,8 @@ def periodic_errors(
         force, amplitude = {}, {}
         for name in _FINALS:
             place = motions.finals.index(name)
-            amplitude[name] = 1e6 * _expected(motions.motion_m[place, rows], owner, phases)
-            moment = _expected(motions.moment_kg_m[place, rows], owner, phases)
+            amplitude[name] = 1e6 * _expected(motions.motion_m[place, rows], owner, phases)[0]
+            moment, _ = _expected(motions.moment_kg_m[place, rows], owner, phases)
             force[name] = moment * (2.0 * math.pi * frequency) ** 2
         height = {name: published_height_um(newton, cutting) for name, newton in force.items()}
         kind, direction, wavelength = error_kind(frequency, cutting, limits)
@@ -327,7 +276,7 @@ def periodic_errors(
         # half a turn is ahead, also where rounding has it behind
         advance = min(upr - math.ceil(upr * (1.0 - SAME) - 0.5), 0.5)
         straight = abs(advance) <= SAME * upr
-        together = len(set(owner.tolist()))
+        apart, count = _expected(relative[rows], owner, phases)
         found.append(
             PeriodicError(
                 frequency_hz=frequency,
@@ -342,8 +291,8 @@ def periodic_errors(
                 force_n=force,
                 height_um=height,
                 published_um=sum(height.values()),
-                kinematic_um=2e6 * _expected(relative[rows], owner, phases),
-                realisations=phases**together if are_countable(together, phases=phases) else 0,
+                kinematic_um=2e6 * apart,
+                realisations=count,
             )
         )
     return tuple(found)
@@ -458,14 +407,11 @@ def _same_frequency(frequency_hz: NDArray[np.float64]) -> list[NDArray[np.int64]
     return [rows for rows in np.split(order, cuts) if len(rows)]
 
 
-def _expected(amplitude_m: NDArray[np.complex128], owner: NDArray[np.int64], phases: int) -> float:
-    """Expectation of the amplitude of lines at one frequency over the phases of their sources."""
+def _expected(amplitude_m: NDArray[np.complex128], owner: NDArray[np.int64], phases: int) -> tuple[float, int]:
+    """Expectation of the amplitude of lines at one frequency over the phases of their sources, and of how many."""
     names, source = np.unique(owner, return_inverse=True)
     if len(names) == 1:
-        return float(abs(amplitude_m.sum()))
-    if not are_countable(len(names), phases=phases):
-        together = [amplitude_m[source == number].sum() for number in range(len(names))]
-        return any_phase_amplitude(np.abs(together))
+        return float(abs(amplitude_m.sum())), phases
     still = np.zeros(len(amplitude_m))
     amounts = realisation_amounts(amplitude_m, still, source, [0.0], n_sources=len(names), phases=phases)
-    return amounts.expected_m
+    return amounts.expected_m, amounts.count

@@ -1,11 +1,11 @@
 """How do tool and workpiece move in time, at constant speeds or while shafts run up, for given phases of the sources.
 
-At constant speeds every line is a sinusoid, exactly. While the speed of a shaft changes its lines are quasi-steady; how
-far the truth is from that is told by modes that are solved in time.
+At constant speeds every line is a sinusoid, exactly. While the speed of a shaft changes its lines are quasi-steady;
+where a resonance is passed too quickly for that, it is told.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -16,195 +16,15 @@ from selector.findings import Finding, Where
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_motions, source_curve
 from selector.physics.vibration.rounding import above, below
-from selector.physics.vibration.structure.source import Line, ShaftCourse, Source, excitation, line_force_n
-from selector.physics.vibration.structure.structure import Structure, StructureModes, structure_modes, unit_force
+from selector.physics.vibration.structure.source import ShaftCourse, Source, excitation, line_force_n
+from selector.physics.vibration.structure.structure import Structure, structure_modes, unit_force
 from selector.types import Complex, Matrix, Vector
-
-_MOST_STEPS = 10_000_000  #: Samples × answers of one pole to one line, the largest first: about a second.
-_NOTHING = 1e-3  #: Share of all changes below which that of one pole under one line is left out.
-_GONE = 20.0  #: Decay within a sample, as an exponent, of what needs no time to follow.
-_PASSED = 400
-_JITTER = 0.125  #: Part of the time constant over which a speed is averaged, to tell its noise from a run-up.
-_DETUNED = 1e-6
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One mode under one line: where they differ most from quasi-steady at one final."""
-
-    line: int  #: Number of the line, from 0
-    #: mode_hz and ring_s: Frequency of the mode [Hz], and the time in which it fades to 1/e [s]
-    mode_hz: float
-    ring_s: float
-    steady_m: float  #: Largest quasi-steady motion of the mode on the way [m]
-
-
-@dataclass(frozen=True, eq=False)
-class LateMotion:
-    """True minus quasi-steady motion, as an analytic signal."""
-
-    time_s: Vector  #: (n_times,): Even [s]
-    motion_m: Complex  #: (n_finals, n_times): [m]
-    answers: tuple[Answer, ...]  #: What differs most, one a final
-
-
-def late_motion(
-    structure: Structure, source: Source, course: ShaftCourse, finals: Mapping[str, str], time_s: Vector
-) -> LateMotion | None:
-    """What the lines of `source` that follow its shaft make of the coupled structure, beyond quasi-steady.
-
-    Steady at the first time. Where the course has many corners, as a recorded one, what is different only because the
-    speed jitters, quicker than the mode could tell, does not count. None where nothing changes.
-
-    Of the times, which increase, first and last and the median step count [s].
-    """
-    lines = [(number, line) for number, line in enumerate(source.lines) if line.order is not None]
-    modes = _complete_modes(structure)
-    step = float(np.median(np.diff(time_s)))
-    time = np.linspace(time_s[0], time_s[-1], max(round((time_s[-1] - time_s[0]) / step), 1) + 1)
-    step = float(time[1] - time[0])
-    places = [structure.position(member) for member in finals.values()]
-    taken = modes.shapes.T @ unit_force(structure, source.member, source.against)
-    chosen = _changes(modes, modes.shapes[places] * taken, lines, course, time)
-    chosen = chosen[: max(_MOST_STEPS // len(time), 1)]
-    if not chosen:
-        return None
-    middle = 0.5 * (time[1:] + time[:-1])
-    halfway, between, turns = course.rpm_at(middle) / 60.0, course.turns_at(middle), course.turns_at(time)
-    speeds = _speeds(course, time, chosen[0].ring_s)
-    late = np.zeros((len(speeds), len(places), len(time)), dtype=np.complex128)
-    worst: list[tuple[float, Answer]] = [(-1.0, one) for one in map(chosen[0].answer, range(len(places)))]
-    for number, line in lines:
-        poles = [one for one in chosen if one.line == number]
-        if not poles:
-            continue
-        order = line.order or 0.0
-        turning = np.exp(2j * np.pi * np.mod(order * turns, 1.0))
-        steady = [(2.0 * np.pi * order * one, line_force_n(line, order * one) * turning) for one in speeds]
-        pulse = line_force_n(line, order * halfway) * np.exp(2j * np.pi * np.mod(order * between, 1.0))
-        omega = 2.0 * np.pi * order * halfway
-        for one in poles:
-            moved = _followed(one.pole, omega, pulse, steady[0][1][0] / (one.pole - steady[0][0][0]), step)
-            off = np.array([moved - force / (one.pole - rate) for rate, force in steady])
-            least = float(np.abs(off).min(axis=0).max())
-            for row, share in enumerate(one.shares):
-                late[:, row] += share * off
-                worst[row] = max(worst[row], (abs(share) * least, one.answer(row)), key=lambda case: case[0])
-    smaller = late[0] if len(late) == 1 else np.where(np.abs(late[0]) <= np.abs(late[1]), late[0], late[1])
-    return LateMotion(time, smaller, tuple(answer for _, answer in worst))
-
-
-def _speeds(course: ShaftCourse, time: Vector, ring_s: float) -> list[Vector]:
-    """Speeds to be quasi-steady at [r/s]: of the instant and, if recorded, around it, where there is less noise."""
-    speeds = [course.rpm_at(time) / 60.0]
-    around = max(_JITTER * min(ring_s, (time[-1] - time[0]) / 4.0), 0.5 * float(time[1] - time[0]))
-    if len(course.time_s) > 1 and np.median(np.diff(course.time_s)) < around:
-        speeds.append((course.turns_at(time + around) - course.turns_at(time - around)) / (2.0 * around))
-    return speeds
-
-
-@dataclass(frozen=True)
-class _Change:
-    """One pole under one line: what the finals take of it, and how much it changes on the way."""
-
-    line: int
-    pole: complex
-    shares: tuple[complex, ...]
-    steady: float
-    size: float
-
-    @property
-    def ring_s(self) -> float:
-        return 1.0 / self.pole.imag if self.pole.imag > 0 else float("inf")
-
-    def answer(self, row: int) -> Answer:
-        return Answer(self.line, abs(self.pole.real) / (2.0 * np.pi), self.ring_s, abs(self.shares[row]) * self.steady)
-
-
-def _changes(
-    modes: StructureModes, weights: Complex, lines: list[tuple[int, Line]], course: ShaftCourse, time: Vector
-) -> list[_Change]:
-    """Poles and lines whose quasi-steady answer changes between the lowest speed and the highest, largest first."""
-    low, high = course.range_rpm(float(time[0]), float(time[-1]))
-    step = float(time[1] - time[0])
-    roots = np.sqrt(modes.eigenvalues_per_s2)
-    found = []
-    for number, line in lines:
-        order = line.order or 0.0
-        lowest, highest = order * low / 60.0, order * high / 60.0
-        passed = np.concatenate(
-            (np.linspace(lowest, highest, _PASSED), np.clip(roots.real / (2.0 * np.pi), lowest, highest))
-        )
-        force = line_force_n(line, passed)
-        for mode, root in enumerate(roots.tolist()):
-            damped = complex(root.real, max(root.imag, 0.0))
-            if damped.imag * step > _GONE:
-                continue
-            for pole, sign in ((damped, 1.0), (-damped.conjugate(), -1.0)):
-                beside = pole - 2.0 * np.pi * passed
-                answer = force / np.where(beside == 0.0, np.inf, beside)
-                shares = tuple((sign * weights[:, mode] / (2.0 * damped.real)).tolist())
-                changed = float(np.abs(answer - answer[0]).max())
-                found.append(_Change(number, pole, shares, float(np.abs(answer).max()), changed))
-    total = np.array([sum(abs(one.shares[row]) * one.size for one in found) for row in range(len(weights))])
-    ranked = [
-        (float(np.max(np.abs(one.shares) * one.size / np.where(total > 0.0, total, 1.0))), number)
-        for number, one in enumerate(found)
-    ]
-    return [found[number] for size, number in sorted(ranked, reverse=True) if size > _NOTHING]
-
-
-def _followed(pole: complex, omega: Vector, force: Complex, start: complex, step: float) -> Complex:
-    """Y at every sample; within a step, whose middle `omega` and `force` are of, the frequency stays: exact then."""
-    from scipy.signal import lfilter
-
-    half = 0.5 * step
-    angle = (omega - pole) * half
-    near = np.abs(angle) < 1e-6
-    gain = np.sin(angle) / np.where(near, 1.0, angle)
-    gain[near] = 1.0
-    pushed = -2j * half * np.exp(1j * pole * half) * gain * force
-    fade = np.exp(1j * pole * step)
-    return np.concatenate(([start], lfilter([1.0], [1.0, -fade], pushed, zi=[fade * start])[0]))
-
-
-def _complete_modes(structure: Structure) -> StructureModes:
-    """Modes that span all motions: where two fall together, those of joints that differ by next to nothing."""
-    modes = structure_modes(structure)
-    if modes.complete:
-        return modes
-    joints = tuple(
-        replace(joint, dissipation=joint.dissipation * (1.0 + _DETUNED * number) + _DETUNED * number)
-        for number, joint in enumerate(structure.joints)
-    )
-    return structure_modes(replace(structure, joints=joints))
-
 
 Beyond = Literal["refuse", "leave-out"]
 
 HURRY = 0.1  #: Share of a final's largest motion from which on it is told that a run-up is too quick.
-_ALIKE = 0.05  #: Share by which two peaks differ that are about as large.
-_STRETCHES = 1000
-_UM = 1e6
-
-
-@dataclass(frozen=True, eq=False)
-class Hurry:
-    """How far the motion of one final by one source is from the true one, as the coupled structure tells."""
-
-    final: str
-    off_m: float  #: Largest difference [m]
-    answer: Answer  #: Line and mode that differ most
-    #: changed_hz and rate_hz_per_s: By how much the frequency of the line changes while the mode fades to 1/e, and at
-    #: most how quickly
-    changed_hz: float
-    rate_hz_per_s: float
-    #: simulated_m and true_m: Largest motion by the source, in whatever phase it is [m]
-    simulated_m: float
-    true_m: float
-    from_s: Vector  #: (n_stretches,): Starts of stretches of the same length [s]
-    stretch_off_m: Vector  #: (n_stretches,): Largest difference in each [m]
-    stretch_s: float  #: Their length [s]
+_MOST_MOMENTS = 20_000
+_JITTER = 0.125  #: Part of the time constant over which a speed is averaged, to tell its noise from a run-up.
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +34,6 @@ class RunUp:
     force_n: Complex  #: (n_times,): [N]
     motion_m: Complex  #: (n_finals, n_times): [m]
     findings: tuple[Finding, ...]  #: Lines that the sampling cannot carry, a change from one set of chains to the other
-    hurries: tuple[Hurry, ...]  #: How far it is from the true motion, one a final; none where nothing has to swing up
 
 
 def run_up(
@@ -269,9 +88,7 @@ def run_up(
             evidence={"source": source.name, "split_hz": jump_hz},
         )
         findings.append(told)
-    late = late_motion(structure, source, course, finals, time_s)
-    hurries = () if late is None else tuple(_hurries(late, source, course, tuple(finals), time_s, motion))
-    return RunUp(force, motion, tuple(findings), hurries)
+    return RunUp(force, motion, tuple(findings))
 
 
 def beyond_sampling(
@@ -302,87 +119,65 @@ def beyond_sampling(
 
 
 def too_quick(
-    source: Source, hurries: Sequence[Hurry], whole_m: Mapping[str, float], begin_s: float, by_chains: bool
+    structure: Structure,
+    source: Source,
+    course: ShaftCourse,
+    finals: Mapping[str, str],
+    time_s: Vector,
+    whole_m: Mapping[str, float],
 ) -> Finding | None:
-    """The finding that the true motion differs much from the simulated one, of the final where it does so most.
+    """The finding that a mode of the coupled structure cannot follow a line of `source`; of the worst one.
 
-    `whole_m` is final → the largest motion of the whole run, by all sources [m]; `begin_s` the time of the first sample
-    [s]; `by_chains` says how the motion was simulated.
+    The motion of a mode that fades to 1/e in the time τ is quasi-steady but for about what its steady motion changes by
+    within τ: passing a resonance with the half-power width B at r [Hz/s] r/(½π·B²) of its peak. What is small beside
+    `whole_m`, final → largest motion of the whole run by all sources [m], is not told.
     """
-    told = [one for one in hurries if one.off_m > HURRY * whole_m[one.final] > 0.0]
-    if not told:
-        return None
-    worst = max(told, key=lambda one: one.off_m)
-    answer, whole, order = worst.answer, whole_m[worst.final], source.lines[worst.answer.line].order or 0.0
-    long = worst.from_s[worst.stretch_off_m > HURRY * whole]
-    # 10 % of what the mode makes at 0.16 times the square of its half-power width, and then it comes to its peak
-    beside = max(whole / answer.steady_m, 1.0)
-    slower = min(HURRY * beside * 0.5 * np.pi / (np.pi * answer.ring_s) ** 2, worst.rate_hz_per_s)
-    off, simulated, true = (_UM * one for one in (worst.off_m, worst.simulated_m, worst.true_m))
-    evidence = {
-        "source": source.name,
-        "line": answer.line + 1,
-        "resonance_hz": answer.mode_hz,
-        "changed_hz": worst.changed_hz,
-        "rate_hz_per_s": worst.rate_hz_per_s,
-        "slower_than_hz_per_s": slower,
-        "off_um": off,
-        "largest_um": _UM * whole,
-        "share": worst.off_m / whole,
-    }
-    said = (
-        f"Order {order:g} of {source.name} changes by {worst.changed_hz:.3g} Hz in "
-        + (f"the {answer.ring_s:.3g} s" if np.isfinite(answer.ring_s) else "less than the time")
-        + f" that a vibration at the resonance of {answer.mode_hz:.4g} Hz needs to fade to 1/e: the motion of "
-        f"{worst.final} differs from the simulated one by up to {off:.3g} µm, "
-        + (
-            f"{worst.off_m / whole:.0%} of its largest value."
-            if worst.off_m < whole
-            else "more than its largest value."
-        )
-    )
-    advice = f"Let the frequency change by less than {slower:.3g} Hz/s there"
-    if by_chains:
-        said, advice = f"{said} So says the coupled structure.", f"{advice}."
-    else:
-        evidence |= {"true_um": true, "simulated_um": simulated}
-        peaks = f"In its worst phase it comes to about {true:.3g} µm by this source instead of {simulated:.3g} µm"
-        if true > (1.0 + _ALIKE) * simulated:
-            said += f" {peaks}: what begins so suddenly overshoots."
-            advice += f", or reckon with {true:.3g} µm."
-        elif true < (1.0 - _ALIKE) * simulated:
-            said += f" {peaks}, and later: it has no time to swing up."
-            advice += ", or take the simulated peak as an upper limit."
-        else:
-            said += f" The largest value by this source stays about {true:.3g} µm."
-            advice += ", or believe the peak alone, not the course."
-    where = Where(
-        channel=worst.final, from_s=float(long[0]) - begin_s, to_s=float(long[-1]) + worst.stretch_s - begin_s
-    )
-    return FINDINGS.finding("run-up-too-quick", said, where, evidence, advice)
-
-
-def _hurries(
-    late: LateMotion, source: Source, course: ShaftCourse, finals: tuple[str, ...], time_s: Vector, motion_m: Complex
-) -> Iterator[Hurry]:
-    step, even = float(late.time_s[1] - late.time_s[0]), late.time_s
-    starts = np.unique(np.linspace(0, len(even), _STRETCHES, endpoint=False).astype(int))
-    for row, (final, answer) in enumerate(zip(finals, late.answers, strict=True)):
-        size = np.abs(late.motion_m[row])
-        at_s, order = float(even[int(np.argmax(size))]), source.lines[answer.line].order or 0.0
-        frequency = order * course.rpm_at(even[(even >= at_s - answer.ring_s) & (even <= at_s)]) / 60.0
-        yield Hurry(
-            final,
-            float(size.max()),
-            answer,
-            float(np.ptp(frequency)),
-            float(np.abs(np.diff(frequency)).max(initial=0.0)) / step,
-            float(np.abs(motion_m[row]).max()),
-            float(np.abs(motion_m[row] + np.interp(time_s, even, late.motion_m[row])).max()),
-            even[starts],
-            np.maximum.reduceat(size, starts),
-            float(even[-1] - even[0]) / len(starts),
-        )
+    modes, lasts_s = structure_modes(structure), float(time_s[-1] - time_s[0])
+    places = [structure.position(member) for member in finals.values()]
+    shares = np.abs(modes.shapes[places] * (modes.shapes.T @ unit_force(structure, source.member, source.against)))
+    shares /= np.array([whole_m[name] or np.inf for name in finals])[:, None]
+    worst, said = HURRY, None
+    for number, root in enumerate(np.sqrt(modes.eigenvalues_per_s2).tolist()):
+        ring_s = min(1.0 / max(root.imag, 1e-300), lasts_s)
+        # the mean speed around each moment, in which there is less of the noise of a recorded one
+        around_s = max(_JITTER * ring_s, lasts_s / _MOST_MOMENTS)
+        moments_s = np.arange(-ring_s, lasts_s, 0.5 * around_s) + time_s[0]
+        later = int(np.ceil(ring_s / (0.5 * around_s)))
+        speed = (course.turns_at(moments_s + around_s) - course.turns_at(moments_s - around_s)) / (2.0 * around_s)
+        for line in source.lines:
+            if line.order is None:
+                continue
+            frequency = line.order * speed
+            beside = root - 2.0 * np.pi * frequency
+            steady = line_force_n(line, frequency) / (2.0 * root.real * np.where(beside == 0.0, np.inf, beside))
+            # off resonance it follows sooner than it fades
+            follows = np.minimum(np.ceil(2.0 / (np.maximum(np.abs(beside), 1e-300) * around_s)), later).astype(np.int64)
+            places_before = np.maximum(np.arange(len(steady)) - follows, 0)
+            off = np.abs(steady - steady[places_before])
+            at, final = int(np.argmax(off)), int(np.argmax(shares[:, number]))
+            if (share := float(shares[final, number] * off[at])) > worst:
+                worst, before = share, slice(places_before[at], at + 1)
+                rate = float(np.abs(np.diff(frequency[before])).max() / (0.5 * around_s))
+                said = FINDINGS.finding(
+                    "run-up-too-quick",
+                    f"Order {line.order:g} of {source.name} changes at up to {rate:.3g} Hz/s, too quickly for the "
+                    f"resonance at {root.real / (2.0 * np.pi):.4g} Hz, which fades to 1/e in {ring_s:.3g} s: the true "
+                    f"motion is later, and higher or lower, by about {min(share, 1.0):.0%} of its largest value.",
+                    Where(
+                        channel=list(finals)[final],
+                        from_s=max(float(moments_s[at] - time_s[0]) - ring_s, 0.0),
+                        to_s=min(float(moments_s[at] - time_s[0]) + ring_s, lasts_s),
+                    ),
+                    {
+                        "source": source.name,
+                        "resonance_hz": root.real / (2.0 * np.pi),
+                        "rate_hz_per_s": rate,
+                        "slower_than_hz_per_s": rate * HURRY / share,
+                        "share": share,
+                    },
+                    f"let the frequency change by less than {rate * HURRY / share:.3g} Hz/s there",
+                )
+    return said
 
 
 def _joined(ranges: list[tuple[float, float]]) -> list[tuple[float, float]]:
@@ -462,7 +257,6 @@ def motion_signal(
     ]
     lines = lines.only(np.flatnonzero(below(lines.frequency_hz, half_hz)))
     still = final_motions(structure, sources, lines, finals, chains)
-    changing: list[tuple[Source, tuple[Hurry, ...]]] = []
     for position, source in enumerate(sources):
         rows = np.flatnonzero(lines.source == position)
         if len(rows):
@@ -476,7 +270,6 @@ def motion_signal(
             motion += (moved.motion_m * shift[position]).imag
             force[position] += (moved.force_n * shift[position]).imag
             findings += moved.findings
-            changing.append((source, moved.hurries))
     speeds = {
         name: np.full(len(time), constant[name]) if name in constant else courses[name].rpm_at(time)
         for name in shaft_rpm
@@ -489,8 +282,10 @@ def motion_signal(
             advice="correct the forces, the unbalances or the speeds",
         )
     whole_m = dict(zip(finals, np.abs(motion).max(axis=1).tolist(), strict=True))
-    hurried = (too_quick(one, hurries, whole_m, float(time[0]), chains is not None) for one, hurries in changing)
-    findings += [one for one in hurried if one is not None]
+    for source in sources:
+        if source.shaft in courses:
+            told = too_quick(structure, source, courses[source.shaft], finals, time, whole_m)
+            findings += [] if told is None else [told]
     for values in (time, motion, force, *speeds.values()):
         values.setflags(write=False)
     return MotionSignal(
