@@ -39,14 +39,8 @@ outside-valid-range [info, warning] an input leaves the range in which the model
     → add a run like this one to the recordings that the model is built from
 break-code-in-valid-range [warning] a code of a broken sensor is a temperature that the sensor can have
     → remove the code from guard.break_codes of the model file
-dead-band-beyond-clamp [warning] the dead band is larger than the largest correction
-    → make dead_band_um in guard.limits of the model file smaller than the error that matters
 slew-too-slow [warning] the slew limit is so slow that the correction takes days
     → Choose a faster slew limit (--slew).
-holds-too-long [warning] a correction is held for days without sensors
-    → choose minutes to hours in guard.hold_at_most_s of the model file
-waits-too-long [warning] a time of the guard is so long that it waits for days
-    → Choose a shorter time in guard of the model file.
 no-test-vectors [warning] the model file has no test vectors: a program cannot check itself against it
     → export the model again with selector
 test-vector-mismatch [error] the coefficients do not give the outputs that the model file expects: it was changed
