@@ -130,7 +130,7 @@ def export_model(
     for name in files:
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)
-    of_folder = (*_of_other_targets(target, folder, files), *([] if own else _of_model_there(usable, decided, folder)))
+    of_folder = [] if own else _of_model_there(usable, decided, folder)
     findings = (*of_model, *of_touch_offs, *of_margin, *of_limits, *program.findings, *of_replay, *of_sign, *of_folder)
     is_verified = options.is_sign_verified
     sheet = commissioning_account(
@@ -289,25 +289,6 @@ def _of_sign(model: ModelFile, target: str, options: ExportOptions) -> Iterator[
                 "counts the axis the other way.",
                 evidence={"output": output.name},
             )
-
-
-def _of_other_targets(target: str, folder: Path, files: Sequence[str]) -> Iterator[Finding]:
-    """Programs of other controls in the folder, which the new model and sheet do not belong to."""
-    left: dict[str, str] = {}
-    for name, other in TARGETS.items():
-        if name == target:
-            continue
-        patterns = [*(part.file for part in other.parts), *other.not_always]
-        for file in sorted({path.name for pattern in patterns for path in folder.glob(pattern)} - set(files)):
-            left.setdefault(file, name)
-    if left:
-        listed = ", ".join(f"{file} ({name})" for file, name in left.items())
-        yield FINDINGS.finding(
-            "other-target-in-folder",
-            f"{folder} also holds programs of other controls: {listed}. {MODEL} and {SHEET} beside them are of this "
-            "export and do not describe them.",
-            evidence={"files": list(left)},
-        )
 
 
 def _of_model_there(asked: ModelFile, decided: ModelFile, folder: Path) -> Iterator[Finding]:

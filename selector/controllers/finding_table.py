@@ -62,10 +62,6 @@ output-not-finite [error] an output can overflow while every input is in its val
     → do not use this file; a coefficient is far too large or a scale far too small
 valid-range-empty [warning] an input never changed: the model does not know what a change of it does
     → leave the sensor out, or record a run in which it changes
-centre-outside-valid-range [info] the centre of an input is outside its valid range
-    → check that centre and range are both of the rise, or both of the reading
-input-not-used [info] an input is in the model file, but no output depends on it
-    → leave it out, so that nobody wires a sensor for nothing
 sensor-looks-broken [error] a sensor holds a break code, reads what it cannot, or has no readings
     → check the sensor and its wiring, or leave the run out
 missing-readings [info] a sensor has single readings missing
@@ -111,7 +107,5 @@ sign-turned [info] a correction is turned round, for a control that counts the a
     → do the sign test of the sheet with this program
 model-not-of-program [warning] the model file beside a program does not have the limits of the program
     → export into a folder of its own; the model with these limits is then written there, too
-other-target-in-folder [warning] the folder also holds programs of other controls
-    → delete them with what was copied from them, or export again with an --out of its own for each control
 """
 )

@@ -153,7 +153,6 @@ def model_findings(model: ModelFile) -> tuple[Finding, ...]:
         *_guard_vector_findings(model),
         *_size_findings(model),
         *_range_findings(model),
-        *_unused_findings(model),
         *_contradicting_fallbacks(model),
         *guard_findings(model),
         *_reached_clamps(model),
@@ -433,31 +432,11 @@ def _size_findings(model: ModelFile) -> Iterator[Finding]:
 
 def _range_findings(model: ModelFile) -> Iterator[Finding]:
     for item in model.inputs:
-        low, high = item.valid_min, item.valid_max
-        evidence = {"input": item.name, "valid_min": low, "valid_max": high, "centre": item.centre, "scale": item.scale}
-        if low == high:
+        if (level := item.valid_min) == item.valid_max:
             yield FINDINGS.finding(
                 "valid-range-empty",
-                f"{item.name} was {low:g} throughout: the model does not know what a change of it does.",
-                evidence=evidence,
+                f"{item.name} was {level:g} throughout: the model does not know what a change of it does.",
+                evidence={"input": item.name}
+                | dict.fromkeys(("valid_min", "valid_max"), level)
+                | {"centre": item.centre, "scale": item.scale},
             )
-        elif not low <= item.centre <= high and item.name in _in_terms(model):
-            yield FINDINGS.finding(
-                "centre-outside-valid-range",
-                f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
-                evidence=evidence,
-            )
-
-
-def _unused_findings(model: ModelFile) -> Iterator[Finding]:
-    used = _in_terms(model)
-    used |= {state.source for state in model.states if state.name in used}
-    for name in (*(item.name for item in model.inputs), *(state.name for state in model.states)):
-        if name not in used:
-            yield FINDINGS.finding(
-                "input-not-used", f"{name} is in the model file, but no output depends on it.", evidence={"input": name}
-            )
-
-
-def _in_terms(model: ModelFile) -> set[str]:
-    return {name for output in model.outputs for term in output.all_terms for name in term.powers}

@@ -213,25 +213,6 @@ def test_files_that_this_model_does_not_get_are_not_left_from_an_earlier_export(
     assert (out / "mine.c").read_text(encoding="utf-8") == "kept"
 
 
-def test_programs_of_other_targets_in_the_folder_are_named(tmp_path, capsys):
-    def left(target: str, out: str) -> list[str]:
-        assert export(PATENT, "--for", target, "--out", tmp_path / out, "--json") == 0
-        said = [one for one in answer(capsys)["findings"] if one["id"] == "other-target-in-folder"]
-        assert [one["level"] for one in said] == ["warning"] * len(said)
-        return [file for one in said for file in one["evidence"]["files"]]
-
-    assert left("c", "out") == left("c", "out") == []
-    (tmp_path / "out" / "mine.st").write_text("own", encoding="utf-8")
-    programs = [f"thermal_correction{ending}" for ending in (".c", "_f.c", "_f.h")]
-    assert sorted(left("python", "out")) == programs
-    assert "thermal_correction.py" in left("c", "out")
-    assert "other controls" in (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
-    # a block that two targets write is of this export
-    assert left("tcpou", "block") == left("beckhoff", "block") == []
-    tables = ["temp_comp_1.lis", "temp_comp_2.lis", "temp_comp_ads.txt"]
-    assert sorted(left("tcpou", "block")) == tables
-
-
 def test_a_model_beside_its_program_that_says_other_limits_is_told(tmp_path, capsys):
     model = tmp_path / "model.json"
     model.write_bytes(PATENT.read_bytes())
