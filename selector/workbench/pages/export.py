@@ -9,12 +9,13 @@ from typing import Any
 import dash
 from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
+from pydantic import TypeAdapter
 
 from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
+from selector.findings import Finding
 from selector.number_text import number_text
-from selector.selection.result_file import FindingPart
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, Column, Rows, one_of, several, tick
@@ -239,7 +240,7 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
         ]
         for path in files
     ]
-    findings = [] if said is None else [FindingPart.model_validate(one).finding() for one in said["findings"]]
+    findings = () if said is None else TypeAdapter(tuple[Finding, ...]).validate_python(said["findings"])
     return parts.section(
         f"Files in {name}",
         parts.table(["file", "what it is", "bytes"], rows, numeric=["bytes"], name="files"),
