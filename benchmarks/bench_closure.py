@@ -2,7 +2,7 @@
 
     python benchmarks/bench_closure.py [--sensors 5000] [--peer-sensors 500] [--repeat 5]
 
-Prints seconds (best of the repetitions, after compilation) and ratios. SciPy and scikit-fuzzy run on one thread, as
+Prints seconds (best of the repetitions) and ratios. SciPy and scikit-fuzzy run on one thread, as
 we do; results of all programs are compared before anything is printed.
 """
 
@@ -67,7 +67,6 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=5)
     arguments = parser.parse_args()
     large, small = random_correlation(arguments.sensors), random_correlation(arguments.peer_sensors)
-    compiling = best_seconds(1, lambda: transitive_closure(np.eye(3)))
 
     ours = transitive_closure(small)
     assert np.array_equal(ours, transitive_closure_by_squaring(small)[0])
@@ -106,7 +105,6 @@ def main() -> None:
             ("scikit-fuzzy: closure by squaring", 1, lambda: scikit_fuzzy_closure(small)),
         ],
     )
-    print(f"first call (compilation, or loading it from the cache): {compiling:.2f} s")
     print(f"{'program':38} {'sensors':>8} {'seconds':>10} {'× closure':>10}")
     for name, n, seconds, ratio in rows:
         print(f"{name:38} {n:8d} {seconds:10.4f} {ratio:10.1f}")

@@ -5,8 +5,8 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 from selector.errors import OptionError
@@ -70,35 +70,71 @@ def folder_written_whole(folder: Path, earlier: Iterable[str] = ()) -> Iterator[
 
 
 def _move_into(part: Path, folder: Path, earlier: Iterable[str]) -> None:
-    """All files of `part` take their places in `folder`, or none does: old ones wait aside until the last is in."""
-    aside = part / f".{secrets.token_hex(8)}"
+    """All files of `part` take their places in `folder`, and those named `earlier` leave it, or none does."""
     sources = sorted(part.rglob("*"))
-    aside.mkdir()
-    done: list[tuple[Path, Path]] = []
+    moves = [(source, folder / source.relative_to(part)) for source in sources if not source.is_dir()]
+    for source in sources:
+        if source.is_dir():
+            (folder / source.relative_to(part)).mkdir(exist_ok=True)
+    taken = {place for _, place in moves}
+    gone = [place for name in earlier if (place := folder / name).is_file() and place not in taken]
+    _moved_together([*moves, *((None, place) for place in gone)], lambda _: part)
+
+
+@contextmanager
+def written_together(
+    paths: Iterable[Path], last: Callable[[], AbstractContextManager[object]] = nullcontext
+) -> Iterator[Mapping[Path, Path]]:
+    """Path → draft to be written; when the block ends without an error, all drafts take their places, or none does.
+
+    Folders that are missing are made. `last` is entered around the taking of places.
+    """
+    drafts: dict[Path, Path] = {}
+    made: list[Path] = []
+    stages: dict[Path, Path] = {}
     try:
-        for number, source in enumerate(sources):
-            target = folder / source.relative_to(part)
-            if source.is_dir():
-                target.mkdir(exist_ok=True)
-                continue
-            if target.is_dir():
-                raise IsADirectoryError(errno.EISDIR, "a folder in the place of a file", str(target))
-            old = aside / str(number)
-            if target.exists():
-                target.replace(old)
-            done.append((target, old))
-            source.replace(target)
-        for name in earlier:
-            target, old = folder / name, aside / name
-            if target.is_file() and not any(target == there for there, _ in done):
-                target.replace(old)
-                done.append((target, old))
+        for path in paths:
+            if (folder := path.parent) not in stages:
+                for missing in [place for place in (*reversed(folder.parents), folder) if not place.exists()]:
+                    made.append(missing)
+                    missing.mkdir(exist_ok=True)
+                stages[folder] = folder / f".{secrets.token_hex(8)}.part"
+                stages[folder].mkdir()
+            drafts[path] = stages[folder] / path.name
+        yield drafts
+        with last():
+            _moved_together(((draft, path) for path, draft in drafts.items()), lambda path: stages[path.parent])
+            made.clear()
+    finally:
+        for stage in stages.values():
+            shutil.rmtree(stage, ignore_errors=True)
+        for folder in reversed(made):
+            if folder.exists() and not any(folder.iterdir()):
+                folder.rmdir()
+
+
+def _moved_together(moves: Iterable[tuple[Path | None, Path]], aside: Callable[[Path], Path]) -> None:
+    """Of (draft, place) all drafts take their places, or none does; without a draft a place gets empty.
+
+    What stood in a place waits in the folder `aside` of it until the last is in.
+    """
+    done: list[tuple[Path | None, Path, Path]] = []
+    try:
+        for draft, place in moves:
+            if place.is_dir():
+                raise IsADirectoryError(errno.EISDIR, "a folder in the place of a file", str(place))
+            old = aside(place) / f"{secrets.token_hex(8)}.old"
+            done.append((draft, place, old))
+            if place.exists():
+                place.replace(old)
+            if draft is not None:
+                draft.replace(place)
     except BaseException:
-        for target, old in done:
+        for draft, place, old in done:
             if old.exists():
-                old.replace(target)
-            else:
-                target.unlink(missing_ok=True)
+                old.replace(place)
+            elif draft is not None and not draft.exists():
+                place.unlink(missing_ok=True)
         raise
 
 

@@ -9,6 +9,7 @@ from selector.atomic_file import (
     refuse_to_overwrite,
     refuse_to_replace_input,
     require_writable_folder,
+    written_together,
 )
 from selector.errors import OptionError
 
@@ -118,6 +119,33 @@ def test_an_earlier_answer_stays_if_the_new_one_fails(tmp_path):
     with pytest.raises(IsADirectoryError), folder_written_whole(out, ["old.json"]) as part:
         (part / "a.json").write_text("new", encoding="utf-8")
     assert (out / "old.json").read_text(encoding="utf-8") == "old"
+
+
+@pytest.mark.parametrize("is_blocked", [False, True])
+def test_files_of_several_folders_take_their_places_together(tmp_path, is_blocked):
+    one, other, new = tmp_path / "a" / "r1.csv", tmp_path / "b" / "page.html", tmp_path / "c" / "d" / "m.toml"
+    for path in (one, other):
+        path.parent.mkdir()
+        path.write_text("old", encoding="utf-8")
+    if is_blocked:
+        # a folder in the place of the last file, made while the others were written
+        new.mkdir(parents=True)
+    try:
+        with written_together([one, other, new]) as drafts:
+            for draft in drafts.values():
+                draft.write_text("new", encoding="utf-8")
+    except IsADirectoryError:
+        assert is_blocked
+    said = "old" if is_blocked else "new"
+    assert [path.read_text(encoding="utf-8") for path in (one, other)] == [said, said]
+    assert new.is_file() != is_blocked
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_folders_made_for_files_go_when_these_are_not_written(tmp_path):
+    with pytest.raises(ValueError, match="no"), written_together([tmp_path / "a" / "b" / "r1.csv"]):
+        raise ValueError("no")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_another_program_wrote_is_not_replaced(tmp_path):

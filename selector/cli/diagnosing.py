@@ -55,7 +55,8 @@ def diagnose(
 
     if out is not None:
         diagnosed.require_replaceable(out, with_model=asked.model is not None)
-    with progress_bar() as progress:
+    # a model is run again and again: where there is no bar, a line says how far it is
+    with progress_bar(spoken=asked.model is not None) as progress:
         answer = diagnosed.answered(source, asked, progress)
         found = answer.found
         if out is not None:

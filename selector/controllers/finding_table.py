@@ -39,14 +39,8 @@ outside-valid-range [info, warning] an input leaves the range in which the model
     → add a run like this one to the recordings that the model is built from
 break-code-in-valid-range [warning] a code of a broken sensor is a temperature that the sensor can have
     → remove the code from guard.break_codes of the model file
-dead-band-beyond-clamp [warning] the dead band is larger than the largest correction
-    → make dead_band_um in guard.limits of the model file smaller than the error that matters
 slew-too-slow [warning] the slew limit is so slow that the correction takes days
     → Choose a faster slew limit (--slew).
-holds-too-long [warning] a correction is held for days without sensors
-    → choose minutes to hours in guard.hold_at_most_s of the model file
-waits-too-long [warning] a time of the guard is so long that it waits for days
-    → Choose a shorter time in guard of the model file.
 no-test-vectors [warning] the model file has no test vectors: a program cannot check itself against it
     → export the model again with selector
 test-vector-mismatch [error] the coefficients do not give the outputs that the model file expects: it was changed
@@ -68,10 +62,6 @@ output-not-finite [error] an output can overflow while every input is in its val
     → do not use this file; a coefficient is far too large or a scale far too small
 valid-range-empty [warning] an input never changed: the model does not know what a change of it does
     → leave the sensor out, or record a run in which it changes
-centre-outside-valid-range [info] the centre of an input is outside its valid range
-    → check that centre and range are both of the rise, or both of the reading
-input-not-used [info] an input is in the model file, but no output depends on it
-    → leave it out, so that nobody wires a sensor for nothing
 sensor-looks-broken [error] a sensor holds a break code, reads what it cannot, or has no readings
     → check the sensor and its wiring, or leave the run out
 missing-readings [info] a sensor has single readings missing

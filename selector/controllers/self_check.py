@@ -12,14 +12,13 @@ from numpy.typing import ArrayLike
 from selector.controllers.closed_values import CheckVector, GuardVector
 from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import LONGEST_S, decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
 from selector.controllers.model_file import (
     Fallback,
     Input,
     ModelFile,
-    OutputLimits,
     read_model,
     with_digest,
 )
@@ -34,16 +33,9 @@ COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have an
 def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
     """Settings that are allowed, but hardly meant.
 
-    Findings ``break-code-in-valid-range``, ``dead-band-beyond-clamp``, ``slew-too-slow``, ``holds-too-long``,
-    ``waits-too-long``.
+    Findings ``break-code-in-valid-range``, ``limits-never-met``, ``slew-too-slow``.
     """
-    return (
-        *_break_codes(model),
-        *(finding for limits in model.guard.limits for finding in _limits(limits)),
-        *_hold(model),
-        *_never(model),
-        *_never_met(model),
-    )
+    return (*_break_codes(model), *_too_slow(model), *_never_met(model))
 
 
 def _break_codes(model: ModelFile) -> Iterator[Finding]:
@@ -99,51 +91,16 @@ def _never_met(model: ModelFile) -> Iterator[Finding]:
             )
 
 
-def _limits(limits: OutputLimits) -> Iterator[Finding]:
-    name, clamp_um, slew = limits.output, limits.clamp_um, limits.slew_um_per_s
-    if clamp_um is not None and limits.dead_band_um >= clamp_um:
-        yield FINDINGS.finding(
-            "dead-band-beyond-clamp",
-            f"{name}: changes below {limits.dead_band_um:g} µm are not passed on, and the correction is at most "
-            f"±{clamp_um:g} µm: it moves from one end to the other, or not at all.",
-            evidence={"output": name, "dead_band_um": limits.dead_band_um, "clamp_um": clamp_um},
-        )
-    if clamp_um is not None and slew is not None and clamp_um / slew > DAY_S:
-        yield FINDINGS.finding(
-            "slew-too-slow",
-            f"{name}: at {slew:g} µm/s the correction takes {clamp_um / slew / DAY_S:.3g} days to {clamp_um:g} µm; "
-            "machines warm up in hours.",
-            evidence={"output": name, "slew_um_per_s": slew, "clamp_um": clamp_um},
-            suggestion=f"choose a faster slew limit, e.g. --slew {name}=1",
-        )
-
-
-def _hold(model: ModelFile) -> Iterator[Finding]:
-    hold = model.guard.hold_at_most_s
-    if hold is not None and hold > DAY_S:
-        yield FINDINGS.finding(
-            "holds-too-long",
-            f"A correction is held for {hold / DAY_S:.3g} days without sensors; by then the machine is at another "
-            "temperature.",
-            evidence={"hold_at_most_s": hold},
-        )
-
-
-def _never(model: ModelFile) -> Iterator[Finding]:
-    """Times that a machine in use does not reach; clocks of programs stop at 10⁶ s."""
-    guard = model.guard
-    for field, value_s, longest_s, what in (
-        ("recover_after_s", guard.recover_after_s, DAY_S, "no sensor is believed, and nothing corrected,"),
-        ("stuck_after_s", guard.stuck_after_s, LONGEST_S, "a sensor that stands still is not found"),
-        ("new_start_after_s", guard.new_start_after_s, LONGEST_S, "old start readings are kept"),
-    ):
-        if value_s is not None and value_s >= longest_s:
+def _too_slow(model: ModelFile) -> Iterator[Finding]:
+    for limits in model.guard.limits:
+        name, clamp_um, slew = limits.output, limits.clamp_um, limits.slew_um_per_s
+        if clamp_um is not None and slew is not None and clamp_um / slew > DAY_S:
             yield FINDINGS.finding(
-                "waits-too-long",
-                f"guard.{field} is {value_s:g} s ({value_s / DAY_S:.3g} days): {what} for so long"
-                + (", or for ever: programs count to 10⁶ s." if value_s >= LONGEST_S else "."),
-                evidence={"field": field, "seconds": value_s},
-                suggestion=f"choose a shorter guard.{field} in the model file",
+                "slew-too-slow",
+                f"{name}: at {slew:g} µm/s the correction takes {clamp_um / slew / DAY_S:.3g} days to {clamp_um:g} "
+                "µm; machines warm up in hours.",
+                evidence={"output": name, "slew_um_per_s": slew, "clamp_um": clamp_um},
+                suggestion=f"choose a faster slew limit, e.g. --slew {name}=1",
             )
 
 
@@ -196,7 +153,6 @@ def model_findings(model: ModelFile) -> tuple[Finding, ...]:
         *_guard_vector_findings(model),
         *_size_findings(model),
         *_range_findings(model),
-        *_unused_findings(model),
         *_contradicting_fallbacks(model),
         *guard_findings(model),
         *_reached_clamps(model),
@@ -476,31 +432,11 @@ def _size_findings(model: ModelFile) -> Iterator[Finding]:
 
 def _range_findings(model: ModelFile) -> Iterator[Finding]:
     for item in model.inputs:
-        low, high = item.valid_min, item.valid_max
-        evidence = {"input": item.name, "valid_min": low, "valid_max": high, "centre": item.centre, "scale": item.scale}
-        if low == high:
+        if (level := item.valid_min) == item.valid_max:
             yield FINDINGS.finding(
                 "valid-range-empty",
-                f"{item.name} was {low:g} throughout: the model does not know what a change of it does.",
-                evidence=evidence,
+                f"{item.name} was {level:g} throughout: the model does not know what a change of it does.",
+                evidence={"input": item.name}
+                | dict.fromkeys(("valid_min", "valid_max"), level)
+                | {"centre": item.centre, "scale": item.scale},
             )
-        elif not low <= item.centre <= high and item.name in _in_terms(model):
-            yield FINDINGS.finding(
-                "centre-outside-valid-range",
-                f"{item.name}: the centre {item.centre:g} is outside the valid range {low:g} … {high:g}.",
-                evidence=evidence,
-            )
-
-
-def _unused_findings(model: ModelFile) -> Iterator[Finding]:
-    used = _in_terms(model)
-    used |= {state.source for state in model.states if state.name in used}
-    for name in (*(item.name for item in model.inputs), *(state.name for state in model.states)):
-        if name not in used:
-            yield FINDINGS.finding(
-                "input-not-used", f"{name} is in the model file, but no output depends on it.", evidence={"input": name}
-            )
-
-
-def _in_terms(model: ModelFile) -> set[str]:
-    return {name for output in model.outputs for term in output.all_terms for name in term.powers}

@@ -11,47 +11,6 @@ from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.finding_table import SLOW_REMAINDER
 from selector.diagnosis.shown_units import displayed
 
-_NOUNS = {
-    "data.clock": "the clock of a channel",
-    "data.gain": "the scale of a channel",
-    "data.zero": "the zero of a channel",
-    "data.drift": "a sensor that drifts by itself",
-    "data.stuck": "a frozen reading",
-    "data.step": "a sensor that jumped",
-    "data.swapped": "channels that changed places",
-    "thermal.memory": "memory of past heating",
-    "thermal.ambient": "the hall temperature",
-    "thermal.coolant": "the coolant",
-    "thermal.speed_heating": "heating by the spindle, or its law of speed",
-    "thermal.second_source": "a second source of heat",
-    "thermal.convection": "cooling that changes with speed or temperature",
-    "thermal.interaction": "a response to one temperature that depends on another",
-    "thermal.instant_speed": "a shift at once with the spindle speed",
-    "drive.asymmetric_friction": "friction that differs by direction",
-    "drive.backlash": "backlash",
-    "drive.coulomb": "Coulomb friction",
-    "drive.delay": "dead time",
-    "drive.elasticity": "wind-up",
-    "drive.mass": "inertia",
-    "drive.offset_force": "a constant force",
-    "drive.pitch_error": "pitch error",
-    "drive.ripple": "torque ripple",
-    "drive.saturation": "a limit of force or speed",
-    "drive.stribeck": "Stribeck friction",
-    "drive.varying_damping": "damping that varies",
-    "drive.varying_stiffness": "stiffness that varies",
-    "drive.viscous": "viscous friction",
-    "vibration.back_reaction": "a member that acts back on its predecessor",
-    "vibration.hardening": "stiffness that grows with amplitude",
-    "vibration.hysteresis": "a restoring force with memory",
-    "vibration.imbalance": "imbalance",
-    "vibration.line": "a vibration at a fixed frequency",
-    "vibration.mode": "a resonance",
-    "gauging.interrupted": "the interrupted surface under the gauge",
-    "gauging.lag": "the lag of the gauge",
-    "gauging.wear": "wear of wheel or probe",
-    "flow.overflow": "a store that spills at a level",
-}
 _STEPS = {
     "miscalibrated": "Give the simulation the offset, gain and delay below; no new physics is needed.",
     "nothing-missing": "Use the simulation as it is. What this record would not have shown is listed under "
@@ -144,7 +103,7 @@ def is_data(id: str) -> bool:  # noqa: A002 - the word of the contract
 
 def name_of(id: str) -> str:  # noqa: A002 - the word of the contract
     """An effect as it stands inside of a sentence."""
-    return _NOUNS.get(id) or _inside(next((effect.title for effect in catalogue() if effect.id == id), id))
+    return _inside(next((effect.title for effect in catalogue() if effect.id == id), id))
 
 
 def held_out_words(comparison: Comparison) -> str:

@@ -184,30 +184,10 @@ def design_matrix(scaled: Array, variables: Sequence[str], terms: Sequence[Term]
     """
     position = {name: i for i, name in enumerate(variables)}
     columns = np.empty((len(scaled), len(terms)), order="F")
-    made: dict[tuple[tuple[str, int], ...], int] = {}
     for j, term in enumerate(terms):
-        name, power = term.powers[-1]
-        rest = term.powers[:-1] + (((name, power - 1),) if power > 1 else ())
-        factor = scaled[:, position[name]]
-        # a hierarchical list holds every shorter product already
-        columns[:, j] = factor if not rest else factor * _product(rest, made, columns, scaled, position)
-        made[term.powers] = j
+        factors = [scaled[:, position[name]] for name, power in term.powers for _ in range(power)]
+        columns[:, j] = functools.reduce(np.multiply, factors)
     return columns
-
-
-def _product(
-    powers: tuple[tuple[str, int], ...],
-    made: Mapping[tuple[tuple[str, int], ...], int],
-    columns: Array,
-    scaled: Array,
-    position: Mapping[str, int],
-) -> Array:
-    if powers in made:
-        return columns[:, made[powers]]
-    product = np.ones(len(scaled))
-    for name, power in powers:
-        product = product * scaled[:, position[name]] ** power
-    return product
 
 
 def physical_transform(terms: Sequence[Term], scaling: Scaling) -> tuple[tuple[Term, ...], Array]:

@@ -2,12 +2,10 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from selector.models.design import Columns, Design, Scaling, block_bounds
-from selector.models.least_squares import long_run_covariance
 from selector.recording import RunSource
 from selector.types import Array, Indices, Mask
 
@@ -193,117 +191,6 @@ def squared_error(product: Array, columns: Sequence[int], responses: Sequence[in
     cross = product[..., index[:, None], at]
     total = product[..., at, at]
     return np.maximum(total - 2.0 * (beta * cross).sum(axis=-2) + (beta * (part @ beta)).sum(axis=-2), 0.0)
-
-
-PER_BANDWIDTH = 4
-MOST_BYTES = 64_000_000  #: Longer batches are taken rather than more memory than this.
-
-
-@dataclass(frozen=True)
-class Batches:
-    """Cross-products of W = [1, scaled variables, responses about their means] over batches of complete samples."""
-
-    #: (n_batches, k, k): W'W of every batch, the batches of a run together and in order of time
-    products: Array
-    run: Indices  #: (n_batches,): Position in `runs`
-    runs: tuple[str, ...]
-    scaling: Scaling  #: Of the variables
-    responses_at_um: Array  #: (n_responses,): What is subtracted from each response [µm]
-    #: low and high: (n_variables,): Smallest and largest value of each variable, in its own unit
-    low: Array
-    high: Array
-    width: int  #: Batches in the bandwidth of a robust covariance
-
-    @cached_property
-    def whole(self) -> Array:
-        """W'W over all samples, shape (k, k)."""
-        return np.asarray(self.products.sum(axis=0))
-
-    def of_run(self, run: str) -> Array:
-        """W'W over the samples of one run, shape (k, k)."""
-        return np.asarray(self.products[self.run == self.runs.index(run)].sum(axis=0))
-
-    def about_means(self, total: Array) -> Array:
-        """Cross-products of [1, scaled variables, responses] as they would be with responses about their means."""
-        shift = np.eye(total.shape[-1])
-        shift[-len(self.responses_at_um) :, 0] = -self.responses_at_um
-        return np.asarray(shift @ total @ shift.T)
-
-    def meat(self, columns: Sequence[int], response: int, beta: Array) -> Array:
-        """Long-run covariance of the scores of a fit, summed over all samples; the filling of the sandwich.
-
-        Newey–West as `selector.models.least_squares.fit` has it, but that lags are counted in batches, not in samples.
-        `columns`, the constant included, and `response` are positions in W; `beta` has shape (len(columns),).
-        """
-        at = np.asarray(columns)
-        scores = self.products[:, at, response] - self.products[:, at[:, None], at] @ beta
-        return long_run_covariance(scores, self.run, self.width)
-
-
-def batches(source: RunSource, design: Design, scaling: Scaling, responses_at_um: Array, *, most_rows: int) -> Batches:
-    """Read every run once and add up.
-
-    A fit on more than `most_rows` samples would be made on every second, third, …; its bandwidth is that many longer.
-    """
-    lengths = {run: sum(len(piece.time_s) for piece in design.pieces(source, run)) for run in source.runs}
-    runs = tuple(run for run, n in lengths.items() if n)
-    size = 1 + len(design.variables) + len(design.responses)
-    length, width = _batch_length([lengths[run] for run in runs], size, most_rows)
-    low, high = np.full(len(design.variables), np.inf), np.full(len(design.variables), -np.inf)
-    products: list[Array] = []
-    for run in runs:
-        of_run = np.zeros((-(-lengths[run] // length), size, size))
-        for first, variables, responses in _batches_slices(source, design, run, length):
-            low, high = np.minimum(low, variables.min(axis=0)), np.maximum(high, variables.max(axis=0))
-            rows = np.empty((len(variables), size))
-            rows[:, 0] = 1.0
-            rows[:, 1 : 1 + len(design.variables)] = scaling.scaled(variables)
-            rows[:, 1 + len(design.variables) :] = responses - responses_at_um
-            _batches_add(of_run, first, rows, length)
-        products.append(of_run)
-    number = np.repeat(np.arange(len(runs)), [len(part) for part in products])
-    stacked = np.concatenate(products) if products else np.zeros((0, size, size))
-    return Batches(stacked, number, runs, scaling, responses_at_um, low, high, width)
-
-
-def _batch_length(lengths: Sequence[int], size: int, most_rows: int) -> tuple[int, int]:
-    """(samples in a batch, batches in a bandwidth)."""
-    n = sum(lengths)
-    stride = max(1, -(-n // most_rows))
-    # the bandwidth of the fit: 0 is one sample wide
-    bandwidth = max(min(int(np.sqrt(n / stride / len(lengths))), min(lengths) // stride - 1), 0)
-    wide = (bandwidth + 1) * stride
-    room = -(-n * size**2 * 8 // MOST_BYTES)
-    length = max(1, round(wide / PER_BANDWIDTH), room)
-    return length, max(1, round(wide / length))
-
-
-def _batches_slices(source: RunSource, design: Design, run: str, length: int) -> Iterator[tuple[int, Array, Array]]:
-    """(position of the first row in the run, variables, responses), a few thousand rows at a time."""
-    first, most = 0, length * max(1, 4096 // length)
-    for piece in design.pieces(source, run):
-        start = 0
-        while start < len(piece.time_s):
-            # to the end of a batch, so that the slice after it begins with one
-            stop = min(start + most - (first + start) % length, len(piece.time_s))
-            yield first + start, piece.variables[start:stop], piece.responses[start:stop]
-            start = stop
-        first += len(piece.time_s)
-
-
-def _batches_add(products: Array, first: int, rows: Array, length: int) -> None:
-    """Add the products of consecutive rows, of which the first is row `first` of its run, to those of their batches."""
-    head = min(-first % length, len(rows))
-    if head:
-        products[first // length] += rows[:head].T @ rows[:head]
-    whole = (len(rows) - head) // length
-    if whole:
-        at = (first + head) // length
-        stacked = rows[head : head + whole * length].reshape(whole, length, -1)
-        products[at : at + whole] += stacked.transpose(0, 2, 1) @ stacked
-    rest = rows[head + whole * length :]
-    if len(rest):
-        products[(first + len(rows) - 1) // length] += rest.T @ rest
 
 
 Grouping = tuple[tuple[int, ...], ...]  #: Folds (positions in `Moments.folds`) that are left out together.

@@ -17,7 +17,6 @@ from selector.quality.completeness import (
     few_values,
     file_copies,
     gaps,
-    pace_changes,
     short_runs,
     starts,
 )
@@ -49,7 +48,6 @@ _CHECKS: tuple[Check, ...] = (
     out_of_range,
     wrong_length_units,
     clock_jumps,
-    pace_changes,
     few_values,
     frozen,
     lambda survey: stuck_beside_siblings(survey, Relations(survey)),
@@ -65,7 +63,7 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
     """What is wrong with a recording: where, since when, with which numbers, and what will be left out.
 
     Of some `channels` only these are reported (and what concerns whole runs); the others still serve as siblings. The
-    findings are sorted by run, channel, time and id. Ids: ``gap``, ``clock-jump``, ``period-change``, ``sensor-break``,
+    findings are sorted by run, channel, time and id. Ids: ``gap``, ``clock-jump``, ``sensor-break``,
     ``out-of-range``, ``wrong-unit``, ``stuck``, ``saturated``, ``spike``, ``step``, ``drifts-from-group``,
     ``swapped-channels``, ``duplicate-channel``, ``few-values``, ``constant-channel``, ``empty-channel``, ``short-run``,
     ``run-starts-warm``. O(samples · log samples of a run), and O(channels²) for the comparison of channels.

@@ -136,8 +136,6 @@ _GAP_PERIODS = 3.5  #: A distance of more than so many usual ones is a gap; two 
 _LONG_PERIODS = 20  #: A gap of so many periods is a warning, a shorter one is only mentioned.
 _CLOCK_PERIODS = 10
 _REACH = 8  #: Samples on each side of a leap from which it is judged whether a channel goes on as before.
-_PACE_BLOCKS = 24
-_PACE_CHANGE = 1.25  #: Ratio of two sampling periods that makes them two; jitter of the middle of a block is far below.
 
 
 def gaps(survey: Survey) -> Iterator[Finding]:
@@ -187,33 +185,6 @@ def clock_jumps(survey: Survey) -> Iterator[Finding]:
                 f"If the clock was set, subtract {leap:g} s from the later time stamps; else split the run here. "
                 "Nothing is left out, but memory models see the leap as time.",
             )
-
-
-def pace_changes(survey: Survey) -> Iterator[Finding]:
-    """Findings ``period-change``: the sampling period changes for good, or drifts, within a run. O(samples)."""
-    for run in survey.runs:
-        time = survey.time[run]
-        steps = np.diff(time)
-        if steps.size < 40:
-            continue
-        width = max(10, steps.size // _PACE_BLOCKS)
-        blocks = np.median(steps[: steps.size // width * width].reshape(-1, width), axis=1)
-        if blocks.size < 4:
-            continue
-        best = max(range(1, blocks.size), key=lambda k: _contrast(blocks, k))
-        before, after = float(np.median(blocks[:best])), float(np.median(blocks[best:]))
-        ratio = max(before / after, after / before)
-        steady = _steady(blocks[:best]) and _steady(blocks[best:])
-        at = float(time[best * width])
-        if ratio > _PACE_CHANGE and steady:
-            told = f"changes from {duration(before)} to {duration(after)} near {moment(at)}"
-        elif blocks.size >= 8 and _drifts(blocks):
-            told = f"drifts from {duration(float(blocks[0]))} to {duration(float(blocks[-1]))} over the run"
-            before, after, at = float(blocks[0]), float(blocks[-1]), float(time[0])
-        else:
-            continue
-        said, evidence = f"The sampling period of run {run} {told}.", {"before_s": before, "after_s": after}
-        yield FINDINGS.finding("period-change", said, Where(None, run, at, None), evidence)
 
 
 def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
@@ -288,22 +259,3 @@ def _continuity(survey: Survey, run: str, at: int) -> tuple[int, int]:
         moving += 1
         agreeing += bool(abs(arrives - leaves) < 0.25 * due + 3 * floor)
     return agreeing, moving
-
-
-def _contrast(blocks: Floats, k: int) -> float:
-    """How well a change after k blocks explains their periods, as a two-sample t statistic does."""
-    logs = np.log(blocks)
-    return float(abs(logs[:k].mean() - logs[k:].mean()) * np.sqrt(k * (blocks.size - k)))
-
-
-def _steady(blocks: Floats) -> bool:
-    middle = float(np.median(blocks))
-    return bool(np.mean(np.abs(blocks - middle) < 0.1 * middle) >= 0.8)
-
-
-def _drifts(blocks: Floats) -> bool:
-    """More than 3 % from the first to the last quarter, in small steps of one direction."""
-    quarter = max(1, blocks.size // 4)
-    change = np.log(float(np.median(blocks[-quarter:])) / float(np.median(blocks[:quarter])))
-    rank = np.corrcoef(np.arange(blocks.size), blocks)[0, 1] if np.ptp(blocks) > 0 else 0.0
-    return bool(abs(change) > 0.03 and abs(rank) > 0.9)

@@ -40,8 +40,6 @@ stuck [warning, error] a channel is frozen at one value although it has noise el
 clock-jump [warning] the clock of a run leaps forward: no reading moves as if that time had passed, or by a whole hour
     or day
     → If the clock was set, subtract the leap from the later time stamps; else split the run there.
-period-change [info] the sampling period changes or drifts within a run
-    → Methods that need even sampling resample this run and say so.
 gap [info, warning] the recording pauses for much longer than its sampling period
     → Nothing more is left out; memory models bridge the gap with what the sensors read after it.
 duplicate-channel [warning] two channels hold the same measurement

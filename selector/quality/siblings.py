@@ -263,17 +263,15 @@ _FLOOR_K = 0.15
 def leaving_group(relations: Relations) -> Iterator[Finding]:
     """Findings ``drifts-from-group``: a temperature that from some time on no longer follows its siblings.
 
-    With three or more runs the relation is learned on the other runs, and what is usual too; with fewer on the first
-    half. The stretch is left out only with four runs or more and when nothing but the sensor explains the departure
+    The relation is learned on the other runs, and what is usual too: nothing is said of fewer than three runs. The
+    stretch is left out only with four runs or more and when nothing but the sensor explains the departure
     (`other_cause`); else the finding is a warning. O(samples) for the block means, then O(channels · runs) small
     systems.
     """
+    if len(relations.runs) < 3:
+        return
     temperatures = [i for i, role in enumerate(relations.roles) if role == "temperature"]
     siblings = {i: relations.siblings(i) for i in temperatures}
-    if len(relations.runs) < 3:
-        for r in range(len(relations.runs)):
-            yield from _leaving_within(relations, temperatures, siblings, r)
-        return
     departed = {i: _departures(relations, i, siblings[i]) for i in temperatures if len(siblings[i]) >= 2}
     for r in range(len(relations.runs)):
         suspects = []
@@ -394,40 +392,7 @@ def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int
         doubt = "it does not come on as when a sensor comes off"
     else:
         doubt = other_cause(relations, i, siblings[i], r, departure, max(elsewhere))
-    return excess, _drift_finding(relations, i, siblings[i], r, departure, usual, onset, "of the other runs", doubt)
-
-
-def _leaving_within(
-    relations: Relations, temperatures: list[int], siblings: dict[int, list[int]], r: int
-) -> Iterator[Finding]:
-    count = relations.movement(r).shape[1]
-    if count < 60:
-        return
-    early = np.arange(count) < count // 2
-    sizes: dict[int, tuple[float, Floats, float]] = {}
-
-    def size_of(i: int, beside: Sequence[int]) -> tuple[float, Floats, float]:
-        departure = relations.departure(i, beside, relations.weights_on(i, beside, r, early), r)
-        departure = departure - np.median(departure[early])
-        usual = max(_size(departure[early]), _FLOOR_K)
-        return _size(departure[~early]), departure, usual
-
-    for i in temperatures:
-        if len(siblings[i]) >= 2 and relations.present[i, r]:
-            sizes[i] = size_of(i, siblings[i])
-    for i in sorted(sizes, key=lambda i: -sizes[i][0])[:1]:
-        size, departure, usual = sizes[i]
-        movement = float(np.ptp(relations.movement(r)[i]))
-        late = departure[~early]
-        growth = abs(float(np.corrcoef(np.arange(late.size), late)[0, 1])) if np.ptp(late) > 0 else 0.0
-        if size < max(2.0 * _LEAST_K, 0.3 * movement, 6.0 * usual) or growth < 0.85:
-            continue
-        others = [size_of(j, relations.siblings(j, without=(i,)))[0] for j in sizes if j != i]
-        onset = _onset(departure, 2.0 * usual)
-        if onset is not None and len(others) >= 2 and size > 4.0 * max(others):
-            doubt = "one or two runs are too few to know"
-            learned = "of the first half of the run"
-            yield _drift_finding(relations, i, siblings[i], r, departure, usual, onset, learned, doubt)
+    return excess, _drift_finding(relations, i, siblings[i], r, departure, usual, onset, doubt)
 
 
 def _drift_finding(
@@ -438,7 +403,6 @@ def _drift_finding(
     departure: Floats,
     usual: float,
     onset: int,
-    learned: str,
     doubt: str | None,
 ) -> Finding:
     survey = relations.survey
@@ -448,8 +412,8 @@ def _drift_finding(
     return FINDINGS.finding(
         "drifts-from-group",
         f"{channel.name} in run {run} leaves its group for good from {moment(begin)}: at the end it is off by "
-        f"{difference(last, channel)} from what its siblings say by the relation {learned}, where it was never off by "
-        f"more than {difference(usual, channel)}.",
+        f"{difference(last, channel)} from what its siblings say by the relation of the other runs, where it was never "
+        f"off by more than {difference(usual, channel)}.",
         Where(channel.name, run, begin, end),
         {"departure_at_end": last, "largest_departure": _size(departure), "usual_departure": usual}
         | {"siblings": [_name(relations, j) for j in siblings]},

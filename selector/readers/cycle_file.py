@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from selector.errors import OptionError, ReadError
+from selector.errors import OptionError
 from selector.findings import Finding
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import RUN_STARTS_WARM
@@ -19,19 +19,12 @@ from selector.readers.cells import is_time_name
 from selector.readers.clock.stamps import time_unit
 from selector.readers.reading import Reading
 from selector.readers.roles.names import name_and_unit, printable_name, role_guess
-from selector.readers.text.encodings import decoded
-from selector.readers.text.lines import cells_of
+from selector.readers.strict_text import refused, strict_number, strict_rows
 from selector.recording import Recording
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
-MOST_BYTES = 20_000_000
-MOST_ROWS = 10_000
-LONGEST_LINE = 4_000  #: Longer lines are no rows of a duty cycle; patterns for names and units take long on long text.
-_SEPARATORS = (";", "\t", "|", ",", " ")
-_NUMBER = re.compile(r"[+-]?(\d+([.]\d*)?|[.]\d+)([eE][+-]?\d+)?")
 _EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
-_ROW = "a time and a speed"
 
 
 @dataclass(frozen=True)
@@ -60,7 +53,7 @@ class CycleFile:
             where = f"{self.file}, {heading!r}"
             unit = unit_for_role(unit or "degC", "ambient", where=where)
             values = [
-                _number(cell, "temperature", f"{self.file}, line {line}", self.comma)
+                strict_number(cell, "temperature", f"{self.file}, line {line}", comma=self.comma)
                 for cell, line in zip(cells, self.lines, strict=True)
             ]
             found[name] = convert(np.array(values), unit, "degC")
@@ -80,16 +73,14 @@ def read_cycle(path: Path) -> CycleFile:
         increase, or a speed is negative.
     """
     name = printable_name(path.name)
-    rows, mark = _rows(path, name)
+    rows, mark = strict_rows(path, name, "duty cycle", _EXAMPLE)
     time, speed, scale = _columns(rows[0][1], name)
     comma = mark != "," and not any("." in cell for _, cells in rows[1:] for cell in cells)
     times, speeds = np.empty(len(rows) - 1), np.empty(len(rows) - 1)
     for i, (line, cells) in enumerate(rows[1:]):
         where = f"{name}, line {line}"
-        if len(cells) != len(rows[0][1]):
-            raise _error(f"{len(cells)} cells", f"{len(rows[0][1])}, as in the header", where, "complete the row")
-        times[i] = _number(cells[time], "time", where, comma)
-        speeds[i] = _number(cells[speed], "speed", where, comma)
+        times[i] = strict_number(cells[time], "time", where, comma=comma)
+        speeds[i] = strict_number(cells[speed], "speed", where, comma=comma)
     times, speeds = convert(times, scale[0], "s"), convert(speeds, scale[1], "rpm")
     lines = tuple(line for line, _ in rows[1:])
     _check(times, speeds, lines, name)
@@ -98,58 +89,13 @@ def read_cycle(path: Path) -> CycleFile:
     return CycleFile(name, times, speeds, others, lines, comma)
 
 
-def _rows(path: Path, name: str) -> tuple[list[tuple[int, list[str]]], str]:
-    """Line numbers and cells of the lines that are neither empty nor comments, the header first; the separator."""
-    if path.is_dir():
-        raise _error("a folder", "a file", name, "name the file with the duty cycle")
-    if path.exists() and not path.is_file():
-        raise _error("not a regular file", "a text file", name, "write the duty cycle into a file and name that")
-    size = path.stat().st_size
-    if size > MOST_BYTES:
-        raise _error(
-            f"{size / 1e6:.0f} MB", f"a duty cycle, at most {MOST_BYTES / 1e6:.0f} MB", name,
-            "give one row for every change of the speed, not one for every sample",
-        )  # fmt: skip
-    data = path.read_bytes()
-    if not data.strip():
-        raise _error("an empty file", _EXAMPLE, name, "write the duty cycle into the file")
-    text = decoded(data, name).utf8.decode("utf-8")
-    lines = [(i, line) for i, line in enumerate(text.split("\n"), start=1) if line.strip(' \t\r;,|"')]
-    lines = [(i, line) for i, line in lines if not line.lstrip().startswith("#")]
-    if lines and re.fullmatch(r'"?sep=."?', lines[0][1].strip(), re.IGNORECASE):
-        lines = lines[1:]
-    if len(lines) > MOST_ROWS + 1:
-        raise _error(
-            f"{len(lines) - 1} rows", f"at most {MOST_ROWS}", name,
-            "give one row for every change of the speed, not one for every sample",
-        )  # fmt: skip
-    if len(lines) < 2:
-        raise _error(
-            "no row below the header" if lines else "nothing but comments", _EXAMPLE, name, "add the missing rows"
-        )
-    for number, line in lines:
-        if len(line) > LONGEST_LINE:
-            raise _error(
-                f"a line of {len(line)} characters", f"at most {LONGEST_LINE}", f"{name}, line {number}",
-                "give one row for every change of the speed, with a time and a speed",
-            )  # fmt: skip
-    mark = next((mark for mark in _SEPARATORS if mark in lines[0][1].strip()), None)
-    if mark is None:
-        raise _error(
-            f"a header with one column ({lines[0][1].strip()[:60]!r})", _EXAMPLE, f"{name}, line {lines[0][0]}",
-            "separate the columns by commas or semicolons",
-        )  # fmt: skip
-    cut = "blank" if mark == " " else mark
-    return [(number, cells_of(line, cut, quoted=True)) for number, line in lines], mark
-
-
 def _columns(header: list[str], name: str) -> tuple[int, int, tuple[str, str]]:
     """Positions of time and speed, and their units."""
     parts = [name_and_unit(cell, time=True) for cell in header]
     times = [i for i, (word, _) in enumerate(parts) if is_time_name(word)]
     where = f"{name}, header"
     if len(times) != 1:
-        raise _error(
+        raise refused(
             f"{len(times)} columns of time among {', '.join(map(repr, header))}", "one, such as time_s", where,
             "name the column with the times time_s, or t_min if they are in minutes",
         )  # fmt: skip
@@ -157,14 +103,14 @@ def _columns(header: list[str], name: str) -> tuple[int, int, tuple[str, str]]:
     unit = time_unit(parts[times[0]][1])
     if unit is None:
         written = parts[times[0]][1]
-        raise _error(
+        raise refused(
             f"no unit of time in {header[times[0]]!r}" if written is None else f"unit {written!r} of the time",
             "a unit of time, as in time_s, t_min or time [h]", where, "write the unit into the heading of the times",
         )  # fmt: skip
     others = [i for i in range(len(header)) if i != times[0]]
     speeds = [i for i in others if _is_speed(*parts[i])]
     if len(speeds) != 1:
-        raise _error(
+        raise refused(
             f"{len(speeds)} columns of the spindle speed among {', '.join(map(repr, header))}",
             "one, such as spindle_speed", where, "name the column with the speeds spindle_speed",
         )  # fmt: skip
@@ -176,7 +122,7 @@ def _columns(header: list[str], name: str) -> tuple[int, int, tuple[str, str]]:
 def _refuse_unknown_unit(heading: str, unit: str | None, where: str) -> None:
     bracketed = re.search(r"[\[({<]([^\])}>]*)[\])}>]", heading)
     if unit is None and bracketed:
-        raise _error(
+        raise refused(
             f"unit {bracketed[1]!r} in {heading!r}", "a unit that is known", where,
             "write s, min or h for times, and rpm or 1/s for speeds",
         )  # fmt: skip
@@ -188,49 +134,26 @@ def _is_speed(name: str, unit: str | None) -> bool:
     return any(role_guess(name, known, example).role == "spindle_speed" for known in units)
 
 
-def _number(cell: str, what: str, where: str, comma: bool) -> float:
-    text = cell.strip().replace("−", "-")
-    if comma and text.count(",") == 1:
-        text = text.replace(",", ".")
-    if not text:
-        raise _error(
-            f"no {what}", _ROW, where, "give every row its time and its speed; write 0 where the spindle stands"
-        )
-    if "," in text:
-        raise _error(
-            f"{what} {cell.strip()[:40]!r} with a comma in it", "decimal points, and no thousands separators", where,
-            "write 1500 for fifteen hundred; decimal commas are read only between semicolons or tabs",
-        )  # fmt: skip
-    value = float(text) if _NUMBER.fullmatch(text) else float("nan")
-    if not np.isfinite(value):
-        raise _error(f"{what} {cell.strip()[:40]!r}", f"{_ROW}, both numbers", where, "correct the cell")
-    return value
-
-
 def _check(time: Vector, speed: Vector, lines: Sequence[int], name: str) -> None:
     for i, line in enumerate(lines):
         where = f"{name}, line {line}"
         if time[i] < 0:
-            raise _error(f"time {time[i]:g} s", "times from 0 on", where, "count the time from the start of the cycle")
+            raise refused(f"time {time[i]:g} s", "times from 0 on", where, "count the time from the start of the cycle")
         if i == 0 and time[0] != 0:
-            raise _error(
+            raise refused(
                 f"a first time of {time[0]:g} s", "a first row at time 0", where,
                 "add a row for time 0, with speed 0 if the spindle stands at first",
             )  # fmt: skip
         if i and time[i] <= time[i - 1]:
-            raise _error(
+            raise refused(
                 f"time {time[i]:g} s after {time[i - 1]:g} s", "times that increase", where,
                 "sort the rows by time and keep one row a time",
             )  # fmt: skip
         if speed[i] < 0:
-            raise _error(
+            raise refused(
                 f"speed {speed[i]:g} r/min", "a speed of 0 or more", where,
                 "give the speed without a sign: the sense of rotation does not matter here",
             )  # fmt: skip
-
-
-def _error(found: str, expected: str, where: str, advice: str) -> ReadError:
-    return ReadError(found, expected=expected, where=where, advice=advice)
 
 
 #: Names of a spindle speed that say its unit, r/min.

@@ -1,8 +1,6 @@
 """Writing clean recordings and machine files: whole or not at all, and never over an input."""
 
-import os
 import re
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv as arrow_csv
 import pyarrow.parquet as pq
 
-from selector.atomic_file import write_whole
+from selector.atomic_file import write_whole, written_together
 from selector.csv_text import csv_text
 from selector.errors import OptionError
 from selector.readers.machine_file import Machine, MachineSection, TimeSection, machine_text
@@ -94,7 +92,17 @@ def write_recording(
             advice="choose another output folder (--out), or move that file away",
         )
     writers[machine_path] = lambda target: target.write_text(text, encoding="utf-8", newline="\n")
-    _write_whole(writers)
+    try:
+        with written_together(writers) as drafts:
+            for path, write in writers.items():
+                write(drafts[path])
+    except OSError as error:
+        raise OptionError(
+            f"the output cannot be written ({error.strerror or error})",
+            expected="a folder that can be written, and enough space",
+            where=str(machine_path.parent),
+            advice="choose another output folder (--out)",
+        ) from error
     return [*targets.values(), machine_path]
 
 
@@ -135,30 +143,3 @@ def _run_writer(recording: Recording, run: str, headers: list[str], form: str) -
             arrow_csv.write_csv(pa.table(arrays, names=names), stream, options)
 
     return write
-
-
-def _write_whole(writers: Mapping[Path, Callable[[Path], Any]]) -> None:
-    """Write every file beside its place first, then move all of them there; after an error nothing is left behind."""
-    beside: dict[Path, Path] = {}
-    try:
-        try:
-            for path, write in writers.items():
-                path.parent.mkdir(parents=True, exist_ok=True)
-                handle, name = tempfile.mkstemp(prefix=".selector-", suffix=".part", dir=path.parent)
-                os.close(handle)
-                beside[path] = Path(name)
-                write(Path(name))
-            for path, temporary in beside.items():
-                temporary.chmod(0o644)
-                temporary.replace(path)
-        finally:
-            for temporary in beside.values():
-                temporary.unlink(missing_ok=True)
-    except OSError as error:
-        place = next(iter(writers))
-        raise OptionError(
-            f"the output cannot be written ({error.strerror or error})",
-            expected="a folder that can be written, and enough space",
-            where=str(place.parent),
-            advice="choose another output folder (--out)",
-        ) from error

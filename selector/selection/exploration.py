@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding
-from selector.models.best_subsets.results import adjusted_r2
-from selector.models.design import Design, Scaling, Term, datum_of, physical_transform
+from selector.models.design import Design, datum_of
 from selector.models.least_squares import FaultGain
-from selector.models.moments import Batches, batches, centred, coefficients, scaling_of, squared_error
+from selector.models.moments import LeaveOneOut, coefficients, squared_error
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates, Grouping, Screening, candidates, snapped
 from selector.selection.choice import Choice, tested
-from selector.selection.fitting import MAX_ROWS
 from selector.selection.library import Bench
 from selector.selection.options import Options, Progress, Question, allowed_sensors, question_of
 from selector.selection.proving import Folds, blocks_per_run
@@ -34,7 +32,7 @@ class Coefficient:
     """One coefficient of a linear model."""
 
     sensor: str
-    #: per_kelvin_um and standard_error: [µm/K]; the error allows for autocorrelation within runs
+    #: per_kelvin_um and standard_error: [µm/K]; the error is that of the jackknife over what is left out in turn
     per_kelvin_um: float
     standard_error: float
     per_deviation_um: float  #: Change of the displacement per standard deviation of the reading [µm]
@@ -48,16 +46,12 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class HeldOutPart:
-    """A run (condition, block) predicted by coefficients that were fitted without it; the sensors were fixed before.
-
-    `before_rmse_um` is the error without compensation, `mean_um` the mean of measured minus predicted.
-    """
+    """A run (condition, block) predicted by coefficients that were fitted without it; the sensors were fixed before."""
 
     name: str
     n_samples: int
     rmse_um: float
-    mean_um: float
-    before_rmse_um: float
+    before_rmse_um: float  #: Error without compensation
 
 
 @dataclass(frozen=True)
@@ -91,27 +85,17 @@ class FixedSet:
         return max((one.vif for one in model.coefficients), default=1.0)
 
 
-@dataclass(frozen=True)
-class LeftOut:
-    """Cross-products of what is left out in turn, and of what is learnt from meanwhile."""
-
-    names: tuple[str, ...]
-    #: unseen and training: (n_parts, k, k): W'W of [1, scaled sensors, responses about their means], as in `Batches`
-    unseen: NDArray[np.float64]
-    training: NDArray[np.float64]
-
-
 def fixed_set(
-    sensors: Sequence[str], responses: Sequence[str], sums: Batches, left_out: LeftOut, *, rise: bool
+    sensors: Sequence[str], folds: Folds, bench: Bench, ranges: Mapping[str, tuple[float, float]]
 ) -> FixedSet:
-    """The linear models of a set of sensors; the variables of `sums` are all sensors that there are.
+    """The linear models of a set of sensors; `ranges` has the smallest and largest value of every sensor.
 
-    A stuck sensor reads zero of a `rise`, else its mean: absolute readings have no natural start.
+    A stuck sensor reads zero of a rise, else its mean: absolute readings have no natural start.
 
     Raises OptionError: fewer complete samples than coefficients.
     """
-    total = sums.whole
-    n, k = round(float(total[0, 0])), 1 + len(sensors)
+    library, scaling = bench.library, bench.library.scaling.only(sensors)
+    n, k = bench.n_samples, 1 + len(sensors)
     if n <= k:
         raise OptionError(
             f"{n} complete samples for {k} coefficients",
@@ -119,109 +103,53 @@ def fixed_set(
             where="fixed set " + ", ".join(sensors),
             advice="record longer, or take fewer sensors",
         )
-    position = {name: j for j, name in enumerate(sums.scaling.variables)}
-    own = [position[name] for name in sensors]
-    at = [1 + j for j in own]
-    first = 1 + len(sums.scaling.variables)
-    at_responses = list(range(first, first + len(responses)))
-    scaling = sums.scaling.only(sensors)
-    cross, _ = centred(total)
-    within = cross[np.ix_(own, own)]
-    deviation = np.sqrt(np.maximum(np.diag(within), 0.0) / n)
-    inverse, vif = _inverse(within)
-    slopes = inverse @ cross[np.ix_(own, [one - 1 for one in at_responses])]
-    mean = total[0, at] / n
-    bread = np.zeros((k, k))
-    bread[1:, 1:] = inverse
-    bread[0, 1:] = bread[1:, 0] = -inverse @ mean
-    bread[0, 0] = 1.0 / n + mean @ inverse @ mean
-    beta_unseen = coefficients(left_out.training, at, at_responses)
-    sse = squared_error(left_out.unseen, at, at_responses, beta_unseen)
+    columns = library.columns(sensors, LINEAR)
+    at, responses = [1 + column for column in columns], range(1 + library.moments.n_columns, len(bench.total))
+    scale = np.array(scaling.scale)
+    cross = bench.cross(sensors, LINEAR, 0)[:-1, :-1]
+    deviation, vif = np.sqrt(np.diag(cross) / n), _vif(cross)
+    outer = LeaveOneOut.of(library.moments, folds.outer)
+    beta = coefficients(bench.total, at, responses)
+    others = coefficients(outer.training, at, responses)
+    rss = squared_error(bench.total, at, responses, beta)
+    sse = squared_error(outer.left_out, at, responses, others)
+    # the jackknife: what each part does to the coefficients
+    errors = np.sqrt((len(others) - 1) * others.var(axis=0))
     models, faults = {}, []
-    for j, name in enumerate(responses):
-        y = at_responses[j]
-        beta = np.r_[total[0, y] / n - mean @ slopes[:, j], slopes[:, j]]
-        rss = float(squared_error(total, at, [y], beta[:, None])[0])
-        sst = float(cross[y - 1, y - 1])
-        r2 = 1.0 - rss / sst if sst > 0 else float("nan")
-        covariance = bread @ sums.meat([0, *at], y, beta) @ bread * n / max(n - k, 1)
-        found = _coefficients(sensors, scaling, beta, covariance, deviation, vif)
-        parts = _parts(left_out, at, y, beta_unseen[..., j], sse[:, j], float(sums.responses_at_um[j]))
-        seen = sum(part.n_samples for part in parts)
-        pooled = float(np.sqrt(sse[:, j].sum() / seen)) if seen else float("nan")
-        adjusted, rmse = adjusted_r2(r2, n, len(sensors)), float(np.sqrt(rss / n))
-        models[name] = FixedModel(name, found, r2, adjusted, rmse, parts, pooled)
-        centre = np.asarray(scaling.centre) + np.asarray(scaling.scale) * mean
-        rest = np.zeros(len(own)) if rise else centre
-        faults += [
-            _fault(one, name, float(sums.low[c]), float(sums.high[c]), float(zero))
-            for one, c, zero in zip(found, own, rest, strict=True)
-        ]
+    rest = np.zeros(len(sensors)) if folds.datum.reference == "rise" else np.array(scaling.centre)
+    for j, (name, y) in enumerate(zip(library.responses, responses, strict=True)):
+        slopes = beta[1:, j] / scale
+        found = zip(sensors, slopes, errors[1:, j] / scale, beta[1:, j] * deviation, vif, strict=True)
+        samples, squares = outer.left_out[:, 0, 0], outer.left_out[:, y, y]
+        parts = tuple(
+            HeldOutPart(folds.part(group).name, round(float(m)), float(np.sqrt(own / m)), float(np.sqrt(before / m)))
+            for group, m, own, before in zip(folds.outer, samples, sse[:, j], squares, strict=True)
+        )
+        models[name] = FixedModel(
+            name,
+            tuple(Coefficient(sensor, *map(float, values)) for sensor, *values in found),
+            *bench.r2(sensors, LINEAR)[j],
+            float(np.sqrt(rss[j] / n)),
+            parts,
+            float(np.sqrt(sse[:, j].sum() / samples.sum())),
+        )
+        for sensor, slope, zero in zip(sensors, np.abs(slopes).tolist(), rest.tolist(), strict=True):
+            # of a straight line the ends are enough
+            low, high = ranges[sensor]
+            stuck = slope * max(abs(high - zero), abs(low - zero))
+            faults.append(FaultGain(sensor, name, slope, stuck, slope * (high - low)))
     return FixedSet(tuple(sensors), models, tuple(faults), n)
 
 
-def _inverse(within: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(inverse, variance inflation) of centred cross-products; minimum norm where sensors make each other up."""
-    spread = np.sqrt(np.maximum(np.diag(within), 0.0))
-    rests = spread <= 0.0
-    scale = np.where(rests, 1.0, spread)
-    eigenvalues, axes = np.linalg.eigh(within / scale[:, None] / scale)
-    independent = eigenvalues > _DEPENDENT * eigenvalues.max(initial=0.0)
-    kept = axes[:, independent]
-    inverse = (kept / eigenvalues[independent]) @ kept.T
-    made_up = 1.0 - (kept**2).sum(axis=1) > 1e-8
-    vif = np.where(made_up | rests, np.inf, np.maximum(np.diag(inverse), 1.0))
-    return inverse / scale[:, None] / scale, vif
-
-
-def _coefficients(
-    sensors: Sequence[str],
-    scaling: Scaling,
-    beta: NDArray[np.float64],
-    covariance: NDArray[np.float64],
-    deviation: NDArray[np.float64],
-    vif: NDArray[np.float64],
-) -> tuple[Coefficient, ...]:
-    """Coefficients in the units of the readings."""
-    _, matrix = physical_transform([Term(((name, 1),)) for name in sensors], scaling)
-    physical = matrix @ beta
-    errors = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", matrix, covariance, matrix), 0.0))
-    return tuple(
-        Coefficient(
-            name, float(physical[1 + i]), float(errors[1 + i]), float(beta[1 + i] * deviation[i]), float(vif[i])
-        )
-        for i, name in enumerate(sensors)
+def _vif(cross: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance inflation, from centred cross-products; infinite where other sensors make one up."""
+    size = np.sqrt(np.maximum(np.diag(cross), 1e-300))
+    eigenvalues, axes = np.linalg.eigh(cross / size[:, None] / size)
+    independent = eigenvalues > _DEPENDENT * eigenvalues.max()
+    kept = axes[:, independent] ** 2
+    return np.where(
+        kept.sum(axis=1) < 1.0 - 1e-8, np.inf, np.maximum((kept / eigenvalues[independent]).sum(axis=1), 1.0)
     )
-
-
-def _parts(
-    left_out: LeftOut,
-    at: Sequence[int],
-    response: int,
-    beta: NDArray[np.float64],
-    sse: NDArray[np.float64],
-    response_at_um: float,
-) -> tuple[HeldOutPart, ...]:
-    unseen = left_out.unseen
-    n = unseen[:, 0, 0]
-    mean = (unseen[:, 0, response] - (unseen[:, 0, [0, *at]] * beta).sum(axis=1)) / np.maximum(n, 1.0)
-    # the error without compensation counts from the gauge's zero, not from the mean
-    power = unseen[:, response, response] + response_at_um * (2.0 * unseen[:, 0, response] + n * response_at_um)
-    return tuple(
-        HeldOutPart(
-            name,
-            round(float(n[i])),
-            *(float(v) for v in (np.sqrt(sse[i] / n[i]), mean[i], np.sqrt(max(power[i], 0.0) / n[i]))),
-        )
-        for i, name in enumerate(left_out.names)
-        if n[i] > 0
-    )
-
-
-def _fault(one: Coefficient, response: str, low: float, high: float, rest: float) -> FaultGain:
-    """What `fault_gains` finds over all samples; of a straight line the ends are enough."""
-    slope = abs(one.per_kelvin_um)
-    return FaultGain(one.sensor, response, slope, slope * max(abs(high - rest), abs(low - rest)), slope * (high - low))
 
 
 @dataclass(frozen=True)
@@ -257,9 +185,8 @@ class Exploration:
     question: Question
     available: tuple[str, ...]  #: Sensors that can be used; `question.sensors` are those of them that --never leaves
     bench: Bench
-    sums: Batches
-    left_out: LeftOut
-    parts: str  #: {"run", "condition", "block"}: What is left out in turn
+    folds: Folds
+    ranges: Mapping[str, tuple[float, float]]  #: Smallest and largest value of each sensor
     findings: tuple[Finding, ...]  #: Why sensors and runs were left out
 
     @classmethod
@@ -294,14 +221,10 @@ class Exploration:
         runs = RunsOf(source, surveyed.runs)
         folds = Folds(surveyed.question, runs, datum, blocks_per_run(len(surveyed.runs), surveyed.n_samples))
         say("adding up", 0.5)
-        sensors, responses = surveyed.question.sensors, surveyed.question.responses
-        design = Design(sensors, responses, datum)
-        whole = folds.linear.moments.whole
-        middle = whole[0, -len(responses) :] / max(float(whole[0, 0]), 1.0)
-        sums = batches(runs, design, scaling_of(runs, design), middle, most_rows=MAX_ROWS)
+        sensors = surveyed.question.sensors
+        ranges = _ranges(runs, Design(sensors, surveyed.question.responses, datum))
         say("done", 1.0)
-        bench, left_out = folds.linear_bench(None), _left_out(folds, sums)
-        found = cls(surveyed.question, sensors, bench, sums, left_out, folds.left_out, surveyed.findings)
+        found = cls(surveyed.question, sensors, folds.linear_bench(None), folds, ranges, surveyed.findings)
         return found.asking(never=given.never) if given.never else found
 
     def asking(
@@ -334,6 +257,11 @@ class Exploration:
             )
         sensors = allowed_sensors(self.available, options)
         return replace(self, question=replace(self.question, options=options, sensors=sensors))
+
+    @property
+    def parts(self) -> str:
+        """{"run", "condition", "block"}: What is left out in turn."""
+        return self.folds.left_out
 
     @cached_property
     def automatic(self) -> Candidates:
@@ -421,8 +349,7 @@ class Exploration:
                 advice="take another set",
             )
         if wanted not in self._sets:
-            rise = self.question.options.reference == "rise"
-            self._sets[wanted] = fixed_set(wanted, self.question.responses, self.sums, self.left_out, rise=rise)
+            self._sets[wanted] = fixed_set(wanted, self.folds, self.bench, self.ranges)
         return self._sets[wanted]
 
 
@@ -464,13 +391,9 @@ def _because(question: Question, names: Sequence[str], chosen: Sequence[str], re
     return f"cheaper; {with_displacement}, within a hundredth of the largest, {best:.3f}"
 
 
-def _left_out(folds: Folds, sums: Batches) -> LeftOut:
-    """What is left out in turn, with responses about their means: whole runs, or the blocks of a single run."""
-    parts = [folds.part(group) for group in folds.outer]
-    if folds.left_out == "block":
-        unseen = np.array([sums.about_means(product) for product in folds.linear.moments.products])
-    else:
-        unseen = np.array([sum(sums.of_run(run) for run in part.runs) for part in parts])
-    # the others are added and not subtracted: one long run must not drown the short ones
-    training = np.array([unseen[np.arange(len(unseen)) != i].sum(axis=0) for i in range(len(unseen))])
-    return LeftOut(tuple(part.name for part in parts), unseen, training)
+def _ranges(source: RunSource, design: Design) -> dict[str, tuple[float, float]]:
+    low, high = np.full(len(design.variables), np.inf), np.full(len(design.variables), -np.inf)
+    for run in source.runs:
+        for piece in design.pieces(source, run):
+            low, high = np.minimum(low, piece.variables.min(axis=0)), np.maximum(high, piece.variables.max(axis=0))
+    return dict(zip(design.variables, zip(low.tolist(), high.tolist(), strict=True), strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.models.best_subsets.results import adjusted_r2
-from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Term
+from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Scaling, Term
 from selector.models.moments import (
     HeldOut,
     LeaveOneOut,
@@ -74,6 +74,7 @@ class Library:
     position: dict[tuple[tuple[str, int], ...], int]  #: Column of each term
     responses: tuple[str, ...]
     speeds: tuple[str, ...]
+    scaling: Scaling  #: Of the variables
 
     def columns(self, sensors: Sequence[str], shape: Shape) -> list[int]:
         """Positions of the terms of a set of sensors."""
@@ -231,4 +232,4 @@ def library_of(
     columns = Columns(scaling if is_hierarchical else scaling.about_zero(), tuple(ordered))
     found = moments(source, design, columns, n_blocks=n_blocks, fold_of=fold_of)
     position = {key_of(term): i for i, term in enumerate(ordered)}
-    return Library(found, position, tuple(responses), tuple(speeds))
+    return Library(found, position, tuple(responses), tuple(speeds), scaling)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, WrapValidator
 
-from selector.findings import Finding, Where
+from selector.findings import Finding
 from selector.models.design import Datum, Design, Form, Lag, ListedTerms, Scaling, Term
 from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
@@ -30,36 +30,19 @@ Names = tuple[str, ...]
 ByName = dict[str, Number]
 
 
-class _Part(BaseModel):
+class Part(BaseModel):
     """A part of the document; fields that a later version adds are not looked at."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class FindingPart(_Part):
-    """A finding."""
-
-    id: str
-    level: Literal["info", "warning", "error"]
-    statement: str
-    where: dict[Literal["channel", "run", "from_s", "to_s", "file"], str | Number] = {}
-    evidence: dict[str, Any] = {}
-    suggestion: str = ""
-    action: Literal["none", "leave-out-stretch", "leave-out-run", "leave-out-channel"] = "none"
-
-    def finding(self) -> Finding:
-        """As a value."""
-        where: dict[str, Any] = {str(key): value for key, value in self.where.items()}
-        return Finding(self.id, self.level, self.statement, Where(**where), self.evidence, self.suggestion, self.action)
-
-
-class _RoundPart(_Part):
+class _RoundPart(Part):
     level: Annotated[Number, Field(alias="lambda")]
     groups: tuple[Names, ...]
     representatives: Names
 
 
-class _ScreeningPart(_Part):
+class _ScreeningPart(Part):
     level: Annotated[Number, Field(alias="lambda")]
     lambda_of_rounds: Annotated[tuple[Number, ...], Field(min_length=1)]
     representatives: Names
@@ -69,11 +52,11 @@ class _ScreeningPart(_Part):
     fpc: Number | None = None
 
 
-class _FuzzyPart(_Part):
+class _FuzzyPart(Part):
     memberships: Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 
 
-class _CombinationPart(_Part):
+class _CombinationPart(Part):
     sensors: Names
     response: str
     r2: NumberOrNaN
@@ -82,14 +65,14 @@ class _CombinationPart(_Part):
     origin: str
 
 
-class _EqualSetPart(_Part):
+class _EqualSetPart(Part):
     sensors: Names
     heldout_rmse_um: dict[str, NumberOrNaN]
     largest_vif: NumberOrNaN
     worst_fault: NumberOrNaN
 
 
-class _EqualSetsPart(_Part):
+class _EqualSetsPart(Part):
     """The sets that are about as good; results of earlier versions have none."""
 
     sets: tuple[_EqualSetPart, ...]
@@ -98,7 +81,7 @@ class _EqualSetsPart(_Part):
     within_um: Number | None
 
 
-class _ChosenPart(_Part):
+class _ChosenPart(Part):
     sensors: Annotated[Names, Field(min_length=1)]
     because: str
     reasons: dict[str, str]
@@ -109,7 +92,7 @@ class _ChosenPart(_Part):
     speed_taus_s: tuple[Number, ...]
 
 
-class _ScaledPart(_Part):
+class _ScaledPart(Part):
     variables: Names
     centre: tuple[Number, ...]
     scale: tuple[Number, ...]
@@ -119,12 +102,7 @@ class _ScaledPart(_Part):
     vif: tuple[NumberOrNaN, ...]
 
 
-class _LagPart(_Part):
-    source: str
-    tau_s: Number
-
-
-class _RunPart(_Part):
+class _RunPart(Part):
     rmse_um: Number | None = None
     max_um: NumberOrNaN = float("nan")
     heldout_rmse_um: NumberOrNaN = float("nan")
@@ -136,8 +114,8 @@ class _RunPart(_Part):
     heldout_sensors: Names = ()
 
 
-class _ModelPart(_Part):
-    lags: tuple[_LagPart, ...]
+class _ModelPart(Part):
+    lags: tuple[Lag, ...]
     r2: NumberOrNaN
     adjusted_r2: NumberOrNaN
     rmse_um: NumberOrNaN
@@ -151,28 +129,28 @@ class _ModelPart(_Part):
     max_cooks_distance: NumberOrNaN
 
 
-class _PointPart(_Part):
+class _PointPart(Part):
     n_sensors: Count
     heldout_rmse_um: dict[str, NumberOrNaN]
     standard_error_um: dict[str, NumberOrNaN]
     per_part_um: tuple[dict[str, NumberOrNaN], ...]
 
 
-class _TracePart(_Part):
+class _TracePart(Part):
     run: str
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     measured_um: dict[str, tuple[NumberOrNaN, ...]]
     predicted_um: dict[str, tuple[NumberOrNaN, ...]]
 
 
-class _HullPart(_Part):
+class _HullPart(Part):
     """The hull of the model's inputs; results of earlier versions have none."""
 
     scale: tuple[Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)], ...]
     points: tuple[tuple[Number, ...], ...]
 
 
-class _ReadingsPart(_Part):
+class _ReadingsPart(Part):
     """Thinned samples of a run; results of earlier versions have none."""
 
     run: str
@@ -183,7 +161,7 @@ class _ReadingsPart(_Part):
     beyond_others: tuple[NumberOrNaN, ...]
 
 
-class _ProofPart(_Part):
+class _ProofPart(Part):
     left_out: Literal["run", "condition", "block"]
     curve: tuple[_PointPart, ...]
     baselines_um: dict[str, dict[str, NumberOrNaN]]
@@ -191,7 +169,7 @@ class _ProofPart(_Part):
     not_covered: dict[str, Names] = {}
 
 
-class _FaultPart(_Part):
+class _FaultPart(Part):
     sensor: str
     response: str
     per_kelvin_um: NumberOrNaN
@@ -199,7 +177,7 @@ class _FaultPart(_Part):
     open_um: NumberOrNaN
 
 
-class _OptionsPart(_Part):
+class _OptionsPart(Part):
     responses: Names
     level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
     rounds: int
@@ -222,7 +200,7 @@ class _OptionsPart(_Part):
     target: Number | None = None
 
 
-class _SelectionDocument(_Part):
+class _SelectionDocument(Part):
     sensors: Annotated[Names, Field(min_length=1)]
     similarity: tuple[tuple[Number, ...], ...]
     level: Annotated[Number, Field(alias="lambda")]
@@ -242,7 +220,7 @@ class _SelectionDocument(_Part):
     stability: dict[str, NumberOrNaN]
     options: _OptionsPart
     provenance: dict[str, Any]
-    findings: tuple[FindingPart, ...]
+    findings: tuple[Finding, ...]
 
 
 def selection_of(document: Mapping[str, Any]) -> Selection:
@@ -284,7 +262,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         faults=tuple(FaultGain(**dict(one)) for one in told.faults),
         hull=_hull(told, low, high),
         stability=told.stability,
-        findings=tuple(part.finding() for part in told.findings),
+        findings=told.findings,
         provenance=told.provenance,
         equal=None if told.equal_sets is None else _equal_sets(told.equal_sets, names),
         readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
@@ -306,7 +284,7 @@ def _recipe(told: _SelectionDocument) -> Recipe:
         form = ListedTerms(tuple(map(Term.of, chosen.terms)))
     shape = Shape(form, chosen.sensor_taus_s, chosen.speed_taus_s)
     first = next(iter(told.models.values()))
-    lags = tuple(Lag(lag.source, lag.tau_s) for lag in first.lags)
+    lags = first.lags
     inputs = tuple(name for name in first.scaled.variables if name not in {lag.name for lag in lags})
     design = Design(inputs, tuple(told.models), Datum(told.options.reference), lags)
     return Recipe(chosen.sensors, shape, design, tuple(Term.of(powers) for powers in first.scaled.terms))

@@ -1,14 +1,16 @@
 """Which sensors hang together through others (max–min closure), and the groups at every level λ."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+from scipy.cluster.hierarchy import cophenet, leaves_list, linkage
+from scipy.sparse.csgraph import breadth_first_order
+from scipy.spatial.distance import squareform
 from scipy.special import fdtrc, fdtri
 
 from selector.errors import InputError, OptionError
@@ -22,61 +24,66 @@ from selector.types import Matrix
 class ClosureChain:
     """The whole closure of a relation over n sensors in 2n − 1 numbers.
 
-    Sensors in the order in which a maximum spanning tree reaches them from sensor 0, always over the strongest link
-    that leaves the sensors reached so far (Prim). Then, for positions a < b,
-
-        t(order[a], order[b]) = min(levels[a], …, levels[b − 1]).
-
-    ≤: for every k in a … b − 1, each path between the two leaves the first k + 1 sensors, and levels[k] is the
-    strongest link that does. ≥: order[b] hangs on some parent at position p. If p ≥ a, follow the parent and use
-    induction on b. If p < a, that link could already be taken at all steps after p, so levels[p … b − 2] are at least
-    levels[b − 1], and the way p … a runs over links that are no weaker than the minimum.
+    For positions a < b, t(order[a], order[b]) = min(levels[a], …, levels[b − 1]).
     """
 
     #: (n,): Sensors; groups of every λ-cut are contiguous here, so it is also a leaf order of the dendrogram
     order: NDArray[np.int64]
-    #: (n − 1,): levels[k] links order[k + 1] to the sensors before it; each is bit-equal to an entry of the relation
+    #: (n − 1,): Closure of order[k] and order[k + 1]; each is bit-equal to an entry of the relation
     levels: NDArray[np.float64]
-    parents: NDArray[np.int64]  #: (n − 1,): The sensor at the other end of that link
 
 
 def closure_chain(r: ArrayLike) -> ClosureChain:
-    """Maximum spanning tree of a similarity relation as a chain, in O(n²); see `ClosureChain` for its meaning.
+    """The closure of a similarity relation as a chain, in O(n²); see `ClosureChain` for its meaning.
 
     It has shape (n_sensors, n_sensors), is exactly symmetric with unit diagonal, its entries within [-1, 1].
 
     Anything else raises InputError, NaN too: an unknown similarity is neither 0 nor 1.
     """
-    parts = _chain(_relation(r))
-    for part in parts:
-        part.setflags(write=False)
-    return ClosureChain(*parts)
+    tree = dendrogram(r)
+    n = len(tree.leaf_order)
+    order, levels = np.array(tree.leaf_order, dtype=np.int64), np.empty(n - 1)
+    # two groups that merge stand one behind the other: where does each end?
+    end = {sensor: k for k, sensor in enumerate(tree.leaf_order)}
+    for k, (first, second) in enumerate(tree.linkage[:, :2].astype(np.int64).tolist()):
+        levels[end[first]], end[n + k] = tree.levels[k], end[second]
+    return ClosureChain(_read_only(order), _read_only(levels))
 
 
 def transitive_closure(r: ArrayLike) -> Matrix:
     """Smallest max–min transitive relation that contains r, P step 2, shape (n_sensors, n_sensors), read-only.
 
-    t_ij is the widest bottleneck over all paths from i to j. Nothing is computed but comparisons, so that every
-    entry is bit-equal to an entry of r. O(n²) time, against O(n³ log n) of the squaring in the source; negative
-    entries are welcome. Errors as `closure_chain`.
+    t_ij is the widest bottleneck over all paths from i to j: the level at which single linkage joins the two. Nothing
+    is computed but comparisons, so that every entry is bit-equal to an entry of r. O(n²) time, against O(n³ log n) of
+    the squaring in the source; negative entries are welcome. Errors as `closure_chain`.
     """
-    order, levels, _ = _chain(_relation(r))
-    closure: Matrix = _closure_of_chain(order, levels)
-    closure.setflags(write=False)
-    return closure
+    tree = dendrogram(r)
+    if len(tree.levels) == 0:
+        return _read_only(np.ones((1, 1)))
+    # the numbers of the merges as heights: heights of their own would be rounded
+    merges = tree.linkage.copy()
+    merges[:, 2] = np.arange(len(merges))
+    closure = squareform(tree.levels[cophenet(merges).astype(np.int64)])
+    np.fill_diagonal(closure, 1.0)
+    return _read_only(closure)
+
+
+def _read_only(values: NDArray[Any]) -> NDArray[Any]:
+    values.setflags(write=False)
+    return values
 
 
 def _relation(r: ArrayLike) -> Matrix:
-    """A read-only C-ordered view or copy of r, checked."""
-    relation = np.ascontiguousarray(r, dtype=np.float64)
+    """r, checked."""
+    relation = np.asarray(r, dtype=np.float64)
     if relation.ndim != 2 or relation.shape[0] != relation.shape[1] or np.ndim(r) != 2 or relation.shape[0] == 0:
         raise _unusable(f"an array of shape {np.shape(r)}", "a square matrix with at least one sensor")
-    # always read-only, so that the kernels are compiled for one type only
-    relation = relation.view()
-    relation.setflags(write=False)
-    i, j = _first_flaw(relation)
-    if i < 0:
+    # written so that NaN counts as a flaw
+    flaws = ~((relation == relation.T) & (relation >= -1.0) & (relation <= 1.0))
+    np.fill_diagonal(flaws, np.diag(relation) != 1.0)
+    if not flaws.any():
         return relation
+    i, j = np.argwhere(flaws)[0].tolist()
     here, there = float(relation[i, j]), float(relation[j, i])
     if not (np.isfinite(here) and np.isfinite(there)):
         raise _unusable(f"{here} at ({i}, {j}) and {there} at ({j}, {i})", "finite entries")
@@ -94,71 +101,6 @@ def _unusable(found: str, expected: str) -> InputError:
         where="similarity relation",
         advice="make the matrix with selector.sensors.correlation_similarity or similarity_from_cross_products",
     )
-
-
-def _first_flaw_loop(r: Matrix) -> tuple[int, int]:
-    n = r.shape[0]
-    block = 64  # two blocks of 64 × 64 float64 fit the first-level cache; the mirrored entries are read by columns
-    for top in range(0, n, block):
-        for left in range(top, n, block):
-            for i in range(top, min(top + block, n)):
-                if left == top and r[i, i] != 1.0:
-                    return i, i
-                for j in range(max(left, i + 1), min(left + block, n)):
-                    # written so that NaN counts as a flaw
-                    if not (r[i, j] == r[j, i] and -1.0 <= r[i, j] <= 1.0):
-                        return i, j
-    return -1, -1
-
-
-def _chain_loop(r: Matrix) -> tuple[NDArray[np.int64], Matrix, NDArray[np.int64]]:
-    n = r.shape[0]
-    order = np.zeros(n, dtype=np.int64)
-    levels = np.empty(n - 1, dtype=np.float64)
-    parents = np.zeros(n - 1, dtype=np.int64)
-    strongest = r[0].copy()
-    parent = np.zeros(n, dtype=np.int64)
-    outside = np.ones(n, dtype=np.bool_)
-    newest = 0
-    for k in range(1, n):
-        outside[newest] = False
-        following = -1
-        level = -np.inf
-        for j in range(n):
-            if outside[j]:
-                if r[newest, j] > strongest[j]:
-                    strongest[j] = r[newest, j]
-                    parent[j] = newest
-                if strongest[j] > level:
-                    level = strongest[j]
-                    following = j
-        order[k] = following
-        levels[k - 1] = level
-        parents[k - 1] = parent[following]
-        newest = following
-    return order, levels, parents
-
-
-def _closure_of_chain_loop(order: NDArray[np.int64], levels: Matrix) -> Matrix:
-    n = order.shape[0]
-    closure = np.empty((n, n), dtype=np.float64)
-    for a in range(n):
-        row = closure[order[a]]
-        row[order[a]] = 1.0
-        weakest = 1.0
-        for b in range(a + 1, n):
-            weakest = min(weakest, levels[b - 1])
-            row[order[b]] = weakest
-        weakest = 1.0
-        for b in range(a - 1, -1, -1):
-            weakest = min(weakest, levels[b])
-            row[order[b]] = weakest
-    return closure
-
-
-_first_flaw: Callable[..., Any] = njit(cache=True)(_first_flaw_loop)
-_chain: Callable[..., Any] = njit(cache=True)(_chain_loop)
-_closure_of_chain: Callable[..., Any] = njit(cache=True)(_closure_of_chain_loop)
 
 
 @dataclass(frozen=True)
@@ -206,9 +148,8 @@ def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Fi
     Raises InputError: the partition is not one of these sensors, or as for `closure_chain`.
     """
     s = np.asarray(similarity, dtype=np.float64)
-    chain = closure_chain(s)
+    closure = transitive_closure(s)
     _same_size(s, partition)
-    position = np.argsort(chain.order)
     findings = []
     for group in partition.members:
         block = s[np.ix_(group, group)]
@@ -217,9 +158,8 @@ def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Fi
         # 1e-12: similarities that differ from 1 by rounding alone are no chain at λ = 1
         if 1 - smallest <= CHAIN_RATIO**2 * (1 - partition.level) + 1e-12:
             continue
-        a, b = sorted((int(position[i]), int(position[j])))
-        joined_at = float(chain.levels[a:b].min())
-        path = [partition.names[sensor] for sensor in _path(chain, i, j)]
+        joined_at = float(closure[i, j])
+        path = [partition.names[sensor] for sensor in _path(s >= joined_at, i, j)]
         told = f"At λ = {partition.level:g} a group of {len(group)} of {len(s)} sensors hangs together only through "
         told += f"links: its least similar pair, {path[0]} and {path[-1]}, has similarity {smallest:.4f}, and "
         told += f"{len(path) - 1} links join the two ({len(partition.members)} groups in all)."
@@ -238,16 +178,12 @@ def chaining_findings(similarity: ArrayLike, partition: "Partition") -> tuple[Fi
     return tuple(findings)
 
 
-def _path(chain: ClosureChain, i: int, j: int) -> list[int]:
-    """Sensors from i to j along the maximum spanning tree."""
-    parent = dict(zip(chain.order[1:].tolist(), chain.parents.tolist(), strict=True))
-    up = [i]
-    while up[-1] in parent:
-        up.append(parent[up[-1]])
-    down = [j]
-    while down[-1] not in up:
-        down.append(parent[down[-1]])
-    return up[: up.index(down[-1])] + down[::-1]
+def _path(linked: NDArray[np.bool_], i: int, j: int) -> list[int]:
+    """Sensors from i to j over the fewest links."""
+    before, path = breadth_first_order(linked.astype(np.float64), i)[1], [j]
+    while path[-1] != i:
+        path.append(int(before[path[-1]]))
+    return path[::-1]
 
 
 def _same_size(similarity: NDArray[np.float64], partition: "Partition") -> None:
@@ -419,21 +355,13 @@ def dendrogram(similarity: ArrayLike) -> Dendrogram:
 
     Errors as `selector.sensors.groups.closure_chain`.
     """
-    chain = closure_chain(similarity)
-    n = len(chain.order)
-    merges = np.argsort(-chain.levels, kind="stable")
-    linkage = np.empty((n - 1, 4))
-    stop_of = {start: start + 1 for start in range(n)}
-    start_of = {stop: start for start, stop in stop_of.items()}
-    node = dict(enumerate(chain.order.tolist()))
-    for row, k in enumerate(merges.tolist()):
-        start, stop = start_of.pop(k + 1), stop_of.pop(k + 1)
-        linkage[row] = node[start], node[k + 1], 1 - chain.levels[k], stop - start
-        node[start], stop_of[start], start_of[stop] = n + row, stop, start
-    levels = chain.levels[merges]
-    linkage.setflags(write=False)
-    levels.setflags(write=False)
-    return Dendrogram(linkage, levels, tuple(chain.order.tolist()))
+    relation = _relation(similarity)
+    # SciPy makes no tree of one sensor
+    tree = linkage(squareform(-relation, checks=False), "single") if len(relation) > 1 else np.empty((0, 4))
+    levels = -tree[:, 2]
+    tree[:, 2] = 1 - levels
+    order = leaves_list(tree).tolist() if len(relation) > 1 else [0]
+    return Dendrogram(_read_only(tree), _read_only(levels), tuple(order))
 
 
 def _labels_at(order: NDArray[np.int64], levels: NDArray[np.float64], level: float) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise, takewhile
 from typing import Any, TypeVar
 from urllib.parse import quote
 
@@ -22,7 +22,7 @@ from selector.telling.account import Account, Captioned, Drawing, Listing
 from selector.workbench.access import checked
 from selector.workbench.bench import Bench
 from selector.workbench.jobs import Job
-from selector.workbench.typed import in_words_of_fields
+from selector.workbench.typed import FIELDS, in_words_of_fields
 
 #: Store of the frame: `Bench.revision` as the page shows it. ``Input(REVISION, "data")`` hears of every change.
 REVISION = "revision"
@@ -57,12 +57,6 @@ def problem(error: InputError) -> Component:
     lines = [html.P([html.Strong(f"{name}: "), in_words_of_fields(text)]) for name, text in rows if text]
     found = in_words_of_fields(error.found[:1].upper() + error.found[1:])
     return html.Div([html.P(found, className="first"), *lines], className="advice bad", role="alert")
-
-
-def asked_otherwise(others: Sequence[str], what: str, button: str) -> Component | None:
-    """That what is shown below was asked otherwise than the form asks now; None: it was not."""
-    said = f"The {what} with other settings than those above: {', '.join(others)}. {button} again."
-    return html.P(said, className="advice first bad") if others else None
 
 
 def remarks(findings: Iterable[Finding], beside: Callable[[Finding], list[Any]] = lambda _: []) -> Component:
@@ -314,6 +308,40 @@ def register_task(app: dash.Dash, bench: Bench, task: Task) -> None:
         shown = [None if job is None else job_answer(job), task.answered(bench, stamp, said)]
         # what a command printed says the answer again, folded; trouble and patience come before an earlier answer
         return shown[::-1] if job is not None and job.state == "done" else shown, now
+
+
+def register_earlier(
+    app: dash.Dash, bench: Bench, task: Task, now: Callable[[Bench], Iterable[Sequence[str] | None]]
+) -> None:
+    """In ``{page}-earlier``: what was chosen or made since the answer below; `now` has the commands that it may be."""
+
+    @app.callback(Output(f"{task.page}-earlier", "children"), Input(REVISION, "data"))
+    def _earlier(_: int) -> Component | None:
+        sheet = bench.folder / task.folder(bench) / task.sheet
+        then = [job.command for job in bench.jobs.all if job.state == "done" and job.out == sheet.parent]
+        ways = [command for command in now(bench) if command is not None]
+        if not then or not ways or not sheet.is_file():
+            return None
+        others = min((differing_fields(command, then[-1]) for command in ways), key=len)
+        made = (bench.folder / word for word in then[-1] if not word.startswith("-"))
+        newer = [path.name for path in made if path.is_file() and path.stat().st_mtime_ns > sheet.stat().st_mtime_ns]
+        said = f"What is below was made before this changed: {', '.join([*others, *newer])}. Start again."
+        return html.P(said, className="advice first bad") if others or newer else None
+
+
+def differing_fields(one: Sequence[str], other: Sequence[str]) -> list[str]:
+    """The fields that decide what two commands ask differently; last, that they are about other files."""
+    files = [list(takewhile(lambda word: not word.startswith("--"), command)) for command in (one, other)]
+    differing = {
+        f"{FIELDS.get(option, option)} of {value.partition('=')[0]}" if "=" in value else FIELDS.get(option, option)
+        for option, value in _options(one) ^ _options(other)
+    }
+    return [*sorted(differing), *(["the files"] if files[0] != files[1] else [])]
+
+
+def _options(command: Sequence[str]) -> set[tuple[str, str]]:
+    """(option, value) of a command; a flag has the next word, or none, for its value."""
+    return {(word, value) for word, value in pairwise((*command, "")) if word.startswith("--") and word != "--json"}
 
 
 def answer_place(page: str) -> list[Component]:

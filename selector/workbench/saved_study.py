@@ -16,19 +16,16 @@ from selector.study import (
     DiagnoseSection,
     ExportSection,
     InputFile,
-    SelectSection,
     export_section,
     input_file,
     options_of,
     overrides_of,
     path_at,
     read_study,
-    select_section,
     study_of,
     write_study,
 )
-from selector.workbench.commands import Export, option_of
-from selector.workbench.typed import FIELDS
+from selector.workbench.commands import Export
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,27 +109,6 @@ def _export_section(asked: Export, folder: Path) -> ExportSection:
     replayed = asked.replayed or ()
     said = {"target": asked.target, "clamp": dict(asked.clamp_um), "slew": dict(asked.slew_um_per_s)}
     return export_section(folder, model=folder / asked.model, replay=replayed, **said, invert=asked.inverted)
-
-
-def other_than_asked(answer: Path, options: Options, overrides: Overrides, runs: tuple[Path, ...]) -> tuple[str, ...]:
-    """What is asked otherwise now than when the selection in the folder `answer` was made, in the words of the fields.
-
-    Nothing where it was asked the same, or where no study file lies there.
-    """
-    try:
-        study = read_study(answer / STUDY_FILE)
-    except InputError:
-        return ()
-    then, now = study.select, select_section(options)
-    if then is None:
-        return ()
-    fields = [name for name in SelectSection.model_fields if getattr(then, name) != getattr(now, name)]
-    found = [FIELDS.get("--response" if name == "responses" else option_of(name), name) for name in fields]
-    if {path_at(run, answer).resolve() for run in study.recordings.runs} != {run.resolve() for run in runs}:
-        found.append("the recordings")
-    if overrides_of(study) != overrides:
-        found.append("how they are read")
-    return tuple(found)
 
 
 MODEL, SHEET = "model.json", "commissioning.html"

@@ -159,8 +159,8 @@ def test_what_cannot_be_asked(shop, capsys, words, says):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "no touch-off"),
-        ("run,time_s,Z\n", "no touch-off"),
+        ("", "no rows"),
+        ("run,time_s,Z\n", "no row below the header"),
         ("run,time_s\nd0,60\n", "no column of a response"),
         ("run,time_s,Q\nd0,60,1\n", "column 'Q'"),
         ("run,Z\nd0,1\n", "0 columns 'time_s'"),

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from selector.cli import exit_status
-from selector.cli.shared.diagnosed import _told
 from selector.physics.model_values import model_file_text
 from tests.diagnosis.ablated import AXIS, axis_recording, axis_without
-from tests.patience import wait_for
 
 MACHINE = """
 [time]
@@ -76,14 +74,3 @@ def test_what_is_no_model_is_refused(folder, capsys, options, words):
     command = [str(folder / one) if "." in one and not one.startswith("--") else one for one in options]
     assert exit_status(["diagnose", *runs(folder), "--machine", str(folder / "machine.toml"), *command]) == 2
     assert words in capsys.readouterr().err
-
-
-def test_a_stderr_that_is_no_terminal_is_told_how_far_it_has_come(capsys, monkeypatch):
-    monkeypatch.setattr("selector.cli.shared.diagnosed._LINE_S", 0.01)
-    seen = []
-    with _told(lambda *said: seen.append(said)) as say:
-        say(1, 4, "fitting")
-        shown = []
-        wait_for(lambda: shown.append(capsys.readouterr()) or "about 25% done, fitting" in shown[-1].err)
-    assert seen == [(1, 4, "fitting")]
-    assert not any(one.out for one in shown)

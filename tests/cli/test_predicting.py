@@ -201,7 +201,7 @@ GOOD = "time_s,spindle_speed\n0,1000\n3600,0\n7200,0\n"
         ("time_s,spindle_speed [kg]\n0,1000\n3600,0\n", [], "kg"),
         ("time_s,coolant\n0,1000\n3600,0\n", [], "spindle_speed"),
         ("time_s,spindle_speed\n", [], "no row"),
-        ("", [], "empty"),
+        ("", [], "no rows"),
         ("1,2\n", [], "What to do"),
         ("time_s,spindle_speed\n0,1000\n", [], "--operations"),
         ("time_s,spindle_speed\n0,1000\n9e9,0\n", [], "31 days"),

@@ -323,17 +323,6 @@ def test_clock_that_leaps_and_a_pause_that_does_not(tables):
     assert {f.where.run for f in findings if f.id == "gap"} == {"r1", "r2"}
 
 
-def test_period_that_changes_or_drifts(tables):
-    steps = np.where(np.arange(720) < 400, 20.0, 30.0)
-    tables["r1"].index = np.cumsum(steps) - 20.0
-    tables["r2"].index = np.cumsum(np.linspace(20.0, 24.0, 720)) - 20.0
-    hits = [f for f in inspect(plain_recording(tables)) if f.id == "period-change"]
-    assert [f.where.run for f in hits] == ["r1", "r2"]
-    assert (hits[0].evidence["before_s"], hits[0].evidence["after_s"]) == (20.0, 30.0)
-    assert hits[0].where.from_s == pytest.approx(400 * 20, abs=30 * 20)  # to one block
-    assert "drifts" in hits[1].statement
-
-
 def test_few_values_constant_and_empty(tables):
     for table in tables.values():
         table["T4"] = 2.0 * (table["T4"] / 2.0).round(0)

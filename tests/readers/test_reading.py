@@ -174,7 +174,7 @@ def test_a_failed_conversion_leaves_nothing_behind(folder, tmp_path, monkeypatch
     monkeypatch.setattr(pyarrow.csv, "write_csv", full)
     with pytest.raises(OptionError, match="No space left"):
         convert(read([folder]), tmp_path / "clean")
-    assert list((tmp_path / "clean").iterdir()) == []
+    assert not (tmp_path / "clean").exists()
 
 
 def test_headers_that_a_spreadsheet_would_run_are_defused_and_read_back(reads, tmp_path):

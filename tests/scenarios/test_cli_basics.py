@@ -375,7 +375,7 @@ def test_ctrl_c_leaves_nothing_behind(folder):
     for run in range(3, 120):
         table.to_csv(f"runs/r{run}.csv", index=False)
     # stopped in the middle of writing, at the first drafts of 119
-    work = interrupted_in("_write_whole", "convert", "runs", "--machine", "machine.toml", "--out", "clean")
+    work = interrupted_in("write_recording", "convert", "runs", "--machine", "machine.toml", "--out", "clean")
     assert work.returncode == 130
     assert work.stderr.count("\n") == 1
     assert "Nothing was written" in work.stderr

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from selector.readers import Overrides
 from selector.selection import Options
-from selector.study import STUDY_FILE, study_of, write_study
-from selector.workbench.saved_study import other_than_asked
+from selector.workbench.commands import option_arguments, source_arguments
+from selector.workbench.parts import differing_fields
+
+FOLDER = Path("/study")
 
 
-def test_what_was_chosen_since_the_answer(tmp_path):
-    answer, runs = tmp_path / "selection", (tmp_path / "r1.csv", tmp_path / "r2.csv")
-    answer.mkdir()
-    asked, read_as = Options(level=0.98, cost={"T1": 2.0}), Overrides(time_unit="min")
-    # without a study file nobody knows
-    assert other_than_asked(answer, asked, read_as, runs) == ()
-    write_study(study_of(answer, runs, overrides=read_as, select=asked), answer / STUDY_FILE)
-    assert other_than_asked(answer, asked, read_as, runs[::-1]) == ()
-    now = Options(level=0.9, max_sensors=3, responses=("Z",), memory=True, cost={"T1": 2.0})
-    assert other_than_asked(answer, now, Overrides(), runs[:1]) == (
-        "Displacements to predict", "λ", "Most sensors in a set", "Memory: lagged temperatures and speed",
-        "the recordings", "how they are read",
-    )  # fmt: skip
+def select(options: Options, runs: tuple[str, ...] = ("r1.csv", "r2.csv"), overrides: Overrides | None = None):
+    source = source_arguments(FOLDER, [FOLDER / run for run in runs], None, overrides or Overrides())
+    return ("select", *source, *option_arguments(options), "--out", "selection")
+
+
+def test_what_was_chosen_since_the_answer():
+    then = select(Options(level=0.98, cost={"T1": 2.0}), overrides=Overrides(time_unit="min"))
+    assert differing_fields(then, then) == []
+    now = select(Options(level=0.9, max_sensors=3, responses=("Z",), memory=True, cost={"T1": 2.0}), ("r1.csv",))
+    assert differing_fields(now, then) == [
+        "Displacements to predict", "Memory: lagged temperatures and speed", "Most sensors in a set", "Unit of time",
+        "λ", "the files",
+    ]  # fmt: skip

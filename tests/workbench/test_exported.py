@@ -15,6 +15,7 @@ from selector.shipped import shipped
 from selector.workbench.bench import Bench
 from selector.workbench.commands import Export, export_command
 from selector.workbench.pages import export
+from selector.workbench.parts import differing_fields
 
 PATENT = shipped("patent8")
 ASKED = Export("selection/model.json", clamp_um={"Z": 40.0}, inverted=("Z",))
@@ -39,7 +40,7 @@ def test_what_was_chosen_since_the_files_were_written_is_told_in_the_words_of_th
 
     def others(**changes):
         now = export_command(study, dataclasses.replace(ASKED, **changes), None, Overrides())
-        return {export._field_of(one) for one in export._options(now) ^ export._options(then)}
+        return set(differing_fields(now, then))
 
     assert others() == set()
     assert others(clamp_um={"Z": 41.0}) == {"largest correction of Z"}

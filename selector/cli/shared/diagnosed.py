@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import sys
-import threading
-import time
 import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -131,8 +128,6 @@ def _require(holds: bool, found: str, expected: str, where: str, advice: str) ->
 
 Progress = Callable[[int, int, str], None]
 
-_LINE_S = 10.0
-
 
 def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: Progress) -> Modelled:
     """The diagnosis of a model file of ours (mode C) or of an FMU (mode B) that the recordings drive.
@@ -142,7 +137,7 @@ def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: P
     from selector.cli.shared.simulation_files import named
     from selector.diagnosis.open_model.modelled import diagnosis_of_model
 
-    with named(model), _runnable(model, recording) as runnable, _told(progress) as say:
+    with named(model), _runnable(model, recording) as runnable:
         return diagnosis_of_model(
             runnable,
             recording,
@@ -150,34 +145,8 @@ def diagnosed_model(model: Path, recording: Recording, asked: Asked, progress: P
             holdout=asked.holdout,
             seed=asked.seed,
             false_alarm=asked.false_alarm,
-            progress=say,
+            progress=progress,
         )
-
-
-@contextmanager
-def _told(progress: Progress) -> Iterator[Progress]:
-    """The progress, and on a stderr that is no terminal, which shows no bar, a line of it every ten seconds."""
-    if sys.stderr.isatty():
-        yield progress
-        return
-    begun, done, latest = time.monotonic(), threading.Event(), ["beginning"]
-
-    def say(step: int, total: int, text: str) -> None:
-        progress(step, total, text)
-        latest[0] = f"about {step / max(total, 1):.0%} done, {text}"
-
-    def write() -> None:
-        while not done.wait(_LINE_S):
-            sys.stderr.write(f"selector: {time.monotonic() - begun:.0f} s: {latest[0]}\n")
-            sys.stderr.flush()
-
-    writer = threading.Thread(target=write, daemon=True)
-    writer.start()
-    try:
-        yield say
-    finally:
-        done.set()
-        writer.join(1.0)
 
 
 @contextmanager

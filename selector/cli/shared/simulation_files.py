@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import secrets
-import shutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from selector.atomic_file import refuse_to_replace_input, require_writable_folder
+from selector.atomic_file import refuse_to_replace_input, require_writable_folder, written_together
 from selector.cli.shared.running import last_step
 from selector.errors import InputError, OptionError
 
@@ -162,7 +161,8 @@ def write_simulation(
 
     targets, machine_path = destination.targets, destination.machine_path
     pages = [] if page is None or report is None else [report]
-    with named_as_asked(), written_together([*pages, *targets.values(), machine_path]) as drafts:
+    last = partial(last_step, "stopped after the simulation; its files were written")
+    with named_as_asked(), written_together([*pages, *targets.values(), machine_path], last) as drafts:
         if page is not None and report is not None:
             page(drafts[report])
         at = {run: drafts[path] for run, path in targets.items()}
@@ -245,50 +245,6 @@ def named_as_asked() -> Iterator[None]:
     except OSError as error:
         name = str(error.filename2 or error.filename or "")
         raise type(error)(error.errno, error.strerror, _DRAFTS.sub("", name) or None) from error
-
-
-@contextmanager
-def written_together(paths: Iterable[Path]) -> Iterator[Mapping[Path, Path]]:
-    """Path → draft to be written; when the block ends without an error, all drafts take their places, or none does."""
-    folders = {path: path.parent for path in paths}
-    made: list[Path] = []
-    stages: dict[Path, Path] = {}
-    done: list[tuple[Path, Path]] = []
-    try:
-        for folder in dict.fromkeys(folders.values()):
-            for missing in [place for place in (*reversed(folder.parents), folder) if not place.exists()]:
-                made.append(missing)
-                missing.mkdir(exist_ok=True)
-            stages[folder] = folder / f".{secrets.token_hex(8)}.part"
-            stages[folder].mkdir()
-        drafts = {path: stages[folder] / path.name for path, folder in folders.items()}
-        yield drafts
-        with last_step("stopped after the simulation; its files were written"):
-            for path, draft in drafts.items():
-                old = draft.with_name(f"{secrets.token_hex(8)}.old")
-                done.append((path, old))
-                if path.exists():
-                    path.replace(old)
-                draft.replace(path)
-            done.clear()
-            for stage in stages.values():
-                shutil.rmtree(stage, ignore_errors=True)
-            made.clear()
-    except BaseException:
-        for path, old in done:
-            if old.exists():
-                old.replace(path)
-            elif not drafts[path].exists():
-                path.unlink(missing_ok=True)
-        for stage in stages.values():
-            shutil.rmtree(stage, ignore_errors=True)
-        for folder in reversed(made):
-            if folder.exists() and not any(folder.iterdir()):
-                folder.rmdir()
-        raise
-    finally:
-        for stage in stages.values():
-            shutil.rmtree(stage, ignore_errors=True)
 
 
 def _refuse_broken_link(path: Path, option: str) -> None:

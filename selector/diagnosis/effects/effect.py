@@ -164,7 +164,7 @@ class Effect:
     """One kind of physics, or one fault of the data, that a simulation may not have."""
 
     id: str  #: ``"family.name"``; contract, never renamed
-    title: str  #: A few words
+    title: str  #: A few words that can stand inside a sentence: *the clock of a channel*
     physics: str  #: Two sentences: what happens, and how it shows
     reference: str  #: Where the equation comes from
     #: {"force", "heat flow", "displacement", "measurement", "state", "limit"}: Where it enters the machine's equations

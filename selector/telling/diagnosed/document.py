@@ -2,27 +2,21 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from selector.diagnosis.answer import Diagnosis, Errors, Fit, NamedEffect, NextRun, Place, Verdict, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.selection.result_file import FindingPart
+from selector.findings import Finding
+from selector.selection.result_file import Number, Part
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Perhaps = Number | None
 
 
-class _Part(BaseModel):
-    """A part of the document; fields that a later version adds are not looked at."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Quantity(_Part):
+class _Quantity(Part):
     value: Perhaps
     unit: str = ""
     low: Perhaps = None
@@ -32,18 +26,7 @@ class _Quantity(_Part):
         return Quantity(_known(self.value), self.unit, self.low, self.high)
 
 
-class _Place(_Part):
-    channel: str
-    place: str | None = None
-    run: str | None = None
-    from_s: Perhaps = None
-    to_s: Perhaps = None
-    regime: str | None = None
-    share: Number
-    p_value: Perhaps = None
-
-
-class _Effect(_Part):
+class _Effect(Part):
     id: str
     channel: str
     channels: tuple[str, ...] = ()
@@ -61,7 +44,7 @@ class _Effect(_Part):
         return NamedEffect(**{**dict(self), "parameters": {name: q.quantity() for name, q in self.parameters.items()}})
 
 
-class _Errors(_Part):
+class _Errors(Part):
     rmse_before: Perhaps
     rmse_after: Perhaps
     noise_floor: Perhaps = None
@@ -70,7 +53,7 @@ class _Errors(_Part):
         return Errors(_known(self.rmse_before), _known(self.rmse_after), self.noise_floor)
 
 
-class _Fit(_Part):
+class _Fit(Part):
     train: _Errors
     heldout: _Errors
     unit: str
@@ -84,23 +67,16 @@ class _Fit(_Part):
         return Fit(self.unit, *errors, gap, placebo, _NOTHING, _NOTHING, _NOTHING)
 
 
-class _NextRun(_Part):
-    description: str
-    separates: tuple[str, ...]
-    power: Perhaps = None
-    duration_s: Perhaps = None
-
-
-class _Document(_Part):
+class _Document(Part):
     verdict: Verdict
     headline: str = ""
-    where: tuple[_Place, ...] = ()
+    where: tuple[Place, ...] = ()
     effects: tuple[_Effect, ...] = ()
     also_seen: tuple[_Effect, ...] = ()
-    fit: dict[str, _Fit] = {}
-    recalibration: dict[str, dict[str, _Quantity]] = {}
-    next_runs: tuple[_NextRun, ...] = ()
-    findings: tuple[FindingPart, ...] = ()
+    fit: dict[str, _Fit] = Field(default_factory=dict)
+    recalibration: dict[str, dict[str, _Quantity]] = Field(default_factory=dict)
+    next_runs: tuple[NextRun, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 _NOTHING = np.zeros(0)
@@ -118,16 +94,16 @@ def diagnosis_of(document: Mapping[str, Any]) -> Diagnosis:
         comparison=Comparison((), (0,), _NOTHING, (), courses, courses, tuple(told.fit), rows),
         verdict=told.verdict,
         headline=told.headline or told.verdict,
-        where=tuple(Place(**dict(one)) for one in told.where),
+        where=told.where,
         effects=tuple(one.effect() for one in told.effects),
         also_seen=tuple(one.effect() for one in told.also_seen),
         fit={name: one.fit() for name, one in told.fit.items()},
-        next_runs=tuple(NextRun(**dict(one)) for one in told.next_runs),
+        next_runs=told.next_runs,
         recalibration={
             name: _as_fitted({key: one.quantity() for key, one in of.items()})
             for name, of in told.recalibration.items()
         },
-        findings=tuple(part.finding() for part in told.findings),
+        findings=told.findings,
     )
 
 

@@ -4,30 +4,20 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from selector.findings import Finding
 from selector.physics.thermal.prediction.answer import Mode, Start
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
 from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Method, Prediction
-from selector.selection.result_file import FindingPart
+from selector.selection.result_file import Number, Part
 from selector.types import Vector
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Perhaps = Number | None
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="ignore", frozen=True)
-
-
-class _Mode(_Part):
-    tau_s: Number
-    low: Perhaps
-    high: Perhaps
-
-
-class _Operation(_Part):
+class _Operation(Part):
     operation: int
     durations_min: Annotated[tuple[Number, ...], Field(min_length=1)]
     corrections_um: tuple[Number, ...]
@@ -35,27 +25,27 @@ class _Operation(_Part):
     tolerance_um: Perhaps = None
 
 
-class _Accuracy(_Part):
+class _Accuracy(Part):
     residual_um: Perhaps
     heldout_um: Perhaps
     claimed_um: Perhaps = None
 
 
-class PredictionDocument(_Part):
+class PredictionDocument(Part):
     """The fields of a prediction's JSON."""
 
     method: Method
     time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
     displacement_um: dict[str, tuple[Number, ...]]
-    temperature_k: dict[str, tuple[Number, ...]] = {}
-    modes: tuple[_Mode, ...] = ()
+    temperature_k: dict[str, tuple[Number, ...]] = Field(default_factory=dict)
+    modes: tuple[Mode, ...] = ()
     program: tuple[_Operation, ...] = ()
     tolerance_um: Perhaps = None
-    accuracy: dict[str, _Accuracy] = {}
-    left_out: dict[str, dict[str, Perhaps]] = {}
+    accuracy: dict[str, _Accuracy] = Field(default_factory=dict)
+    left_out: dict[str, dict[str, Perhaps]] = Field(default_factory=dict)
     start: Start = "cold"
     order: BestOrder | None = None
-    findings: tuple[FindingPart, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
 
 def prediction_of(document: Mapping[str, Any]) -> Prediction:
@@ -80,11 +70,11 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
         cyclogram=None,
         time_s=np.array(told.time_s),
         displacement_um=np.array([courses[name] for name in names]).T,
-        modes=tuple(Mode(mode.tau_s, mode.low, mode.high) for mode in told.modes),
+        modes=told.modes,
         programs={name: _program(lines, told.tolerance_um) for name, lines in of_response.items() if lines},
         residual_um=_errors([one.residual_um for one in accuracy], len(names)),
         heldout_um=_errors([one.heldout_um for one in accuracy], len(names)),
-        findings=tuple(part.finding() for part in told.findings),
+        findings=told.findings,
         claimed_um=_errors([one.claimed_um for one in accuracy], len(names)),
         left_out_um={
             test: np.array([np.nan if errors.get(name) is None else errors[name] for name in names], dtype=np.float64)

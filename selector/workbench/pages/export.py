@@ -3,19 +3,19 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import dash
 from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
+from pydantic import TypeAdapter
 
 from selector.controllers import decided_limits
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import OptionError
+from selector.findings import Finding
 from selector.number_text import number_text
-from selector.selection.result_file import FindingPart
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, Column, Rows, one_of, several, tick
@@ -134,21 +134,6 @@ def register(app: dash.Dash, bench: Bench) -> None:
             raise dash.exceptions.PreventUpdate
         return _limits(bench, outputs) if outputs else None, now
 
-    @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
-    def _earlier(_: int) -> Component | None:
-        """What was chosen, or made, since the files below were written."""
-        now = command(bench)
-        files = bench.folder / bench.export.folder
-        if now is None or not (files / SHEET).is_file():
-            return None
-        if (bench.folder / bench.export.model).stat().st_mtime_ns > (files / SHEET).stat().st_mtime_ns:
-            return parts.asked_otherwise(["the model"], "files below were written", "Export")
-        jobs = [job for job in bench.jobs.all if job.state == "done" and job.out == files]
-        if not jobs:
-            return html.P("An earlier session wrote the files below; with which settings, their sheet says.")
-        others = sorted({_field_of(words) for words in _options(now) ^ _options(jobs[-1].command)})
-        return parts.asked_otherwise(others, "files below were written", "Export")
-
     forms = (_rows(bench).register(app, bench), _boxes(bench).register(app, bench))
     missing = OptionError(
         "no model in the study folder",
@@ -156,22 +141,9 @@ def register(app: dash.Dash, bench: Bench) -> None:
         where=TITLE,
         advice="run a selection first",
     )
-    parts.register_task(
-        app,
-        bench,
-        parts.Task(ID, TITLE, command, lambda _: bench.export.folder, missing, forms, SHEET, _answered, True),
-    )
-
-
-def _options(command: Sequence[str]) -> set[tuple[str, str]]:
-    """(option, value) of a command; a flag has the next word, or none, for its value."""
-    return {(word, value) for word, value in pairwise((*command, "")) if word.startswith("--") and word != "--json"}
-
-
-def _field_of(option: tuple[str, str]) -> str:
-    """What a field that decides an option is called, with the output that it is about."""
-    title = FIELDS.get(option[0], option[0])
-    return f"{title} of {option[1].partition('=')[0]}" if "=" in option[1] else title
+    task = parts.Task(ID, TITLE, command, lambda _: bench.export.folder, missing, forms, SHEET, _answered, True)
+    parts.register_task(app, bench, task)
+    parts.register_earlier(app, bench, task, lambda _: [command(bench)])
 
 
 def _rows(bench: Bench) -> Rows:
@@ -268,7 +240,7 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
         ]
         for path in files
     ]
-    findings = [] if said is None else [FindingPart.model_validate(one).finding() for one in said["findings"]]
+    findings = () if said is None else TypeAdapter(tuple[Finding, ...]).validate_python(said["findings"])
     return parts.section(
         f"Files in {name}",
         parts.table(["file", "what it is", "bytes"], rows, numeric=["bytes"], name="files"),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import dash
-from dash import Input, Output, html
+from dash import html
 from dash.development.base_component import Component
 
 from selector.number_text import number_text
@@ -13,7 +13,6 @@ from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, one_of, several, tick
 from selector.workbench.commands import SELECTION, option_arguments, option_of
-from selector.workbench.saved_study import other_than_asked
 from selector.workbench.typed import FIELDS, in_words_of_fields
 
 ID, TITLE = "selection", "Selection"
@@ -94,29 +93,28 @@ def layout(bench: Bench) -> Component:
 
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector select` with what is asked."""
+    return _command(bench, bench.options)
+
+
+def _command(bench: Bench, options: Options) -> tuple[str, ...] | None:
     if bench.material.reading is None:
         return None
-    return ("select", *bench.source_arguments(), *option_arguments(bench.options), "--out", SELECTION)
+    return ("select", *bench.source_arguments(), *option_arguments(options), "--out", SELECTION)
 
 
 def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
     form = _boxes(bench).register(app, bench)
 
-    @app.callback(Output(f"{ID}-earlier", "children"), Input(parts.REVISION, "data"))
-    def _earlier(_: int) -> Component | None:
-        """What was chosen since the answer below was made."""
-        if bench.result(f"{SELECTION}/selection.json") is None:
-            return None
-        ways = (bench.options, bench.live.asked(bench.options))
-        found = (other_than_asked(bench.folder / SELECTION, one, bench.overrides, bench.used) for one in ways)
-        others = min(found, key=len)
-        return parts.asked_otherwise(others, "answer below was asked", "Start")
-
     missing = parts.no_recordings(TITLE)
-    parts.register_task(
-        app, bench, parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
-    )
+    task = parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
+    parts.register_task(app, bench, task)
+
+    # the Sensors page starts it, too, with what is looked at there
+    def ways(_: Bench) -> list[tuple[str, ...] | None]:
+        return [_command(bench, options) for options in (bench.options, bench.live.asked(bench.options))]
+
+    parts.register_earlier(app, bench, task, ways)
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:

@@ -155,7 +155,7 @@ def _tried_value(variant: Variant, name: str) -> float:
 
 EFFECT = Effect(
     id="data.clock",
-    title="Clock of a channel",
+    title="the clock of a channel",
     physics="The time stamps of a channel are shifted, jump, or run at another rate than those of the others. What was "
     "recorded is the true course at another time, so the difference follows the course's rate of change.",
     reference="First-order expansion y(t − δ) = y(t) − δ·y'(t); δ constant, a step, or proportional to time",

@@ -57,7 +57,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.drift",
-    title="Drifting sensor",
+    title="a sensor that drifts by itself",
     physics="The reading of a sensor slowly runs away by itself: a loosening mount, an ageing bridge, moisture. The "
     "difference grows with time, whatever the machine does.",
     reference="ISO Guide 99:2007 (VIM) 4.21 (instrumental drift), taken as a ramp that begins at some moment",

@@ -76,7 +76,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.gain",
-    title="Scale of a channel",
+    title="the scale of a channel",
     physics="A channel is recorded on a wrong scale: another unit or range of the amplifier, a wrong calibration. The "
     "difference is a constant times the course itself.",
     reference="ISO Guide 99:2007 (VIM) 4.31 (calibration curve), taken as a straight line",

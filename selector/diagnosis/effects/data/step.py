@@ -60,7 +60,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.step",
-    title="Jump of a sensor",
+    title="a sensor that jumped",
     physics="A sensor jumps to another level and stays there: it was knocked, slipped in its holder, or its amplifier "
     "was switched. The difference is constant before and constant after.",
     reference="Change in mean at an unknown moment: Hinkley, Biometrika 57 (1970) 1",

@@ -172,7 +172,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.stuck",
-    title="Frozen reading",
+    title="a frozen reading",
     physics="A reading freezes while what it measures goes on: a lost connection that holds the last value, a jammed "
     "probe. During the stretch the difference is the simulated course turned round.",
     reference="Run lengths of equal readings against their chance, and against the movement of the simulation",

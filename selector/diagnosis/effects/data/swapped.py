@@ -78,7 +78,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.swapped",
-    title="Channels that changed places",
+    title="channels that changed places",
     physics="Two plugs or two columns were exchanged. What is recorded under one name is the course of the other.",
     reference="Definition: recorded less simulated is the simulated course of the other less that of this one",
     enters="measurement",

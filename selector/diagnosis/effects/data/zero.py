@@ -31,7 +31,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="data.zero",
-    title="Zero of a channel",
+    title="the zero of a channel",
     physics="A channel has a constant offset: the gauge was not zeroed, or the sensor was mounted anew. The difference "
     "is the same all through the runs concerned.",
     reference="ISO Guide 99:2007 (VIM) 4.28 (zero error)",

@@ -45,7 +45,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.asymmetric_friction",
-    title="Friction that differs by direction",
+    title="friction that differs by direction",
     physics="Preload, wear or a wiper make the friction of one direction larger than that of the other, by a constant "
     "or in proportion to speed. What differs starts and stops with the motion; a constant that is there at rest as "
     "well is a force, not friction.",

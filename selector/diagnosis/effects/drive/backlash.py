@@ -125,7 +125,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.backlash",
-    title="Backlash",
+    title="backlash",
     physics="Play between nut and screw, in a gear or coupling is crossed at each reversal before the table follows. "
     "The position lags by half of it on either side, whatever speed and force, and stays there at standstill; the "
     "current shows impulses.",

@@ -43,7 +43,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.delay",
-    title="Dead time",
+    title="dead time",
     physics="Sampling, bus and filters make command, measurement or current late by a fraction of a cycle or a few. "
     "The position "
     "is off by speed times delay, or the force by its rate times delay, which the loop then has to make good.",

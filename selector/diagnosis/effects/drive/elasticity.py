@@ -80,7 +80,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.elasticity",
-    title="Wind-up",
+    title="wind-up",
     physics="Screw, coupling, nut and bearings yield by the force that they carry, so that the table stays behind the "
     "motor with friction and acceleration. Changes of acceleration make the table ring at the natural frequency "
     "against the motor.",

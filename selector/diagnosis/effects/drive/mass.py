@@ -26,7 +26,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.mass",
-    title="Wrong inertia",
+    title="inertia",
     physics="Table, workpiece, screw and motor weigh more or less than the simulation has. Force or current differs in "
     "proportion to acceleration, and at constant speed not at all.",
     reference="A. Janot, M. Gautier, M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear "

@@ -52,7 +52,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.offset_force",
-    title="Constant force",
+    title="a constant force",
     physics="Weight of a vertical axis, its counterbalance, a hose or a cable chain pull with the same force all the "
     "time. Current or force is shifted by a constant at rest, in motion and in both directions.",
     reference="A. Janot, M. Gautier, M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear "

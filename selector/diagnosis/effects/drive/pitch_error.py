@@ -50,7 +50,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.pitch_error",
-    title="Pitch error",
+    title="pitch error",
     physics="The screw's lead, or the scale's pitch, is off by an amount that belongs to the place: cumulative, or "
     "repeating with each turn. The position is off by it in both directions and at every speed, and the force is not.",
     reference="ISO 230-2:2014, positioning deviation along the axis; ISO 3408-3, travel deviation and variation of "

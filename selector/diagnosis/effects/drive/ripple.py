@@ -44,7 +44,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.ripple",
-    title="Torque ripple",
+    title="torque ripple",
     physics="Cogging, commutation and errors of current measurement make a torque that repeats with the motor's angle. "
     "The drive counters it in current or force, and what it does not counter moves the axis, more at the speeds that "
     "the loop is weak at.",

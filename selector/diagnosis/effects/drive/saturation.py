@@ -116,7 +116,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.saturation",
-    title="Limit of force or speed",
+    title="a limit of force or speed",
     physics="Current, voltage, torque or speed of the drive cannot exceed a limit. Where the simulation asks for more, "
     "the record is flat, the axis falls behind, and the loop makes up for it afterwards.",
     reference="K. J. Åström, T. Hägglund (2006), Advanced PID control, chapter 3 (limits and windup)",

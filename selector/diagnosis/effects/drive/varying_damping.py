@@ -42,7 +42,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.varying_damping",
-    title="Damping that varies",
+    title="damping that varies",
     physics="Preload, lubrication and load of guide and nut change along the way and with acceleration, and the "
     "friction per "
     "speed with them. Force or current at constant speed drifts along the stroke, the opposite way on the way back.",

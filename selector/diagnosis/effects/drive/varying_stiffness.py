@@ -48,7 +48,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.varying_stiffness",
-    title="Stiffness that varies",
+    title="stiffness that varies",
     physics="The part of the screw that carries the load grows with the distance of the nut from the fixed bearing, "
     "and contacts stiffen with their load. The same force yields more at one place than at another.",
     reference="Yao, Zhang, time-varying characteristics of an NC feed system (equations 4 and 5: torsion by length, "

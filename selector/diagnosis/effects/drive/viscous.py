@@ -40,7 +40,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="drive.viscous",
-    title="Viscous friction",
+    title="viscous friction",
     physics="Oil sheared in guides, nut and bearings, and eddy currents in the motor, resist in proportion to speed or "
     "a power of it. Current or force follows the speed, and in its changes the axis is pushed aside.",
     reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138",

@@ -379,7 +379,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="flow.overflow",
-    title="A store spills at a level",
+    title="a store that spills at a level",
     physics="A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at "
     "its ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too.",
     reference="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, "

@@ -101,7 +101,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="gauging.interrupted",
-    title="Interrupted surface under the gauge",
+    title="the interrupted surface under the gauge",
     physics="Grooves and keyways let the probe drop, and its filter mixes their depth into the mean. While the surface "
     "is interrupted the reading is off and ripples with the number of grooves per turn.",
     reference="G (Trompet, Aleksandrov), interrupted surfaces; docs/explanation/finished-sizes.md",

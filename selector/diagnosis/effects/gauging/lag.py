@@ -94,7 +94,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="gauging.lag",
-    title="The gauge is late",
+    title="the lag of the gauge",
     physics="The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted "
     "size was reached. The error of the size is that time times the infeed at the stop; a reading in time trails what "
     "it measures.",

@@ -106,7 +106,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="gauging.wear",
-    title="Wheel or probe wears",
+    title="wear of wheel or probe",
     physics="The probe's tip loses length where it slides on the workpiece, the wheel loses radius with the stock that "
     "it takes off. Sizes run away slowly with parts, contact time or stock, and jump back at a dressing or a new tip.",
     reference="Archard, J. Appl. Phys. 24, 1953 (wear proportional to load and path); Malkin, Grinding "

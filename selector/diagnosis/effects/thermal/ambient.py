@@ -48,7 +48,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.ambient",
-    title="hall temperature acts on the structure",
+    title="the hall temperature",
     physics="Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
     "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
     "spindle turns or not.",

@@ -86,7 +86,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.coolant",
-    title="coolant changes the boundary while it runs",
+    title="the coolant",
     physics="Coolant over a part raises its heat transfer from some 10 to some 1000 W/(m²·K) and draws it towards its "
     "own temperature, but only while it runs. The response bends when it is switched on, the more the warmer "
     "the part is, and comes back with the machine's own delay when it is switched off.",

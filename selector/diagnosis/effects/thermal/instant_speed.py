@@ -38,7 +38,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.instant_speed",
-    title="shift at once with the spindle speed",
+    title="a shift at once with the spindle speed",
     physics="Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
     "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
     "stops, before anything has warmed up.",

@@ -57,7 +57,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.interaction",
-    title="the response to one temperature depends on another",
+    title="a response to one temperature that depends on another",
     physics="Joints, preloads and clearances change with temperature, and with them how much one part's expansion "
     "moves the tool. The response then has a product of two temperature rises in it, at once, besides the sum "
     "that a linear model has.",

@@ -96,7 +96,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.memory",
-    title="thermal memory",
+    title="memory of past heating",
     physics="Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
     "with different displacements according to what was run before. It shows as a lag of the heating, with a "
     "time constant that the simulation does not have, most of all while the machine cools.",

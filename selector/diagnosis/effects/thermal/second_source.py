@@ -66,7 +66,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="thermal.second_source",
-    title="a source of heat that is not in the simulation",
+    title="a second source of heat",
     physics="Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
     "programme. The displacement follows their work with the delay of the path between, whatever the spindle does.",
     reference="Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "

@@ -133,7 +133,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.back_reaction",
-    title="A member acts back on its predecessor",
+    title="a member that acts back on its predecessor",
     physics="A chain that hands the force from member to member forgets that each member pulls on the one before it "
     "with its own inertia. The predecessor's resonances shift and split, most where the successor itself resonates.",
     reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it "

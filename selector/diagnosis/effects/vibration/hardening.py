@@ -122,7 +122,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.hardening",
-    title="Stiffness that grows with amplitude",
+    title="stiffness that grows with amplitude",
     physics="Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
     "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear.",
     reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",

@@ -124,7 +124,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.hysteresis",
-    title="Restoring force with memory",
+    title="a restoring force with memory",
     physics="Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
     "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
     "as joints slip.",

@@ -178,7 +178,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.imbalance",
-    title="Imbalance: a line that follows the spindle",
+    title="imbalance",
     physics="An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … "
     "times the speed. The line moves with the recorded speed, its force grows with the square, and at a resonance "
     "it swings up.",

@@ -83,7 +83,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.line",
-    title="Vibration at a fixed frequency",
+    title="a vibration at a fixed frequency",
     physics="A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
     "shakes it at a frequency "
     "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does.",

@@ -89,7 +89,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     id="vibration.mode",
-    title="A resonance that the simulation lacks",
+    title="a resonance",
     physics="A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the "
     "same forces. The residual follows the input through a lightly damped second-order filter, in all runs the same.",
     reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",

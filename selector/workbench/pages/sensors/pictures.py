@@ -41,7 +41,7 @@ NOTES = {
     "tree": "Dashed: λ. Colours: groups; grey: sensors that are alone.",
     "machine": "Colours as in the tree; rings: the set that is shown. Drag a pin to where its sensor sits.",
     "runs": "Each run predicted by coefficients that were fitted without it; the sensors are fixed.",
-    "coefficients": "Per standard deviation of a reading, with 95 % intervals that allow for autocorrelation.",
+    "coefficients": "Per standard deviation of a reading, with 95 % intervals from leaving each run out in turn.",
     "faults": "Largest change of the correction over the recorded samples.",
 }
 UNUSED = "#d4d4d4"
