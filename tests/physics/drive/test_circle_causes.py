@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +16,14 @@ from selector.physics.drive.ball_bar.basis import pair_of
 from selector.physics.drive.ball_bar.causes import GAIN_MISMATCH, RADIUS_GAIN, CircleCauses, circle_causes
 from selector.physics.drive.ball_bar.circle import BallBarTrace, PairGeometry
 from selector.physics.drive.ball_bar.fit import SEARCHED, circle_fit
-from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Transmission
+from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.file.model_file import checked_model_file, read_model_file
+from selector.physics.drive.parts.axis import Axis, Friction, LuGre, Transmission, wind_up_m
+from selector.physics.model_text import plain_values
 from tests.physics.drive.axes import CONTINUOUS, THREE
 from tests.physics.drive.ball_bars import BallBarPlan, ball_bar_test
 
+BALL_BAR = Path(__file__).resolve().parents[3] / "fixtures" / "drive" / "ball-bar.toml"
 RADIUS_M = 0.1
 SAMPLES = 1800
 
@@ -376,3 +382,16 @@ def test_what_cannot_be_taken_apart_is_refused(traces, lead_m, named):
 def test_a_perfect_circle_has_no_causes():
     found = circle_causes(Planted().traces(0.0)).feeds[0]
     assert not [cause for cause in found.causes if cause.found]
+
+
+def test_errors_hold_where_spikes_are_not_of_the_shape_that_is_fitted():
+    plain = copy.deepcopy(plain_values(read_model_file(BALL_BAR)))
+    plain["motion"]["feeds_mm_per_min"] = [5000.0]
+    built = drive_model(checked_model_file(plain), {})
+    found = circle_causes(tuple(built.simulation().traces.values())).feeds[0]
+    for name in ("X", "Y"):
+        axis = built.axes[name].axis
+        truth = 1e6 * (axis.transmission.backlash_m + wind_up_m(axis))
+        mean = found.cause("backlash", name).amounts["mean"]
+        # by what the residual says alone they would be 2.9 of them off
+        assert abs(mean.value - truth) < 2.0 * mean.standard_error < 1.0
