@@ -137,13 +137,16 @@ def convert(
 def _into_lake(reading: "Reading", folder: Path, as_json: bool) -> None:
     from selector.live.lake import kept
 
-    paths, new = kept(reading, folder)
+    paths, new, other = kept(reading, folder)
     rows = len(reading.recording.frame)
     if as_json:
-        counts = {"rows": rows, "new_rows": new}
+        counts = {"rows": rows, "new_rows": new, "other_rows": other}
         showing.print_json({"schema": "selector.conversion/1", "files": paths, **counts, "findings": reading.findings})
         return
     console = showing.screen()
     showing.show_findings(console, reading.findings)
     there = "" if new == rows else f"; {rows - new} times were there already"
-    console.print(f"{rows} rows are in {len(paths)} files of days in {folder}{there}", markup=False)
+    files = "the file of a day" if len(paths) == 1 else f"{len(paths)} files of days"
+    console.print(f"{rows} rows are in {files} in {folder}{there}", markup=False)
+    if other:
+        console.print(f"at {other} of them the lake says something else than these recordings, and stays", markup=False)

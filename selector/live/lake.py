@@ -5,7 +5,7 @@
 
 import io as memory
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -19,9 +19,11 @@ from selector.errors import OptionError
 from selector.live.io_file import TIMES
 from selector.live.links import Tell
 from selector.readers.files import MACHINE_FILE
+from selector.readers.finding_table import CLOCK_BACK
 from selector.readers.machine_file import ChannelSection, Machine, MachineSection, TimeSection, machine_text
 from selector.readers.machine_file import machine as machine_file
 from selector.readers.reading import Reading, channel_section
+from selector.readers.window import own_clock_s
 from selector.study.study_file import FOLDER
 from selector.types import Matrix, Vector
 
@@ -95,16 +97,33 @@ class Lake:
             self._merge(day, self._framed([row for row in given if _day(row[0]) == day]))
         return len(given)
 
-    def put(self, time_s: Vector, values: Matrix) -> tuple[list[Path], int]:
-        """Rows of a recording, values (n_rows, n_channels), in the places that are empty: the files, how many are new.
+    def put(self, time_s: Vector, values: Matrix) -> tuple[list[Path], int, int]:
+        """Rows of a recording, values (n_rows, n_channels), in the places that are empty.
 
-        `time_s` is counted from 1970 [s].
+        `time_s` is counted from 1970 [s]. The files; how many times are new; at how many something else is kept. What
+        is being collected meanwhile is left alone.
         """
         frame = pd.DataFrame(values, columns=self._names[len(TIMES) :])
         frame.insert(0, "time", _moments(pd.Series(time_s)))
-        days = list(frame.groupby(frame["time"].dt.strftime("%Y-%m-%d")))
-        new = sum(self._merge(str(day), part) for day, part in days)
-        return [self._whole(str(day)) for day, _ in days], new
+        files, new, other = [], 0, 0
+        for day, part in frame.groupby(frame["time"].dt.strftime("%Y-%m-%d")):
+            whole = self._whole(str(day))
+            collected = [one for path in self._segments(whole) if (one := self._frame(path)) is not None]
+            whole_day = self._frame(whole) if whole.exists() else None
+            kept = [*collected, *([] if whole_day is None else [whole_day])]
+            mine = part.groupby("time").first()
+            if kept:
+                before = pd.concat(kept).groupby("time").first()
+                there = before.reindex(index=mine.index, columns=mine.columns)
+                other += int(((there != mine) & there.notna() & mine.notna()).any(axis=1).sum())
+                mine = mine[~mine.index.isin(pd.concat(collected)["time"])] if collected else mine
+                new += int((~mine.index.isin(before.index)).sum())
+            else:
+                new += len(mine)
+            if len(mine):
+                self._merge(str(day), mine.reset_index(), segments=())
+            files.append(whole)
+        return files, new, other
 
     def close_days(self, now_s: float | None = None) -> None:
         """One file for each day that is over at `now_s`; without it, for each day, and the growing file ends."""
@@ -118,28 +137,29 @@ class Lake:
     def _whole(self, day: str) -> Path:
         return self.folder / f"month={day[:7]}" / f"{day}.parquet"
 
-    def _merge(self, day: str, more: pd.DataFrame | None = None) -> int:
-        """Makes one file of a day, with more rows; how many times of them are new."""
+    def _segments(self, whole: Path) -> list[Path]:
+        """Files of a day beside the one for all of it."""
+        return [path for path in whole.parent.glob(f"{whole.stem}T*.parquet") if _SEGMENT.fullmatch(path.name)]
+
+    def _merge(self, day: str, more: pd.DataFrame | None = None, segments: Sequence[Path] | None = None) -> None:
+        """Makes one file of a day, of all its segments but the growing one or of these, with more rows."""
         whole = self._whole(day)
         growing = self._segment(self._rows[0][0]) if self._rows else None
-        segments = [
-            path for path in whole.parent.glob(f"{day}T*.parquet") if _SEGMENT.fullmatch(path.name) and path != growing
-        ]
+        if segments is None:
+            segments = [path for path in self._segments(whole) if path != growing]
         read = {path: self._frame(path) for path in (whole, *sorted(segments)) if path.exists()}
         frames = [frame for frame in (*read.values(), more) if frame is not None]
         if growing is not None and _day(self._rows[0][0]) == day and more is not None:
             # what the growing file has not yet, a row that it has would stand there twice
             frames[-1] = more[~more["time"].isin(self._framed(self._rows)["time"])]
         if not frames or (whole in read and read[whole] is None):
-            return 0
+            return
         # of two rows of the same time each gives what the other lacks; a killed merge leaves such rows
         merged = pd.concat(frames).groupby("time", as_index=False, sort=True).first()
         self._write(whole, merged)
         for path in segments:
             if read[path] is not None:
                 path.unlink(missing_ok=True)
-        before = [frame["time"] for frame in read.values() if frame is not None]
-        return len(merged) - (pd.concat(before).nunique() if before else 0)
 
     def _frame(self, path: Path) -> pd.DataFrame | None:
         try:
@@ -181,13 +201,14 @@ def _said(channel: ChannelSection) -> dict[str, str]:
     return {key: value for key, value in said.items() if value is not None}
 
 
-def kept(reading: Reading, folder: Path) -> tuple[list[Path], int]:
-    """Puts recordings with date and time into a lake: the files that were written, and how many rows are new.
+def kept(reading: Reading, folder: Path) -> tuple[list[Path], int, int]:
+    """Puts recordings with date and time into a lake: files; how many times are new; at how many others are kept.
 
     Rows of a time that is kept already give only what is missing there. A clock without a zone is kept as it is, as
     if it were UTC.
 
-    Raises OptionError: no machine has the recordings, a run has no date, or the lake cannot be read or written.
+    Raises OptionError: no machine has the recordings, a run has no date or a clock that jumps back, or the lake cannot
+    be read or written.
     """
     name = None if reading.machine is None else reading.machine.machine.name
     if name is None or not re.fullmatch(FOLDER, name):
@@ -205,18 +226,28 @@ def kept(reading: Reading, folder: Path) -> tuple[list[Path], int]:
             where="--lake",
             advice="name the column with the date (--time-column), or convert without --lake",
         )
+    back = next((one for one in reading.findings if one.id == CLOCK_BACK), None)
+    if back is not None:
+        raise OptionError(
+            f"{back.where.run}, whose clock jumps back ({back.evidence['cause']})",
+            expected="every time once",
+            where="--lake",
+            advice="write the recording with UTC or with the zone at each time, or cut the file there",
+        )
     recording = reading.recording
     sections = {one.name: channel_section(one, one.name, one.unit) for one in recording.channels}
     files: set[Path] = set()
-    new = 0
+    new = other = 0
     lake = Lake(folder, name, sections, _refuse)
     for run in reading.runs:
         start = datetime.fromisoformat(str(run.start))
         begin_s = (start if start.tzinfo is not None else start.replace(tzinfo=UTC)).timestamp()
-        written, more = lake.put(begin_s + recording.time_s(run.name), recording.values(run.name, recording.names))
+        own = [one for one in reading.findings if one.where.run == run.name]
+        time_s = begin_s + own_clock_s(recording.time_s(run.name), own, run.period_s)
+        written, more, differing = lake.put(time_s, recording.values(run.name, recording.names))
         files |= set(written)
-        new += more
-    return sorted(files), new
+        new, other = new + more, other + differing
+    return sorted(files), new, other
 
 
 def _refuse(event: str, **said: object) -> None:

@@ -2,7 +2,7 @@
 
 import datetime
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -106,12 +106,7 @@ def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> T
         )
     begins = datetime.datetime.fromisoformat(run.start).replace(tzinfo=None)
     low, high = ((end - begins).total_seconds() for end in (since, until))
-    # the clock of the file, with the hours of summer time and the jumps that were taken out of the time
-    shown = run.time_s.copy()
-    for finding in run.findings:
-        if finding.id in (CLOCK_FORWARD, CLOCK_BACK) and finding.where.from_s is not None:
-            jump_s = float(finding.evidence["jump_s"])
-            shown[run.time_s >= finding.where.from_s] += jump_s - (0.0 if jump_s > 0 else run.period_s)
+    shown = own_clock_s(run.time_s, run.findings, run.period_s)
     inside = (shown >= low) & (shown < high)
     if inside.all() or not inside.any():
         return run if inside.all() else replace(run, time_s=run.time_s[:0])
@@ -127,6 +122,16 @@ def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> T
         findings=(*begun, *(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None)),
         skipped_s=run.skipped_s + zero,
     )
+
+
+def own_clock_s(time_s: Vector, findings: Iterable[Finding], period_s: float) -> Vector:
+    """Times of a run by the clock of its file [s]: with the hours of summer time and the jumps that were taken out."""
+    shown = time_s.copy()
+    for finding in findings:
+        if finding.id in (CLOCK_FORWARD, CLOCK_BACK) and finding.where.from_s is not None:
+            jump_s = float(finding.evidence["jump_s"])
+            shown[time_s >= finding.where.from_s] += jump_s - (0.0 if jump_s > 0 else period_s)
+    return shown
 
 
 def _begun(name: str, zero: float) -> Finding:

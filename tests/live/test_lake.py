@@ -6,6 +6,7 @@ import json
 from datetime import datetime, timedelta
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -66,7 +67,7 @@ def test_late_and_double_files_fill_what_is_missing_and_nothing_twice(tmp_path, 
     capsys.readouterr()
     assert put(lake, machine, first, late) == 0
     said = json.loads(capsys.readouterr().out)
-    assert (said["rows"], said["new_rows"]) == (120, 30)
+    assert (said["rows"], said["new_rows"], said["other_rows"]) == (120, 30, 30)
     kept = pq.ParquetFile(lake / "machine=lathe-3" / "month=2026-03" / "2026-03-31.parquet").read().to_pandas()
     assert kept["time"].is_monotonic_increasing
     # what was kept first stays
@@ -125,3 +126,41 @@ def test_an_unreadable_day_is_told_and_stays(tmp_path, machine, capsys):
     assert put(lake, machine, first) == 2
     assert "2026-03-31.parquet" in capsys.readouterr().err
     assert day.read_bytes() == b"PAR1 broken"
+
+
+def stamped(path, stamps):
+    lines = [f"{stamp},{20.0 + 0.01 * k:.2f},{0.05 * k:.2f}" for k, stamp in enumerate(stamps)]
+    path.write_text("\n".join(["time,T1,Z [um]", *lines]) + "\n", encoding="utf-8")
+    return str(path)
+
+
+def test_summer_time_is_kept_by_the_clock_of_the_file_and_refused_where_it_ends(tmp_path, machine, capsys):
+    lake = tmp_path / "lake"
+    spring = [*pd.date_range("2026-03-29 00:00", "2026-03-29 01:59", freq="1min")]
+    spring += [*pd.date_range("2026-03-29 03:00", "2026-03-29 04:00", freq="1min")]
+    assert put(lake, machine, stamped(tmp_path / "spring.csv", spring)) == 0
+    kept = pq.ParquetFile(lake / "machine=lathe-3" / "month=2026-03" / "2026-03-29.parquet").read().to_pandas()
+    assert kept["time"].dt.tz_localize(None).tolist() == spring
+    autumn = [*pd.date_range("2026-10-25 01:00", "2026-10-25 02:59", freq="1min")]
+    autumn += [*pd.date_range("2026-10-25 02:00", "2026-10-25 03:30", freq="1min")]
+    assert put(lake, machine, stamped(tmp_path / "autumn.csv", autumn)) == 2
+    assert "jumps back" in capsys.readouterr().err
+
+
+def test_what_is_being_collected_is_left_alone(tmp_path, machine, capsys):
+    lake = tmp_path / "lake"
+    assert put(lake, machine, table(tmp_path / "a.csv", "2026-03-31 10:00:00", 60)) == 0
+    day = lake / "machine=lathe-3" / "month=2026-03" / "2026-03-31.parquet"
+    segment = day.with_name("2026-03-31T100000.000000Z.parquet")
+    day.rename(segment)
+    before = segment.read_bytes()
+    capsys.readouterr()
+    assert put(lake, machine, table(tmp_path / "b.csv", "2026-03-31 10:30:00", 60)) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["new_rows"] == 30
+    assert segment.read_bytes() == before
+    times = [pq.ParquetFile(path).read().to_pandas()["time"] for path in (segment, day)]
+    assert pd.concat(times).is_unique
+    # all of it is there: nothing to write
+    assert put(lake, machine, table(tmp_path / "a.csv", "2026-03-31 10:00:00", 60)) == 0
+    assert len(pq.ParquetFile(day).read()) == 30

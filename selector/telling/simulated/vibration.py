@@ -308,9 +308,9 @@ def stability_sentence(limit: StabilityLimit) -> str:
     speed, depths = limit.lobes(rpm / 2.0, 2.0 * rpm)
     best = int(np.argmax(depths))
     if math.isinf(depth):
-        return f"At {rpm:.4g} r/min no depth of cut chatters."
+        return f"At {rpm:.6g} r/min no depth of cut that the workpiece has chatters."
     text = (
-        f"At {rpm:.4g} r/min the cut chatters from a depth of {number_text(depth)} mm on, at {at_hz:.4g} Hz, if it "
+        f"At {rpm:.6g} r/min the cut chatters from a depth of {number_text(depth)} mm on, at {at_hz:.4g} Hz, if it "
         "swings along the thickness of the chip"
     )
     if depths[best] < _WORTH * depth:

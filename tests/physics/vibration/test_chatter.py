@@ -132,6 +132,12 @@ def test_of_a_mode_that_nothing_damps_nothing_is_said():
     assert limit(Structure(plain.members, joints)) is None
 
 
+def test_a_depth_beyond_the_radius_is_none():
+    depth, frequency = limit(lathe(), replace(LAW, diameter_mm=1.0)).at_speed(5300.0)
+    assert math.isinf(depth)
+    assert math.isnan(frequency)
+
+
 def test_far_above_all_lobes_nothing_chatters():
     depth, frequency = limit(lathe()).at_speed(1e6)
     assert math.isinf(depth)

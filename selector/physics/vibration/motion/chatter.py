@@ -50,7 +50,10 @@ class StabilityLimit:
             return np.asarray(np.exp((np.log(np.asarray(stiffness_n_per_m) * 1e-3) - log_slope) / cut.depth_exponent))
 
     def at_speed(self, speed_rpm: float) -> tuple[float, float]:
-        """Least depth at which it chatters at this speed of the workpiece [mm], and the frequency there [Hz]."""
+        """Least depth at which it chatters at this speed of the workpiece [mm], and the frequency there [Hz].
+
+        Infinite, and NaN, where that is more than the radius of the workpiece.
+        """
         turns = 60.0 * self.frequency_hz / speed_rpm - self.advance
         whole = np.floor(turns)
         crossed = np.flatnonzero(
@@ -65,7 +68,8 @@ class StabilityLimit:
             for values in (self.stiffness_n_per_m, self.frequency_hz)
         )
         least = int(np.argmin(stiffness))
-        return float(self.depth_mm(stiffness[least], np.array(speed_rpm))), float(frequency[least])
+        depth = float(self.depth_mm(stiffness[least], np.array(speed_rpm)))
+        return (depth, float(frequency[least])) if depth <= self.cutting.diameter_mm / 2.0 else (math.inf, math.nan)
 
     def lobes(self, from_rpm: float, to_rpm: float) -> tuple[Vector, Vector]:
         """Speeds of the workpiece, evenly over the logarithm [r/min], and the least depth at each [mm]."""
