@@ -47,7 +47,7 @@ class Refit(_Document):
 
     promoted: bool
     because: str
-    challenger: str | None = None  #: Key of the new model's answer
+    challenger: str | None = None  #: Key of the new model's answer; in use though not promoted: there was no comparison
     runs: tuple[str, ...] = ()  #: On which both were compared
     #: champion_rmse_um and challenger_rmse_um: Response → error in these runs
     champion_rmse_um: dict[str, float] = Field(default_factory=dict)
@@ -59,24 +59,34 @@ class Refit(_Document):
 class Answer(_Document):
     """What came of one machine."""
 
-    status: Literal["done", "reused", "failed"]
-    error: str | None = None  #: Why it failed
-    key: str | None = None  #: Name of the folder of its answer; None if its recordings could not be read
+    status: Literal["done", "reused", "failed", "missing"]
+    error: str | None = None  #: Why it failed, or that the machine was not found
+    #: Name of the folder of its answer; of a machine that failed or is missing, that of the model in use, if there is
+    #: one. None if its recordings could not be read
+    key: str | None = None
     sensors: tuple[str, ...] = ()  #: Those that were chosen
     heldout_rmse_um: dict[str, float | None] = Field(default_factory=dict)  #: Response → error on unseen runs
     seconds: float = 0.0  #: That the study took, also when its answer is used again
     refit: Refit | None = None  #: None, and not in the document: no new model was tried
+    #: SHA-256 of a recording on which the model in use was compared → key of the other model, or its own where it won
+    judged: dict[str, str] = Field(default_factory=dict)
 
     @model_serializer(mode="wrap")
     def _without_refit(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in of_fields(self).items() if key != "refit" or value is not None}
+        return {key: value for key, value in of_fields(self).items() if value or key not in ("refit", "judged")}
 
     @property
     def in_short(self) -> str:
         """For a line of progress."""
         told = self.error or f"{', '.join(self.sensors)}, {self.seconds:.1f} s"
-        refit = "" if self.refit is None else f"; {'promoted' if self.refit.promoted else 'kept'}: {self.refit.because}"
-        return f"{self.status}: {told}{refit}"
+        return f"{self.status}: {told}" + ("" if self.refit is None else f"; {self.outcome}: {self.refit.because}")
+
+    @property
+    def outcome(self) -> str:
+        """Which model is in use, where it was asked: ``promoted``, ``kept``, or ``anew`` without a comparison."""
+        if self.refit is None:
+            return ""
+        return "promoted" if self.refit.promoted else "anew" if self.refit.challenger == self.key else "kept"
 
 
 class Done(_Document):
@@ -87,6 +97,7 @@ class Done(_Document):
     heldout_rmse_um: dict[str, float | None]
     seconds: float
     files: dict[str, str]
+    question: str | None = None  #: See `question_of`
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,7 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
             heldout_rmse_um={name: selection.proof.rmse_um(name) for name in selection.models},
             seconds=round(time.monotonic() - start, 3),
             files={name: sha256_of(place / name) for name in ("selection.json", "model.json")},
+            question=question_of(study),
         )
         write_whole(place / DONE_FILE, (json_text(done.model_dump(by_alias=True)) + "\n").encode("utf-8"))
         return _answer("done", key, done)
@@ -188,6 +200,13 @@ def key_of(study: Study, recordings: Sequence[tuple[str, str]], machine_sha256: 
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode("ascii")).hexdigest()
 
 
+def question_of(study: Study) -> str:
+    """SHA-256 of the options that a study says otherwise than they are by default."""
+    select = study.select
+    content = None if select is None else select.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode("ascii")).hexdigest()
+
+
 def overdue_words(limit_s: float) -> str:
     """Why a study was given up that took too long."""
     return f"no answer within {limit_s:g} s: raise time_limit_s, or offer fewer sensors and terms"
@@ -201,12 +220,20 @@ def _names(files: Sequence[Path]) -> list[tuple[Path, str]]:
 
 def known_answer(place: Path) -> Done | None:
     """The answer in a folder, if all of it is there as it was written."""
+    done = done_of(place)
     try:
-        done = Done.model_validate_json((place / DONE_FILE).read_bytes())
-        whole = all(sha256_of(place / name) == sha256 for name, sha256 in done.files.items())
-    except (OSError, ValidationError, InputError):
+        whole = done is not None and all(sha256_of(place / name) == sha256 for name, sha256 in done.files.items())
+    except (OSError, InputError):
         return None
     return done if whole else None
+
+
+def done_of(place: Path) -> Done | None:
+    """What ``done.json`` of a folder says."""
+    try:
+        return Done.model_validate_json((place / DONE_FILE).read_bytes())
+    except (OSError, ValidationError):
+        return None
 
 
 def _answer(status: Literal["done", "reused"], key: str, done: Done) -> Answer:

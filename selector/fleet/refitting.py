@@ -1,17 +1,22 @@
 """Is a new model better than the one in use? It learns from later recordings; both are tried on still later ones."""
 
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
 from selector.controllers.model_file import ModelFile, read_model
 from selector.errors import InputError
-from selector.fleet.machine_study import Answer, Refit
+from selector.findings import Finding
+from selector.fleet.later_runs import by_age, part_of
+from selector.fleet.machine_study import Answer, Refit, done_of, question_of
 from selector.fleet.places import is_url, local_paths
+from selector.quality import inspect
 from selector.readers import Reading, read
 from selector.readers.files import recording_files
 from selector.study.applied import applied
@@ -31,14 +36,32 @@ class Challenge:
 
     champion: Answer
     study: Study  #: Of the challenger
-    judged: tuple[Path, ...]  #: The newest recordings, which neither model has seen
+    files: tuple[Path, ...]  #: All recordings
+    judged: Mapping[Path, str]  #: The newest, which neither model has seen, with their SHA-256
+    known: frozenset[Path]  #: Those of which the model in use was made
+
+
+def anew_because(study: Study, champion: Answer, results: Path) -> str | None:
+    """Why the machine is studied anew without a comparison: nothing can be compared with what is in use."""
+    try:
+        model = _model(results, champion)
+    except InputError as error:
+        return f"the model in use cannot be read: {error}"
+    asked, done = question_of(study), done_of(results / str(champion.key))
+    if done is not None and done.question is not None:
+        is_other = done.question != asked
+    else:  # of an answer that does not say its question, the responses at least
+        responses = () if study.select is None else study.select.responses
+        is_other = bool(responses) and {output.name for output in model.outputs} != set(responses)
+    return "what is asked (responses or options) is not what was asked for the model in use" if is_other else None
 
 
 def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | Answer:
     """The challenge of the model in use, or its answer again, with the reason why there is none.
 
-    The newest half of the recordings that came after the model, four at least, are for the comparison. The challenger
-    learns from those before, as many as the model in use had.
+    Recordings came after the model when they are later than all that it was learnt from or judged on. The newest half
+    of them, four at least, are for the comparison. The challenger learns from those before, as many as the model in use
+    had.
 
     Raises InputError: the recordings or the model cannot be read.
     """
@@ -47,16 +70,23 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
         return kept(champion, "recordings behind URLs are not refitted: bring them into a folder")
     files = recording_files(local_paths(study.recordings.runs, Path()))
     machine = files.machine if study.recordings.machine is None else Path(study.recordings.machine)
-    used = set(_model(results, champion).provenance.data_sha256.values())
-    is_new = {file: sha256_of(file) not in used for file in files.files}
-    new, old = ([file for file in files.files if is_new[file] is wanted] for wanted in (True, False))
-    ordered = _oldest_first(new, machine, study) if len(new) > FEWEST_JUDGED else new
-    if len(ordered) <= FEWEST_JUDGED:
-        return kept(champion, f"{len(ordered)} recordings came after it, and {FEWEST_JUDGED + 1} are needed")
-    n_judged = max(FEWEST_JUDGED, math.ceil(len(ordered) / 2))
-    learnt = [*old, *ordered[:-n_judged]][-len(used) :]
-    recordings = Recordings(runs=tuple(map(str, learnt)), machine=None if machine is None else str(machine))
-    return Challenge(champion, study.model_copy(update={"recordings": recordings}), tuple(ordered[-n_judged:]))
+    learnt = set(_model(results, champion).provenance.data_sha256.values())
+    seen = learnt | set(champion.judged)
+    later: dict[str, Path] = {}
+    if any(sha256_of(file) not in seen for file in files.files):
+        ordered = by_age(read(files.files, machine=machine, overrides=overrides_of(study)), seen)
+        later = ordered.later
+    if len(later) <= FEWEST_JUDGED:
+        came = f"{len(later)} recording{'s' * (len(later) != 1)} came after it"
+        last = " was last compared" if champion.judged else ""
+        return kept(champion, f"{came}{last}, and {FEWEST_JUDGED + 1} are needed")
+    hashes = list(later)[-max(FEWEST_JUDGED, math.ceil(len(later) / 2)) :]
+    everything = ordered.earlier | later
+    before = [str(file) for sha256, file in everything.items() if sha256 not in hashes][-len(learnt) :]
+    recordings = Recordings(runs=tuple(before), machine=None if machine is None else str(machine))
+    known = frozenset(file for sha256, file in ordered.earlier.items() if sha256 in learnt)
+    judged = {later[sha256]: sha256 for sha256 in hashes}
+    return Challenge(champion, study.model_copy(update={"recordings": recordings}), files.files, judged, known)
 
 
 def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
@@ -66,20 +96,48 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         return kept(champion, f"the new study failed: {challenger.error}")
     study = challenge.study
     machine = None if study.recordings.machine is None else Path(study.recordings.machine)
+    wrong = _errors_of_study(results / str(challenger.key))
+    if wrong:
+        return kept(champion, f"the new study has an error: {wrong[0]}", challenger.key)
     try:
-        reading = read(challenge.judged, machine=machine, overrides=overrides_of(study))
-        before, after = (_squares_um2(_model(results, one), reading) for one in (champion, challenger))
+        whole = read(challenge.files, machine=machine, overrides=overrides_of(study))
+        reading = part_of(whole, challenge.judged)
     except InputError as error:
         return kept(champion, f"the two models could not be compared: {error}")
-    return _compared(champion, challenger, before, after)
+    try:
+        before, _ = _applied(_model(results, champion), reading)
+    except InputError as error:
+        return without_use(
+            champion,
+            f"the model in use cannot be applied to the newest recordings: {error}; where a sensor was taken away, "
+            "put it back, or name it in select.never of this machine, which is then studied anew",
+        )
+    try:
+        after, wrong = _applied(_model(results, challenger), reading)
+    except InputError as error:
+        return kept(champion, f"the new model could not be applied to the newest recordings: {error}", challenger.key)
+    beside = part_of(whole, {*challenge.known, *challenge.judged}).recording
+    faults = _errors(inspect(beside, [name for name in before if name in beside.names]))
+    if faults or wrong:
+        what = "the displacement in them" if faults else "the new model"
+        return kept(champion, f"in the newest recordings {what} has an error: {[*faults, *wrong][0]}", challenger.key)
+    judged = {sha256: str(challenger.key) for sha256 in challenge.judged.values()}
+    return _compared(champion, challenger, before, after, judged)
 
 
 #: Response → run → mean square error [µm²].
 _Squares = Mapping[str, Mapping[str, float]]
 
 
-def _compared(champion: Answer, challenger: Answer, before: _Squares, after: _Squares) -> Answer:
-    runs = [run for run in next(iter(before.values())) if all(run in of for of in (*before.values(), *after.values()))]
+def _compared(
+    champion: Answer, challenger: Answer, before: _Squares, after: _Squares, judged: Mapping[str, str]
+) -> Answer:
+    lacking = [name for name in before if name not in after]
+    if lacking:
+        return kept(champion, f"the new model does not predict {', '.join(lacking)}", challenger.key)
+    runs = [
+        run for run in next(iter(before.values())) if all(run in of[name] for of in (before, after) for name in before)
+    ]
     if len(runs) < FEWEST_JUDGED:
         return kept(champion, f"{len(runs)} of the newest runs have the displacement, and {FEWEST_JUDGED} are needed")
     old, new = (np.array([[of[name][run] for run in runs] for name in before]) for of in (before, after))
@@ -93,11 +151,13 @@ def _compared(champion: Answer, challenger: Answer, before: _Squares, after: _Sq
         challenger=challenger.key,
         runs=tuple(runs),
         champion_rmse_um=_rms_um(before, runs),
-        challenger_rmse_um=_rms_um(after, runs),
+        challenger_rmse_um=_rms_um({name: after[name] for name in before}, runs),
         least_fall=least,
     )
-    in_use = challenger if promoted else champion.model_copy(update={"status": "reused"})
-    return in_use.model_copy(update={"refit": refit})
+    # of a model that was replaced nothing need be remembered: what comes after the new one came after the old one, too
+    earlier = {} if promoted else champion.judged
+    in_use = challenger if promoted else kept(champion, "")
+    return in_use.model_copy(update={"refit": refit, "judged": {**earlier, **judged}})
 
 
 def _least_fall(old: Vector, new: Vector) -> float:
@@ -118,28 +178,30 @@ def _model(results: Path, answer: Answer) -> ModelFile:
     return read_model(results / str(answer.key) / "model.json")
 
 
-def _squares_um2(model: ModelFile, reading: Reading) -> _Squares:
-    per_run = applied(model, reading)[0].per_run
+def _applied(model: ModelFile, reading: Reading) -> tuple[_Squares, list[str]]:
+    """What a model leaves in the runs, and what is gravely wrong with that."""
+    application = applied(model, reading)[0]
+    per_run = application.per_run
     told = {output.name: {run: of[output.name].rmse_um for run, of in per_run.items()} for output in model.outputs}
-    return {name: {run: rmse**2 for run, rmse in of.items() if rmse is not None} for name, of in told.items()}
+    squares = {name: {run: rmse**2 for run, rmse in of.items() if rmse is not None} for name, of in told.items()}
+    return squares, _errors(application.findings)
 
 
-def _oldest_first(files: Sequence[Path], machine: Path | None, study: Study) -> list[Path]:
-    """Without those of which a repair or the window of the study leaves nothing."""
-    reading = read(files, machine=machine, overrides=overrides_of(study))
-    place = {run.name: Path(run.file) for run in reading.runs}
-    return list(dict.fromkeys(place[name] for name in by_age(reading)))
+def _errors(findings: Iterable[Finding]) -> list[str]:
+    return [one.statement for one in findings if one.level == "error"]
 
 
-def by_age(reading: Reading) -> list[str]:
-    """Runs as they were recorded, by their clock where each has one; else as they are named."""
-    starts = {run.name: run.start for run in reading.runs}
-    names = list(reading.recording.runs)
-    if any(starts.get(name) is None for name in names):
-        return names
-    return sorted(names, key=lambda name: str(starts[name]))
+def _errors_of_study(place: Path) -> list[str]:
+    findings = json.loads((place / "selection.json").read_bytes())["findings"]
+    return [one["statement"] for one in findings if one["level"] == "error"]
 
 
-def kept(champion: Answer, because: str) -> Answer:
+def kept(champion: Answer, because: str, challenger: str | None = None) -> Answer:
     """The model in use stays, and why."""
-    return champion.model_copy(update={"status": "reused", "refit": Refit(promoted=False, because=because)})
+    refit = Refit(promoted=False, because=because, challenger=challenger)
+    return champion.model_copy(update={"status": "reused", "error": None, "refit": refit})
+
+
+def without_use(champion: Answer, error: str, status: Literal["failed", "missing"] = "failed") -> Answer:
+    """The model in use stays, but something has to be done for this machine."""
+    return champion.model_copy(update={"status": status, "error": error, "refit": None})

@@ -3,16 +3,17 @@
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from selector.atomic_file import write_whole
 from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.machine_study import Answer, Task, known_answer, overdue_words
-from selector.fleet.refitting import Challenge, challenge_of, kept, settled
+from selector.fleet.machine_study import Answer, Refit, Task, known_answer, overdue_words
+from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
 from selector.study.study_file import Study
@@ -22,6 +23,8 @@ TRIES = 2
 GRACE_S = 10.0  #: A study gives itself up at its limit, between two steps; so much later its worker is ended.
 _LOOK_S = 0.25
 _WRITE_S = 5.0
+_MISSING = "nothing that the fleet file names is this machine any more: look for its folder; its model stays in use"
+Kind = TypeVar("Kind")
 
 #: Called after every study: machine, answer, studies that have ended, all studies.
 Told = Callable[[str, Answer, int, int], None]
@@ -36,13 +39,24 @@ class FleetAnswer(BaseModel):
     done: int
     reused: int
     failed: int
+    missing: int = 0  #: Were not found, and keep their model; 0 is not in the document
     machines: dict[str, Answer]
+
+    @model_serializer(mode="wrap")
+    def _without_none_missing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in of_fields(self).items() if key != "missing" or value}
 
     @classmethod
     def of(cls, answers: dict[str, Answer]) -> "FleetAnswer":
         """The answers, counted."""
         counts = Counter(one.status for one in answers.values())
-        return cls(done=counts["done"], reused=counts["reused"], failed=counts["failed"], machines=answers)
+        return cls(
+            done=counts["done"],
+            reused=counts["reused"],
+            failed=counts["failed"],
+            missing=counts["missing"],
+            machines=answers,
+        )
 
 
 def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit: bool = False) -> FleetAnswer:
@@ -53,12 +67,17 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
 
     Raises ResultError: with `refit`, the fleet was never run.
     """
-    found: dict[str, Answer] = read_answer(fleet.results).machines if refit else {}
+    in_use = _in_use(fleet, refit)
+    found: dict[str, Answer] = {}
+    if refit:
+        found = {
+            name: one if name in fleet.studies else without_use(one, _MISSING, "missing")
+            for name, one in in_use.items()
+        }
     fleet.results.mkdir(parents=True, exist_ok=True)
-    champions = {name: one for name, one in found.items() if one.status != "failed" and name in fleet.studies}
     written = time.monotonic()
     try:
-        for done, (name, answer) in enumerate(_answers(fleet, workers, champions), start=1):
+        for done, (name, answer) in enumerate(_answers(fleet, workers, in_use, refit=refit), start=1):
             found[name] = answer
             if tell is not None:
                 tell(name, answer, done, len(fleet.studies))
@@ -88,26 +107,73 @@ def read_answer(results: Path) -> FleetAnswer:
         ) from error
 
 
-def _answers(fleet: Fleet, workers: Workers, champions: Mapping[str, Answer]) -> Iterator[tuple[str, Answer]]:
-    challenges: dict[str, Challenge] = {}
-    studies = dict(fleet.studies)
-    for name, champion in champions.items():
-        if champion.key is None or known_answer(fleet.results / champion.key) is None:
-            continue
-        challenge = _challenge(studies.pop(name), champion, fleet)
-        if isinstance(challenge, Answer):
-            yield name, challenge
-        else:
-            challenges[name], studies[name] = challenge, challenge.study
-    for name, answer in _studied(fleet, studies, workers):
-        yield name, settled(challenges[name], answer, fleet.results) if name in challenges else answer
-
-
-def _challenge(study: Study, champion: Answer, fleet: Fleet) -> Challenge | Answer:
+def _in_use(fleet: Fleet, refit: bool) -> dict[str, Answer]:
+    """The machines that have a model."""
     try:
-        return challenge_of(study, champion, fleet.results)
+        machines = read_answer(fleet.results).machines
+    except ResultError:
+        if refit:
+            raise
+        return {}
+    return {name: one for name, one in machines.items() if has_model(one, fleet.results)}
+
+
+def has_model(answer: Answer, results: Path) -> bool:
+    """Whether it has a model, which may be one of an earlier run, or one that has been lost since."""
+    return answer.key is not None and (answer.status != "failed" or (results / answer.key / "model.json").is_file())
+
+
+def _answers(
+    fleet: Fleet, workers: Workers, in_use: Mapping[str, Answer], *, refit: bool
+) -> Iterator[tuple[str, Answer]]:
+    challenges: dict[str, Challenge] = {}
+    anew: dict[str, str] = {}
+    studies = dict(fleet.studies)
+    for name in (name for name in fleet.studies if refit and name in in_use):
+        asked = _guarded(in_use[name], partial(_challenge, studies[name], in_use[name], fleet.results))
+        if isinstance(asked, str):
+            anew[name] = asked
+        elif isinstance(asked, Answer):
+            del studies[name]
+            yield name, _whole(asked, fleet.results)
+        else:
+            challenges[name], studies[name] = asked, asked.study
+    for name, answer in _studied(fleet, studies, workers):
+        if name in challenges:
+            settle = partial(settled, challenges[name], answer, fleet.results)
+            yield name, _whole(_guarded(in_use[name], settle), fleet.results)
+        elif answer.status == "failed" and name in in_use:
+            yield name, without_use(in_use[name], f"{answer.error}; its model of an earlier run stays in use")
+        elif name in anew:
+            told = Refit(promoted=False, because=f"without a comparison, {anew[name]}", challenger=answer.key)
+            yield name, answer.model_copy(update={"refit": told})
+        else:
+            yield name, answer
+
+
+def _challenge(study: Study, champion: Answer, results: Path) -> Challenge | Answer | str:
+    """The challenge of a model in use, its answer again, or why the machine is studied anew without a comparison."""
+    why = anew_because(study, champion, results)
+    try:
+        return why or challenge_of(study, champion, results)
     except InputError as error:
         return kept(champion, f"what was recorded since cannot be used: {error}")
+
+
+def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:
+    """What one machine brings about must not stop the others."""
+    try:
+        return doing()
+    except Exception as error:
+        return kept(champion, f"a defect of the program, not of the data: {type(error).__name__}: {error}")
+
+
+def _whole(answer: Answer, results: Path) -> Answer:
+    """The answer, which says where something else than the model was changed in its folder."""
+    if answer.refit is None or known_answer(results / str(answer.key)) is not None:
+        return answer
+    told = f"{answer.refit.because}; beside its model, files in the folder of its answer are missing or were changed"
+    return answer.model_copy(update={"refit": answer.refit.model_copy(update={"because": told})})
 
 
 def _studied(fleet: Fleet, studies: Mapping[str, Study], workers: Workers) -> Iterator[tuple[str, Answer]]:
@@ -141,7 +207,8 @@ def _failed(why: str, start: float) -> Answer:
 
 
 def _in_order(fleet: Fleet, found: dict[str, Answer]) -> FleetAnswer:
-    return FleetAnswer.of({name: found[name] for name in fleet.studies if name in found})
+    order = dict.fromkeys((*fleet.studies, *found))
+    return FleetAnswer.of({name: found[name] for name in order if name in found})
 
 
 def _write(fleet: Fleet, found: dict[str, Answer]) -> None:

@@ -13,11 +13,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from selector.adaptation.still_true import FEWEST_KNOWN, Chart, charted
 from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
-from selector.errors import InputError
+from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
+from selector.fleet.later_runs import by_age, part_of, runs_by_age
+from selector.fleet.machine_study import DONE_FILE, Answer, known_answer
 from selector.fleet.places import local_paths
-from selector.fleet.refitting import by_age
-from selector.fleet.running import read_answer
+from selector.fleet.running import has_model, read_answer
 from selector.readers import read
 from selector.readers.files import recording_files
 from selector.study.applied import applied
@@ -79,31 +80,46 @@ def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], No
     found: dict[str, WatchedMachine] = {}
     for name, study in fleet.studies.items():
         answer = answers.get(name)
-        if answer is None or answer.status == "failed" or answer.key is None:
+        if answer is None or not has_model(answer, fleet.results):
             found[name] = WatchedMachine(status="no-model", error=None if answer is None else answer.error)
         else:
             try:
-                found[name] = _watched(study, fleet.results / answer.key, answer.key)
+                found[name] = _watched(study, answer, fleet.results / str(answer.key))
             except InputError as error:
                 found[name] = WatchedMachine(status="failed", error=str(error), key=answer.key)
+            except Exception as error:  # one machine must not stop the others
+                said = f"a defect of the program, not of the data: {type(error).__name__}: {error}"
+                found[name] = WatchedMachine(status="failed", error=said, key=answer.key)
         if tell is not None:
             tell(name, found[name], len(found), len(fleet.studies))
     return FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)
 
 
-def _watched(study: Study, place: Path, key: str) -> WatchedMachine:
+def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     model = read_model(place / "model.json")
-    known = set(model.provenance.data_sha256.values())
+    if known_answer(place) is None:
+        raise ResultError(
+            "files that are missing or were changed since the study",
+            expected=f"selection.json, model.json and {DONE_FILE} as the study wrote them",
+            where=str(place),
+            advice="bring them back; `selector fleet run` studies the machine anew",
+        )
+    # what it was chosen on is flattering; where it stayed in use it was only compared
+    seen = {*model.provenance.data_sha256.values(), *(one for one, key in answer.judged.items() if key == answer.key)}
+    nothing = WatchedMachine(status="nothing-new", key=answer.key)
     with tempfile.TemporaryDirectory() as folder:
         files = recording_files(local_paths(study.recordings.runs, Path(folder, "runs")))
-        new = [file for file in files.files if sha256_of(file) not in known]
-        if not new:
-            return WatchedMachine(status="nothing-new", key=key)
+        if all(sha256_of(file) in seen for file in files.files):
+            return nothing
         named = [study.recordings.machine] if study.recordings.machine else []
         machine = local_paths(named, Path(folder, "machine"))[0] if named else files.machine
-        reading = read(new, machine=machine, overrides=overrides_of(study))
+        whole = read(files.files, machine=machine, overrides=overrides_of(study))
+        later = by_age(whole, seen).later
+        if not later:
+            return nothing
+        reading = part_of(whole, later.values())
         application, _ = applied(model, reading)
-    runs = by_age(reading)
+    runs = runs_by_age(reading)
     proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
     responses = {}
     for output in model.outputs:
@@ -114,7 +130,7 @@ def _watched(study: Study, place: Path, key: str) -> WatchedMachine:
     return WatchedMachine(
         status="alarm" if alarm else "quiet" if judged else "not-judged",
         error=None if judged else _not_judged(responses),
-        key=key,
+        key=answer.key,
         runs=tuple(runs),
         responses=responses,
         findings=tuple(one.as_dict() for one in application.findings if one.level != "info"),

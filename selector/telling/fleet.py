@@ -16,16 +16,19 @@ def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: st
     n, right = len(answer.machines) + len(missing), answer.done + answer.reused
     again = f", {answer.reused} of them from an earlier run" if answer.reused else ""
     sentences = [f"{right} of {_machines(n)} {'has' if right == 1 else 'have'} a model{again}."]
+    absent = [name for name, one in answer.machines.items() if one.status == "missing"]
     tried = [one.refit.promoted for one in answer.machines.values() if one.refit is not None]
     if tried:
         sentences.append(f"{sum(tried)} of {len(tried)} models in use gave way to a better one.")
     if failed:
         sentences.append(f"{_machines(len(failed))} failed; the reason stands beside each.")
+    if absent:
+        sentences.append(f"{_machines(len(absent))} not found: {', '.join(absent)}. The model of each stays in use.")
     if missing:
         sentences.append(f"{_machines(len(missing))} had no turn yet: `selector fleet run` goes on from here.")
     return Account(
         title=title,
-        verdict="bad" if failed else "good" if not missing else "plain",
+        verdict="bad" if failed or absent else "good" if not missing else "plain",
         sentences=tuple(sentences),
         sections=sections(
             section("machines", "Machines, the worst first", Captioned("", _table(answer, missing)), link="Machines"),
@@ -63,6 +66,7 @@ _STATES = {
     "no-model": "without a model",
     "failed": "failed",
 }
+_UNWELL = ("failed", "missing")
 _CHANGED = {"mean": "the error has shifted", "spread": "the errors have grown"}
 
 
@@ -107,7 +111,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
     responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
 
     def rank(item: tuple[str, Answer]) -> tuple[bool, float]:
-        return item[1].status != "failed", -max((e for e in item[1].heldout_rmse_um.values() if e), default=math.inf)
+        return item[1].status not in _UNWELL, -max((e for e in item[1].heldout_rmse_um.values() if e), default=math.inf)
 
     ordered = sorted(answer.machines.items(), key=rank)
     rows = [
@@ -117,7 +121,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
             *(_error(one.heldout_rmse_um.get(response)) for response in responses),
             ", ".join(one.sensors) or NONE,
             f"{one.seconds:.1f}",
-            one.error or ("" if one.refit is None else f"{'' if one.refit.promoted else 'kept: '}{one.refit.because}"),
+            one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
         )
         for name, one in ordered
     ]
@@ -127,7 +131,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
         rows,
         "Failed ones first, then by the largest root mean square error on unseen runs. An answer lies in the folder "
         "that is called by its key.",
-        marked=[i for i, (_, one) in enumerate(ordered) if one.status == "failed"],
+        marked=[i for i, (_, one) in enumerate(ordered) if one.status in _UNWELL],
     )
 
 

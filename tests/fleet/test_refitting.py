@@ -5,7 +5,7 @@ import json
 import pytest
 
 from selector.cli import exit_status
-from selector.fleet import Processes, read_answer, read_fleet, run_fleet
+from selector.fleet import Processes, read_answer, read_fleet, run_fleet, watch_fleet
 from tests.fleet.machines import changed, fleet_file, machine
 
 PROVED, ALL = 6, 16
@@ -35,6 +35,8 @@ def test_where_nothing_changed_the_model_stays(fleet):
     assert not one.refit.promoted
     # of ten later runs the newest five are for the comparison
     assert one.refit.runs == tuple(f"r{number}" for number in range(12, 17))
+    # where it stays in use, the watch goes on over all of them
+    assert len(watch_fleet(fleet).machines["m"].runs) == 10
     assert one.refit.champion_rmse_um["Z"] == pytest.approx(one.refit.challenger_rmse_um["Z"], rel=0.3)
     assert answer.machines["still"].refit.because == "0 recordings came after it, and 5 are needed"
 
@@ -75,7 +77,8 @@ def test_runs_that_are_not_used_take_no_part(fleet):
     repairs = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(8, 15))
     (fleet.place.parent / "m" / "machine.toml").write_text(repairs, encoding="utf-8")
     refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
-    assert refit.because == "3 recordings came after it, and 5 are needed"
+    # r15 was judged before, r16 was not used then
+    assert refit.because == "1 recording came after it was last compared, and 5 are needed"
 
 
 def test_recordings_that_cannot_be_read_cost_no_model(fleet):
@@ -86,11 +89,160 @@ def test_recordings_that_cannot_be_read_cost_no_model(fleet):
     assert "cannot be used" in one.refit.because
 
 
-def test_an_answer_that_is_no_longer_whole_is_made_again(fleet):
+def test_a_run_is_used_for_one_decision_only(fleet):
+    folder = fleet.place.parent / "m"
+    changed(folder, range(PROVED + 1, ALL + 1), gauge_turned)
+    assert run_fleet(fleet, Processes(1), refit=True).machines["m"].refit.promoted
+    again = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    # r1 to r5 are unknown to the new model, and older; r12 to r16 have chosen it
+    assert again.because == "0 recordings came after it was last compared, and 5 are needed"
+    assert watch_fleet(fleet).machines["m"].status == "nothing-new"
+    machine(folder, 1, n_runs=ALL + 6)
+    changed(folder, range(PROVED + 1, ALL + 7), gauge_turned)
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert one.refit.runs == ("r19", "r20", "r21", "r22")
+    model = json.loads((fleet.results / one.refit.challenger / "model.json").read_text(encoding="utf-8"))
+    assert set(model["provenance"]["data_sha256"]) == {f"r{number}" for number in range(13, 19)}
+
+
+def stuck(table):
+    table["Z [um]"] = 0.0
+
+
+def in_mm(table):
+    table["Z [um]"] /= 1000.0
+
+
+@pytest.mark.parametrize("broken", [stuck, in_mm])
+def test_where_the_gauge_broke_the_model_stays(fleet, broken):
+    before = read_answer(fleet.results).machines["m"]
+    changed(fleet.place.parent / "m", range(PROVED + 1, ALL + 1), broken)
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert (one.key, one.refit.promoted) == (before.key, False)
+    assert "has an error" in one.refit.because
+
+
+def test_a_model_that_is_worse_than_no_correction_is_not_taken(fleet):
+    def halved(table):
+        table["Z [um]"] *= 0.5
+
+    def turned_round(table):
+        table["Z [um]"] *= -1.0
+
+    changed(fleet.place.parent / "m", range(PROVED, 12), halved)
+    changed(fleet.place.parent / "m", range(12, ALL + 1), turned_round)
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert not one.refit.promoted
+    assert "The model makes Z worse" in one.refit.because
+
+
+def test_copies_are_no_further_recordings(fleet):
+    folder = fleet.place.parent / "still"
+    machine(folder, 2, n_runs=PROVED + 3)
+    for number in range(1, PROVED + 4):
+        (folder / f"r{number}_copy.csv").write_bytes((folder / f"r{number}.csv").read_bytes())
+    one = run_fleet(fleet, Processes(1), refit=True).machines["still"]
+    assert one.refit.because == "3 recordings came after it, and 5 are needed"
+
+
+def test_runs_of_one_name_are_told_apart(fleet):
+    folder = fleet.place.parent / "m"
+    for number in range(PROVED + 1, ALL + 1):
+        (folder / f"r{number}.csv").rename(folder / f"r{number - PROVED}.later.csv")
+    for path in folder.glob("*.later.csv"):
+        (folder / "later").mkdir(exist_ok=True)
+        path.rename(folder / "later" / path.name.replace(".later", ""))
+    asked = read_fleet(fleet_file(fleet.place.parent, '[machines]\nm = ["m", "m/later"]\n'))
+    refit = run_fleet(asked, Processes(1), refit=True).machines["m"].refit
+    assert refit.runs == ("later_r6", "r7", "r8", "r9", "r10")
+
+
+def test_another_question_is_answered_anew(fleet):
+    def second_gauge(table):
+        table["Y [um]"] = 0.5 * table["Z [um]"] + 0.1 * (table.index % 3)
+
+    changed(fleet.place.parent / "m", range(1, PROVED + 1), second_gauge)
+    before = read_answer(fleet.results).machines
+    text = '[select]\nresponses = ["Y"]\n[machines]\nm = "m"\nstill = "still"\n'
+    asked = read_fleet(fleet_file(fleet.place.parent, text))
+    answer = run_fleet(asked, Processes(1), refit=True)
+    one, still = answer.machines["m"], answer.machines["still"]
+    assert (one.status, one.outcome, list(one.heldout_rmse_um)) == ("done", "anew", ["Y"])
+    assert "is not what was asked" in one.refit.because
+    # it has no Y: told, and its model stays
+    assert (still.status, still.key) == ("failed", before["still"].key)
+    assert "stays in use" in still.error
+    assert run_fleet(asked, Processes(1), refit=True).machines["m"].outcome == "kept"
+
+
+def test_fewer_options_are_another_question_too(fleet):
+    text = '[select]\nmax_sensors = 1\n[machines]\nstill = "still"\n'
+    asked = read_fleet(fleet_file(fleet.place.parent, text))
+    one = run_fleet(asked, Processes(1), refit=True).machines["still"]
+    assert (one.outcome, len(one.sensors)) == ("anew", 1)
+
+
+def test_one_machine_does_not_stop_the_others(fleet, monkeypatch):
+    def defect(study, champion, results):
+        raise KeyError(champion.key)
+
+    monkeypatch.setattr("selector.fleet.running.challenge_of", defect)
+    answer = run_fleet(fleet, Processes(1), refit=True)
+    assert all("a defect of the program" in one.refit.because for one in answer.machines.values())
+    assert answer.reused == 2
+
+
+def test_a_machine_that_is_away_keeps_its_model(fleet, capsys):
+    before = read_answer(fleet.results).machines["m"]
+    away = fleet.place.parent / "away"
+    (fleet.place.parent / "m").rename(away)
+    asked = read_fleet(fleet_file(fleet.place.parent, 'folders = ["s*"]\n'))
+    answer = run_fleet(asked, Processes(1), refit=True)
+    one = answer.machines["m"]
+    assert (one.status, one.key, answer.missing) == ("missing", before.key, 1)
+    assert exit_status(["fleet", "report", str(asked.place)]) == 0
+    assert "1 machine not found: m." in " ".join(capsys.readouterr().out.split())
+    away.rename(fleet.place.parent / "m")
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert (one.key, one.error, len(one.refit.runs)) == (before.key, None, 5)
+
+
+def test_a_plain_run_that_fails_costs_no_model(fleet):
+    before = read_answer(fleet.results).machines["m"]
+    good = (fleet.place.parent / "m" / "r9.csv").read_bytes()
+    (fleet.place.parent / "m" / "r9.csv").write_bytes(b"\0\1\2 no recording")
+    one = run_fleet(fleet, Processes(1)).machines["m"]
+    assert (one.status, one.key) == ("failed", before.key)
+    assert "stays in use" in one.error
+    (fleet.place.parent / "m" / "r9.csv").write_bytes(good)
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert (one.status, one.key, len(one.refit.runs)) == ("reused", before.key, 5)
+
+
+def test_a_model_that_is_lost_is_told_and_made_anew(fleet):
     key = read_answer(fleet.results).machines["still"].key
     (fleet.results / key / "model.json").unlink()
     one = run_fleet(fleet, Processes(1), refit=True).machines["still"]
-    assert (one.status, one.key, one.refit) == ("done", key, None)
+    assert (one.status, one.key, one.outcome) == ("done", key, "anew")
+    assert "cannot be read" in one.refit.because
+
+
+def test_a_model_stays_where_only_the_files_beside_it_were_changed(fleet):
+    before = read_answer(fleet.results).machines["m"]
+    (fleet.results / before.key / "selection.json").write_text("{}", encoding="utf-8")
+    assert "were changed" in watch_fleet(fleet).machines["m"].error
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert (one.status, one.key, len(one.refit.runs)) == ("reused", before.key, 5)
+    assert "were changed" in one.refit.because
+
+
+def test_a_model_whose_sensor_is_gone_is_an_error(fleet):
+    before = read_answer(fleet.results).machines["m"]
+    sensor = f"{before.sensors[0]} [degC]"
+    changed(fleet.place.parent / "m", range(8, ALL + 1), lambda table: table.pop(sensor))
+    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    assert (one.status, one.key) == ("failed", before.key)
+    assert f"no readings of {before.sensors[0]}" in one.error
 
 
 def test_the_command_keeps_the_contract(fleet, capsys):

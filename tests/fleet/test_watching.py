@@ -66,6 +66,7 @@ def test_a_dead_sensor_is_among_the_findings(watched):
         path = watched.place.parent / "m" / f"r{number}.csv"
         table = pd.read_csv(watched.place.parent / "m" / "r1.csv")
         table[f"{sensor} [degC]"] = -9999.0
+        table["Z [um]"] += 0.01 * number  # no copies
         table.to_csv(path, index=False)
     one = watch_fleet(watched).machines["m"]
     assert one.runs == (f"r{ALL + 1}", f"r{ALL + 2}")
@@ -88,3 +89,39 @@ def test_a_fleet_that_was_never_run_has_nothing_to_watch(tmp_path):
     fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"'))
     with pytest.raises(ResultError, match="run the fleet first"):
         watch_fleet(fleet)
+
+
+def test_runs_that_are_not_used_or_older_are_not_new(watched):
+    folder = watched.place.parent / "m"
+    for number in range(PROVED + 1, ALL + 1):
+        (folder / f"r{number}.csv").rename(folder / f"a{number}.csv")
+    assert watch_fleet(watched).machines["m"].status == "nothing-new"
+    for number in range(PROVED + 1, ALL + 1):
+        (folder / f"a{number}.csv").rename(folder / f"r{number}.csv")
+    unused = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(PROVED + 1, ALL + 1))
+    (folder / "machine.toml").write_text(unused, encoding="utf-8")
+    assert watch_fleet(watched).machines["m"].status == "nothing-new"
+
+
+def test_runs_outside_the_window_are_not_new(tmp_path):
+    machine(tmp_path / "m", 1, n_runs=PROVED)
+
+    def dated(numbers):
+        for number in numbers:
+
+            def stamp(table, number=number):
+                stamps = pd.Timestamp(2026, 1, number) + pd.to_timedelta(table["t [s]"], unit="s")
+                table.insert(0, "time", stamps.dt.strftime("%Y-%m-%d %H:%M:%S"))
+                table.pop("t [s]")
+
+            changed(tmp_path / "m", range(number, number + 1), stamp)
+
+    dated(range(1, PROVED + 1))
+    fleet = read_fleet(fleet_file(tmp_path, f'[reading]\nuntil = "2026-01-{PROVED + 1:02}"\n[machines]\nm = "m"\n'))
+    assert run_fleet(fleet, Processes(1)).done == 1
+    known = {path: path.read_bytes() for path in (tmp_path / "m").iterdir()}
+    machine(tmp_path / "m", 1, n_runs=ALL)
+    for path, data in known.items():
+        path.write_bytes(data)
+    dated(range(PROVED + 1, ALL + 1))
+    assert watch_fleet(fleet).machines["m"].status == "nothing-new"

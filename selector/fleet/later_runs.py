@@ -1,0 +1,52 @@
+"""Which recordings came after a model: those later than all that it was learnt from and judged on."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from selector.findings import Finding
+from selector.readers import Reading
+
+
+@dataclass(frozen=True)
+class ByAge:
+    """The distinct recordings of a reading, as SHA-256 → file, oldest first."""
+
+    earlier: dict[str, Path]  #: Up to the newest that was seen
+    later: dict[str, Path]  #: After it
+
+
+def by_age(reading: Reading, seen: Collection[str]) -> ByAge:
+    """The recordings before and after the newest of those that were seen (SHA-256); a copy is no further recording."""
+    of = {run.name: run for run in reading.runs}
+    files: dict[str, Path] = {}
+    for name in runs_by_age(reading):
+        files.setdefault(of[name].sha256, Path(of[name].file))
+    first = 1 + max((number for number, sha256 in enumerate(files) if sha256 in seen), default=-1)
+    pairs = list(files.items())
+    return ByAge(dict(pairs[:first]), dict(pairs[first:]))
+
+
+def runs_by_age(reading: Reading) -> list[str]:
+    """Runs as they were recorded, by their clock where each has one; else as they are named."""
+    starts = {run.name: run.start for run in reading.runs}
+    names = list(reading.recording.runs)
+    if any(starts.get(name) is None for name in names):
+        return names
+    return sorted(names, key=lambda name: str(starts[name]))
+
+
+def part_of(reading: Reading, files: Collection[Path]) -> Reading:
+    """The runs of some of the files, under the names that they have beside all others."""
+    runs = tuple(run for run in reading.runs if Path(run.file) in files)
+    names = {run.name for run in runs}
+    frame = reading.recording.frame
+    recording = reading.recording.with_values(frame[frame.index.get_level_values("run").isin(names)])
+    return replace(reading, recording=recording, runs=runs, findings=tuple(_told_of(reading.findings, names)))
+
+
+def _told_of(findings: Collection[Finding], runs: Collection[str]) -> Iterator[Finding]:
+    for one in findings:
+        named = [one.where.run] if one.where.run is not None else one.evidence.get("runs")
+        if not isinstance(named, list) or any(name in runs for name in named):
+            yield one
