@@ -14,10 +14,8 @@ from selector.figures import style
 from selector.figures.diagnosis import (
     RunAxis,
     before_after,
-    detectability,
     evidence,
     mismatch_map,
-    next_runs,
     told_apart,
 )
 from selector.recording import Channel
@@ -33,9 +31,9 @@ def every_figure() -> list[go.Figure]:
     found = answer(names=HOSTILE)
     apart = replace(found, effects=(replace(found.effects[0], cannot_be_told_from=("thermal.ambient",)),))
     drawn = [mismatch_map(found), *(before_after(found, name) for name in HOSTILE), evidence(found)]
-    others = [told_apart(apart), next_runs(found), detectability(found)]
-    assert None not in others
-    return [*drawn, *(one for one in others if one is not None)]
+    matrix = told_apart(apart)
+    assert matrix is not None
+    return [*drawn, matrix]
 
 
 def test_names_are_never_markup():
@@ -120,12 +118,6 @@ def test_what_can_all_be_told_apart_needs_no_matrix():
     matrix = told_apart(ambiguous)
     assert matrix is not None
     assert np.asarray(matrix.data[0].z, dtype=float).tolist() == [[1.0, 1.0], [1.0, 1.0]]
-
-
-def test_without_runs_or_sizes_there_is_nothing_to_draw():
-    empty = replace(FOUND, next_runs=(), detectable=())
-    assert next_runs(empty) is None
-    assert detectability(empty) is None
 
 
 @pytest.mark.parametrize("verdict", ["nothing-missing", "unexplained", "miscalibrated", "data-fault"])

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: where recording and simulation part, fit, evidence, the run that would tell."""
+"""Pictures of a diagnosis: where recording and simulation part, fit, evidence, what cannot be told apart."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -6,14 +6,13 @@ from itertools import pairwise
 import numpy as np
 import plotly.graph_objects as go
 
-from selector.diagnosis.answer import Detectable, Diagnosis
+from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.shown_units import displayed, p_words
 from selector.diagnosis.wording import amount, listed
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
-from selector.figures.style import log_ticks
 from selector.number_text import number_text
 from selector.types import Vector
 
@@ -200,67 +199,11 @@ def told_apart(found: Diagnosis) -> go.Figure | None:
     return drawn
 
 
-def next_runs(found: Diagnosis) -> go.Figure | None:
-    """Chance that each possible run would tell, beside how long it takes; None where no run was weighed."""
-    weighed = sorted((run for run in found.next_runs if run.power is not None), key=lambda run: run.power or 0.0)
-    if not weighed:
-        return None
-    best = weighed[-1]
-    title = f"The run that would tell best: {style.label(best.description, 90)}"
-    drawn = style.figure(title, 100 + 38 * len(weighed))
-    hours = [f"  {number_text((run.duration_s or 0.0) / 3600.0, 2)} h" if run.duration_s else "" for run in weighed]
-    chances, rows = (
-        [100.0 * (run.power or 0.0) for run in weighed],
-        [style.label(run.description, 60) for run in weighed],
-    )
-    colours = [style.CHOSEN if run is best else style.BEFORE for run in weighed]
-    style.bars(drawn, chances, rows, colours, None, "%{x:.0f} %", text=hours, **style.TOLD_BARS)
-    drawn.update_xaxes(title_text="chance that it tells them apart [%]", range=[0.0, 100.0])
-    drawn.update_yaxes(showgrid=False)
-    drawn.update_layout(bargap=0.4, margin={"r": 80}, showlegend=False)
-    return drawn
-
-
-def detectability(found: Diagnosis) -> go.Figure | None:
-    """Smallest effects that this record would have shown, against the error that is left in their response."""
-    rows = [(one, size) for one in found.detectable if (size := _relative(found, one)) is not None and size > 0.0]
-    if not rows:
-        return None
-    rows.sort(key=lambda row: row[1])
-    sizes = np.array([size for _, size in rows])
-    least, most = rows[0], rows[-1]
-    title = (
-        f"This record would have shown {style.label(least[0].id)} from {_size(least[0])} on, "
-        f"and {style.label(most[0].id)} only from {_size(most[0])} on"
-    )
-    drawn = style.figure(title, 110 + 21 * len(rows))
-    names = [style.label(f"{one.id} in {one.channel}", 44) for one, _ in rows]
-    told = [_size(one) for one, _ in rows]
-    style.points(drawn, sizes, names, style.PREDICTED, None, "%{y}: %{customdata}", customdata=told)
-    style.rule(drawn, 1.0)
-    low, high = float(np.log10(sizes.min() / 1.5)), float(np.log10(max(sizes.max(), 1.0) * 1.5))
-    drawn.update_xaxes(
-        type="log", range=[low, high],
-        title_text="size found in 9 of 10 such records [parts of the error that is left]", **log_ticks(low, high),
-    )  # fmt: skip
-    drawn.update_yaxes(categoryorder="array", categoryarray=names[::-1], dtick=1)
-    return drawn
-
-
 def _lines(axis: RunAxis, name: str, values: Vector, colour: str) -> list[Line]:
     """A line for each run in which there is anything; the last one carries the name."""
     parts = [(time, part) for time, part in axis.by_run(values) if np.isfinite(part).any()]
     last = len(parts) - 1
     return [Line(name if k == last else "", time, part, colour, width=1.4) for k, (time, part) in enumerate(parts)]
-
-
-def _relative(found: Diagnosis, one: Detectable) -> float | None:
-    left = found.fit[one.channel].train.rmse_after if one.channel in found.fit else 0.0
-    return None if left <= 0.0 else one.size / left
-
-
-def _size(one: Detectable) -> str:
-    return amount(one.size, one.unit)
 
 
 _CELLS = 600

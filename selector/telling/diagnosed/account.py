@@ -62,9 +62,6 @@ _EVIDENCE = (
     "Every effect was fitted to some blocks of the record and judged on the others. Noise alone gains about nothing; p "
     "is the probability that noise gains as much, adjusted for all effects tested."
 )
-_DETECTABLE = (
-    "Dotted: the error that is left. What is smaller than a dot may be there without being seen in this record."
-)
 Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 
 
@@ -116,7 +113,6 @@ def diagnosis_account(
             section(
                 "detectability",
                 "What this record would have missed",
-                *(drawings.get("detectability", ()) if found.detectable else ()),
                 _captioned("", _detectable(found), on_screen=False),
                 link="Detectability",
             ),
@@ -133,17 +129,16 @@ def diagnosis_account(
 
 
 def _drawings(found: Diagnosis) -> Drawings:
-    from selector.figures.diagnosis import before_after, detectability, evidence, mismatch_map, next_runs, told_apart
+    from selector.figures.diagnosis import before_after, evidence, mismatch_map, told_apart
 
-    apart, runs, missed = told_apart(found), next_runs(found), detectability(found)
+    apart = told_apart(found)
     courses = [before_after(found, name) for name in found.fit]
     is_tested = any(not one.note.startswith(UNTESTED) for one in found.evidence)
     return {
         "where": [Drawing(mismatch_map(found), _MAP)] if found.fit else [],
         "better": [Drawing(one, "" if k else _BEFORE_AFTER) for k, one in enumerate(courses)],
         "evidence": [Drawing(evidence(found), _EVIDENCE)] if is_tested else [],
-        "apart": [Drawing(one) for one in (apart, runs) if one is not None],
-        "detectability": [] if missed is None else [Drawing(missed, _DETECTABLE)],
+        "apart": [] if apart is None else [Drawing(apart)],
     }
 
 
@@ -310,4 +305,8 @@ def _detectable(found: Diagnosis) -> Table | None:
     ]
     units = listed(sorted({displayed(one.unit, one.size)[1] for one in found.detectable}))
     headings = ["effect", "response", ">smallest size", ">found in", "remark"]
-    return table(headings, rows, f"Sizes are rms of the course [{units}].")
+    return table(
+        headings,
+        rows,
+        f"Sizes are rms of the course [{units}]. What is smaller may be there without being seen in this record.",
+    )
