@@ -6,7 +6,6 @@ from selector.sensors.finding_table import CONSTANT_SENSOR
 from selector.sensors.finding_table import FINDINGS as SENSORS
 
 FEW_RUNS = "few-runs"
-NO_BETTER_THAN_NOTHING = "no-better-than-nothing"
 SENSOR_MISSING = "sensor-missing"
 
 FINDINGS = Kinds.of(
