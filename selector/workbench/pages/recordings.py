@@ -181,9 +181,10 @@ def _register_corrections(app: dash.Dash, bench: Bench) -> None:
     )
     def _correct(_: int, *columns: list[str | None]) -> Any:
         reading = bench.material.reading
-        if reading is None:
+        old = [] if reading is None else rows_of(reading)
+        # the rows may be those of a reading before
+        if reading is None or {len(column) for column in columns} != {len(old)}:
             return no_update
-        old = rows_of(reading)
         edited = [
             row_of(dict(zip(CELLS, cells, strict=True)), row)
             for row, cells in zip(old, zip(*columns, strict=True), strict=True)
