@@ -100,8 +100,8 @@ class Lake:
     def put(self, time_s: Vector, values: Matrix) -> tuple[list[Path], int, int]:
         """Rows of a recording, values (n_rows, n_channels), in the places that are empty.
 
-        `time_s` is counted from 1970 [s]. The files; how many times are new; at how many something else is kept. What
-        is being collected meanwhile is left alone.
+        `time_s` is counted from 1970 [s]. The files; how many times are new; at how many something else is kept.
+        What is being collected meanwhile is left alone.
         """
         frame = pd.DataFrame(values, columns=self._names[len(TIMES) :])
         frame.insert(0, "time", _moments(pd.Series(time_s)))
@@ -122,7 +122,7 @@ class Lake:
                 new += len(mine)
             if len(mine):
                 self._merge(str(day), mine.reset_index(), segments=())
-            files.append(whole)
+                files.append(whole)
         return files, new, other
 
     def close_days(self, now_s: float | None = None) -> None:

@@ -245,8 +245,7 @@ _ALONG = {"cut": "wavelength along the cut [mm]", "feed": "wavelength along the 
 
 def stability_lobes(limit: StabilityLimit, title: str) -> go.Figure:
     """Depth of cut at which chatter begins over the speed of the workpiece, from a quarter to four times its own."""
-    rpm = limit.cutting.workpiece_rpm
-    speed, depth = limit.lobes(rpm / 4.0, 4.0 * rpm)
+    speed, depth = limit.lobes
     known = depth[np.isfinite(depth)]
     drawn = style.figure(title, 300)
     if not known.size:
@@ -254,7 +253,7 @@ def stability_lobes(limit: StabilityLimit, title: str) -> go.Figure:
     top = 3.0 * float(np.median(known))
     shown = np.minimum(depth, 2.0 * top)
     style.curve(drawn, speed, shown, style.PREDICTED, "chatter begins", "%{x:.4g} r/min: %{y:.3g} mm<extra></extra>")
-    style.rule(drawn, rpm, style.INK)
+    style.rule(drawn, limit.cutting.workpiece_rpm, style.INK)
     ends = np.log10(speed[[0, -1]]).tolist()
     drawn.layout.xaxis = {
         "type": "log", "range": ends, "title": {"text": "speed of the workpiece [r/min]"}, **log_ticks(*ends)

@@ -305,7 +305,7 @@ def stability_sentence(limit: StabilityLimit) -> str:
     """From which depth of cut on it chatters: at the speed of the workpiece, and at its best speed near by."""
     rpm = limit.cutting.workpiece_rpm
     depth, at_hz = limit.at_speed(rpm)
-    speed, depths = limit.lobes(rpm / 2.0, 2.0 * rpm)
+    speed, depths = (values[np.abs(np.log2(limit.lobes[0] / rpm)) <= 1.0] for values in limit.lobes)
     best = int(np.argmax(depths))
     if math.isinf(depth):
         return f"At {rpm:.6g} r/min no depth of cut that the workpiece has chatters."
@@ -461,7 +461,7 @@ def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
         return None
     least = int(np.argmin(limit.stiffness_n_per_m))
     rpm = limit.cutting.workpiece_rpm
-    speed, depth = limit.lobes(rpm / 4.0, 4.0 * rpm)
+    speed, depth = limit.lobes
     return {
         "least_stiffness_n_per_um": 1e-6 * float(limit.stiffness_n_per_m[least]),
         "frequency_hz": float(limit.frequency_hz[least]),

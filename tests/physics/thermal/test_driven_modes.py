@@ -209,8 +209,8 @@ def test_the_evidence_is_the_density_of_the_last_column_with_coefficients_about_
     values, gain = rng.standard_normal((40, 4)), np.array([2.0, 0.3, 5.0])
     first = np.isin(np.arange(40), [0, 17])
     arguments = (np.arange(40.0) * 300.0, np.full(40, 0.1), 1e-4, 0.3, 900.0, first)
-    found, root, half = evidence(values, gain, *arguments)
     rows, logs = _whitened_loop(values, *arguments)
+    found, root, half = evidence(rows, logs, gain)
     scaled, aim = rows[:, :-1] * gain, rows[:, -1]
     covariance = scaled @ scaled.T + np.eye(40)
     wanted = logs + 0.5 * (np.linalg.slogdet(covariance)[1] + aim @ np.linalg.solve(covariance, aim))

@@ -17,7 +17,7 @@ from selector.physics.vibration.structure.structure import Joint, Member, Struct
 PUBLISHED = ((250.0, 0.012, 2.26e8, math.radians(30.0)), (150.0, 0.010, 2.13e8, math.radians(-45.0)))
 K_F = 1000e6  #: Its cutting constant [N/m²]
 #: A law of the force with ∂P/∂S = 1000 N/mm² · t, so that depths are widths of its chip.
-LAW = Cutting(100.0, 600.0, 1.0, 100.0, 1.0, 1.0, 0.0)
+LAW = Cutting(100.0, 6000.0, 1.0, 100.0, 1.0, 1.0, 0.0)
 
 
 def oriented() -> list[tuple[float, float, float]]:
@@ -87,8 +87,8 @@ def test_the_least_depth_is_that_of_a_published_structure():
     least = float(found.depth_mm(found.stiffness_n_per_m.min(), 600.0))
     # damping by energy a cycle instead of by speed changes little near a resonance: 2 % are asked for
     assert least == pytest.approx(published_depth_mm(), rel=0.02)
-    _, depth = found.lobes(2000.0, 20000.0)
-    assert depth.min() == pytest.approx(least, rel=0.01)
+    # of 400 speeds one is nearer to the lowest point of a lobe than this
+    assert found.lobes[1].min() == pytest.approx(least, rel=0.01)
 
 
 @pytest.mark.parametrize("speed_rpm", [4000.0, 5300.0, 8000.0, 12000.0])
@@ -106,7 +106,8 @@ def test_one_mass_has_the_closed_form():
     eta = 0.4 / (2.0 * math.pi)
     found = limit(structure)
     # Re G = (1/k)·(1 − r)/((1 − r)² + η²) with r = (f/f0)²: least −1/(2·η·k)
-    assert found.stiffness_n_per_m.min() == pytest.approx(eta * 2e7, rel=1e-3)
+    # frequencies stand a tenth of the half width apart: off by 0.05² / 2 at most
+    assert found.stiffness_n_per_m.min() == pytest.approx(eta * 2e7, rel=2e-3)
 
 
 def test_depth_follows_the_law_of_the_force():

@@ -67,22 +67,12 @@ def _whitened_loop(
 whitened: Callable[..., tuple[Vector, float]] = njit(cache=True)(_whitened_loop)
 
 
-def _evidence(
-    values: Vector,
-    gain: Vector,
-    time_s: Vector,
-    variance: Vector,
-    walk: float,
-    ripple: float,
-    ripple_s: float,
-    first: NDArray[np.bool_],
-) -> tuple[float, Vector, Vector]:
-    """Negative log marginal likelihood of the last of the columns `values` (n, n_columns + 1) given the others.
+def _evidence(rows: Vector, logs: float, gain: Vector) -> tuple[float, Vector, Vector]:
+    """Negative log marginal likelihood of the last of the `whitened` columns (n, n_columns + 1) given the others.
 
-    Their coefficients are normal about 0 with standard deviations `gain` (n_columns,); the rest as in `whitened`.
+    Their coefficients are normal about 0 with standard deviations `gain` (n_columns,); `logs` is what `whitened` gives.
     Also the lower root L of the precision of coefficients / `gain`, and L⁻¹ times their products with the last column.
     """
-    rows, logs = whitened(values, time_s, variance, walk, ripple, ripple_s, first)
     n = len(gain)
     # all products of columns, the last column included, in one matrix; then Cholesky, whose last row is the half
     root = rows.T @ rows

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from selector.physics.thermal.modes._drift import evidence
+from selector.physics.thermal.modes._drift import evidence, whitened
 from selector.physics.thermal.modes.fit import (
     USUAL_EXPONENT,
     USUAL_FILM_EXPONENT,
@@ -87,14 +87,14 @@ def _loss(
     """`evidence` of a response in rows that may be seen; `values` (n_blocks, n_columns + 1) with the response last."""
     white = np.exp(2.0 * spreads[4]) + data.noise_um[r] ** 2 / np.maximum(data.counts[:, r], 1.0)
     known = there & (data.counts[:, r] > 0)
-    return evidence(
+    rows, logs = whitened(
         values,
-        np.exp(spreads[kinds]),
         data.middle_s,
         np.where(known, white, np.inf),
         *np.exp([2.0 * spreads[3], 2.0 * spreads[5], spreads[6]]),
         data.first,
     )
+    return evidence(rows, logs, np.exp(spreads[kinds]))
 
 
 def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:

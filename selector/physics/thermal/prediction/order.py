@@ -62,14 +62,15 @@ def best_order(
     first = best = (needed(given), given)
     tried = 1
     is_exact = count <= MOST_TRIED_ALL
-    improved = True
-    while improved:
+    while True:
         orders: Iterable[tuple[int, ...]] = itertools.permutations(given) if is_exact else _swapped(best[1])
         found = [(needed(order), order) for order in orders if order != best[1]]
         tried += len(found)
         least = min(found, key=lambda one: one[0], default=best)
-        improved = least[0] < best[0] and not is_exact
-        best = least if least[0] < best[0] else best
+        is_better = least[0] < best[0]
+        best = least if is_better else best
+        if is_exact or not is_better:
+            break
     return BestOrder(tuple(k + 1 for k in best[1]), int(best[0]), int(first[0]), tried, is_exact)
 
 

@@ -11,6 +11,7 @@ k = ∂P/∂S is what one more millimetre of chip thickness costs, of the law of
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,9 +72,10 @@ class StabilityLimit:
         depth = float(self.depth_mm(stiffness[least], np.array(speed_rpm)))
         return (depth, float(frequency[least])) if depth <= self.cutting.diameter_mm / 2.0 else (math.inf, math.nan)
 
-    def lobes(self, from_rpm: float, to_rpm: float) -> tuple[Vector, Vector]:
-        """Speeds of the workpiece, evenly over the logarithm [r/min], and the least depth at each [mm]."""
-        speed = np.geomspace(from_rpm, to_rpm, _SPEEDS)
+    @cached_property
+    def lobes(self) -> tuple[Vector, Vector]:
+        """Speeds from a quarter of that of the workpiece to four times it [r/min], and the least depth at each [mm]."""
+        speed = self.cutting.workpiece_rpm * np.geomspace(0.25, 4.0, _SPEEDS)
         return speed, np.array([self.at_speed(float(rpm))[0] for rpm in speed])
 
 
