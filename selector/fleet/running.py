@@ -165,7 +165,7 @@ def _guarded(champion: Answer, doing: Callable[[], Kind]) -> Kind | Answer:
     try:
         return doing()
     except Exception as error:
-        return kept(champion, f"a defect of the program, not of the data: {type(error).__name__}: {error}")
+        return without_use(champion, f"a defect of the program, not of the data: {type(error).__name__}: {error}")
 
 
 def _whole(answer: Answer, results: Path) -> Answer:

@@ -188,8 +188,8 @@ def test_one_machine_does_not_stop_the_others(fleet, monkeypatch):
 
     monkeypatch.setattr("selector.fleet.running.challenge_of", defect)
     answer = run_fleet(fleet, Processes(1), refit=True)
-    assert all("a defect of the program" in one.refit.because for one in answer.machines.values())
-    assert answer.reused == 2
+    assert all("a defect of the program" in one.error and one.key for one in answer.machines.values())
+    assert answer.failed == 2
 
 
 def test_a_machine_that_is_away_keeps_its_model(fleet, capsys):
