@@ -159,12 +159,13 @@ def test_files_of_the_study_are_no_modules(jobs, tmp_path):
 
 
 def lives(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/status")
     try:
         os.kill(pid, 0)
+        return not (status.exists() and "State:\tZ" in status.read_text())
     except OSError:
+        # it may also go while its status is read
         return False
-    status = Path(f"/proc/{pid}/status")
-    return not (status.exists() and "State:\tZ" in status.read_text())
 
 
 def test_a_study_folder_that_goes_away_is_told_before_and_while_a_command_runs(tmp_path, program):
