@@ -36,7 +36,7 @@ def _resemblance(course: Vector, known: NDArray[np.float64]) -> float:
     return float(np.max(np.abs(np.corrcoef(np.column_stack([course, known])[::20], rowvar=False)[0, 1:])))
 
 
-def fixture_of(name: str, draw: Draw, tau_s: float, axes: Mapping[str, float] = BOTH) -> Maker:
+def fixture_of(name: str, draw: Draw, tau_s: float, axes: Mapping[str, float] = BOTH, *, brief: bool = False) -> Maker:
     """A fixture that no sensor feels, warmed by a course that nobody records; the simulation has its mean.
 
     Two masses, one behind the other, with time constants around `tau_s` and a third of it.
@@ -47,7 +47,7 @@ def fixture_of(name: str, draw: Draw, tau_s: float, axes: Mapping[str, float] = 
         drawn = _drawn(draw, generator, duties)
         mean = np.mean([course.mean() for course in drawn.values()])
         courses = {run: warmed(warmed(course - mean, slow), quick) for run, course in drawn.items()}
-        return _shift(name, courses, place="fixture", axes=axes)
+        return _shift(name, courses, place="fixture", axes=axes, brief=brief)
 
     return make
 
@@ -188,6 +188,13 @@ _CASES = (
         fixture_of("chips", _chips, 500.0, {"Z": 1.0, "Y": 0.4}),
         gauges=_MORE,
         tolerated=_SOURCE,
+    ),
+    _case(
+        "unlogged",
+        "A coolant that nobody logs runs over the fixture for an hour or two.",
+        fixture_of(
+            "unlogged", lambda draw, n: -60.0 * _by_turns(draw, n, (40.0, 120.0), (30.0, 120.0)), 150.0, brief=True
+        ),
     ),
     _case(
         "loads",

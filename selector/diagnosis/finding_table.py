@@ -6,6 +6,7 @@ from selector.quality.finding_table import FINDINGS as QUALITY
 BEYOND_MEASURE = "beyond-measure"
 NOT_COMPARED = "not-compared"
 SLOW_REMAINDER = "slow-remainder"
+UNRECORDED_SWITCH = "unrecorded-switch"
 
 FINDINGS = Kinds.of(
     """
@@ -38,6 +39,8 @@ simulation-is-recording [warning] a simulated response is the recorded one to wi
     → check that the simulation is not a copy of the recording
 slow-remainder [info] what is left wanders slowly: it may be noise or a slow effect
     → Repeat one run with the machine idle: if the reading wanders as much, it is the gauge.
+unrecorded-switch [warning] a response changes its level at moments at which nothing that was recorded changes
+    → Look up what was switched, opened or set at these moments, and record it as a channel of role state.
 small-misfit [info] what is left is no noise, but too little of the movement to be called missing physics
     → Use the simulation as it is, unless a few hundredths of the movement matter to you.
 mode [info] how the runnable model was used, and how often it was simulated

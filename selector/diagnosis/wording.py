@@ -8,7 +8,7 @@ from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recali
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.finding_table import SLOW_REMAINDER
+from selector.diagnosis.finding_table import SLOW_REMAINDER, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
 
 _STEPS = {
@@ -289,7 +289,8 @@ def _unexplained(found: Diagnosis) -> str:
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         text += f", where recording and simulation differ by {amount(size, unit)} rms"
-    return f"{text}."
+    is_switched = any(one.id == UNRECORDED_SWITCH for one in found.findings)
+    return f"{text}. {'It comes and goes as by a switch that nobody recorded: see the findings.' * is_switched}".strip()
 
 
 def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> float:

@@ -33,6 +33,7 @@ from selector.diagnosis.evidence.search import MOST_OF_IT, Search, is_slow_in_on
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
 from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
+from selector.diagnosis.mismatch.switching import Switched, gain_beside, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
 from selector.diagnosis.shapes.residual import least_squares
@@ -51,6 +52,7 @@ _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
+_TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
 Progress = Callable[[int, int, str], None]  #: Told how far the work is: steps done, steps in all, what is done now.
@@ -114,6 +116,7 @@ class _State:
     left_out: tuple[Callable[[Diagnosis], Diagnosis], ...] = ()
     untested: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  #: Response → effect id → why
     search: Search = field(default_factory=lambda: Search({}, {}, {}, {}, {}))  #: What it named is in the fit
+    switches: Mapping[str, Switched] = field(default_factory=dict)  #: Response → what a switch nobody recorded does
     again: Mapping[str, Recalibrated] = field(default_factory=dict)  #: Response → recalibration
     late: tuple[NamedEffect, ...] = ()  #: Faults in held-out rows alone
     residuals: Mapping[str, Vector] = field(default_factory=dict)  #: Response → what is left [unit], (n_rows,)
@@ -206,6 +209,30 @@ def _closed(state: _State, found: Search) -> dict[str, Quantity]:
     }
 
 
+def _beside_switches(state: _State) -> _State:
+    """What a switch that nobody recorded does beside the names; names that only stand in for it are none."""
+    comparison, found, switches = state.comparison, state.search, {}
+    for name, bench in found.benches.items():
+        of = numbers(found.named, name)
+        ask = partial(switched, comparison, name, bench.target, resolution=bench.resolution)
+        beside = ask(base=bench.raw_base(of))
+        alone = ask(base=bench.nuisance) if of and beside else beside
+        if alone is not None and not is_small(comparison, found, name, float(np.std(alone.course))):
+            switches[name] = alone
+    if not switches:
+        return state
+    surest = max(switches.values(), key=lambda one: one.gain)
+
+    def adds(name: str, v: int) -> bool:
+        bench, course = found.benches[name], switches.get(name, surest).course
+        return gain_beside(comparison, bench.target, bench.nuisance, bench.raw(v), course) >= _TOLD_BESIDE
+
+    kept = {
+        id_ for id_, of in found.named.items() if id_ == "data.stuck" or any(adds(name, v) for name, v in of.items())
+    }
+    return replace(state, switches=switches, search=found.only(kept))
+
+
 def _recalibrated(state: _State) -> _State:
     """What offset, gain and delay of the simulation gain beside the named effects."""
     state.say(-2, "errors on held-out rows")
@@ -228,7 +255,15 @@ def _looked_at_what_is_left(state: _State) -> _State:
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
     structures = [one for one in seen if not is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
+    if not found.named:
+        structures = [*map(partial(_as_structure, comparison), state.switches.values()), *structures]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
+
+
+def _as_structure(comparison: Comparison, one: Switched) -> Structure:
+    size, unit = float(np.std(one.course)), comparison.channel(one.channel).unit
+    p_value = max(float(np.exp(-one.gain)), _LEAST_P)
+    return Structure("switched", one.channel, None, None, None, None, None, size, unit, p_value)
 
 
 def _named(state: _State) -> _State:
@@ -367,6 +402,7 @@ def _answered(state: _State) -> Diagnosis:
         findings=(
             *comparison.findings,
             *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
+            *told_of_switches(comparison, state.switches),
             *told_of_wandering(comparison, state.residuals, state.structures),
             *(() if effects else told_of_small(comparison, found, state.small)),
         ),
@@ -377,6 +413,7 @@ def _answered(state: _State) -> Diagnosis:
 
 _STAGES: tuple[Callable[[_State], _State], ...] = (
     _searched,
+    _beside_switches,
     _recalibrated,
     _looked_at_what_is_left,
     _named,
@@ -494,8 +531,10 @@ def _where(state: _State) -> tuple[Place, ...]:
     if not named and structures:
         surest = structures[0]
         regime = surest.regime or _band(surest)
-        windows = active_windows(comparison, surest.channel, state.residuals[surest.channel])
-        found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
+        for channel in state.switches or [surest.channel]:
+            acts = state.switches[channel].course if state.switches else state.residuals[channel]
+            windows = active_windows(comparison, channel, acts)
+            found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
     return tuple(found)
 
 

@@ -110,7 +110,7 @@ def in_words(comparison: Comparison, active: Mask, *, agreement: float = 0.75) -
 
 
 Rows = NDArray[np.intp]
-_LARGE = 0.25  #: A course acts where it is at least this part of its largest amount.
+LARGE = 0.25  #: A course acts where it is at least this part of its largest amount.
 _LARGE_IN_NOISE = 0.3  #: The same in a residual, of what nine tenths of its active rows stay below.
 _GAP = 0.025  #: Gaps shorter than this part of the run are no gaps.
 _ALWAYS = 0.85  #: Something that acts in more than this part of a run acts in all of it.
@@ -127,7 +127,7 @@ def large_rows(comparison: Comparison, course: Vector) -> Mask:
     """Rows in which a course without noise acts: at least a quarter of its largest amount."""
     if not np.any(course):
         return np.zeros(len(course), dtype=np.bool_)
-    return _without_gaps(comparison, np.abs(course) >= _LARGE * float(np.abs(course).max()))
+    return _without_gaps(comparison, np.abs(course) >= LARGE * float(np.abs(course).max()))
 
 
 def noisy_rows(comparison: Comparison, residual: Vector) -> Mask:
