@@ -23,11 +23,10 @@ _READINGS = 2000  #: Of a response that are searched; of longer records means of
 _MOST, _MOST_TRIED = 120, 30  #: Changes of all runs together, and while time constants are compared.
 _SHORTEST = 5  #: Readings between two changes: what is shorter is a stray.
 _LAGS, _FINER = 6, 3  #: Time constants that are tried beside none, and how often between them.
-_ROUNDS = 4
 _MEMORY = 12  #: Readings of the noise's past.
 _PRICE = 1.5  #: Of a change, in ln(readings) nats: its moment, and its size by Bayes' criterion.
 _SURE, _EACH = 12.0, 3.0  #: Nats beyond the price, and for each change: with fewer it is no switch.
-_LEFT = 0.25  #: Of what recalibration leaves: with more it is not what a switch does.
+_LEFT = 0.25  #: Of what recalibration leaves above the noise: with more it is not what a switch does.
 _OWN = 1e-6  #: Of a change's sum of squares: with less beside the others it says nothing.
 _TELLS = 2.0  #: Nats by which the ends of the interval of a moment are less likely: two standard errors.
 _COMMANDED = ("spindle_speed", "feed_rate", "flow", "state", "load")
@@ -119,18 +118,18 @@ def switched(
     lags_s = _likeliest_lags(record, longest_s / 3.0, quiet)
     if lags_s and lags_s[0] > longest_s / 5.0:
         return None
-    changes, variance = _settled(record, lags_s, quiet)
-    n = len(record.target)
-    alone, left = record.left(lags_s), record.left(lags_s, changes)
-    gain = n * np.log(_innovation(record, alone) / _innovation(record, left)) - _PRICE * np.log(n) * len(changes)
-    if not changes or gain < _SURE + _EACH * len(changes) or np.sum(left**2) > _LEFT * np.sum(alone**2):
+    changes, left, gain = _chosen(record, lags_s, quiet)
+    alone, rest = (float(np.mean(of**2)) - quiet for of in (record.left(lags_s), left))
+    if gain < _SURE or rest > _LEFT * alone:
         return None
+    follows = float(np.clip(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300), 0.0, 0.999))
+    variance = float(np.mean(left**2)) * (1.0 + follows) / (1.0 - follows)
     every = _means(target, base, rows, 1, comparison.period_s)
     first = {a: b for (a, _), (b, _) in zip(record.runs, every.runs, strict=True)}
     starts = [max(a for a in first if a <= k) for k in changes]
     placed = [first[a] + width * (k - a) for k, a in zip(changes, starts, strict=True)]
     moments = _placed(every, lags_s, placed, width, variance * width)
-    found = _told(comparison, channel, every, np.concatenate(rows), lags_s, moments, float(gain))
+    found = _told(comparison, channel, every, np.concatenate(rows), lags_s, moments, gain)
     is_rounding = found and np.median([abs(size) for _, _, size in found.changes]) < _STEPS * resolution
     return None if is_rounding else found
 
@@ -188,29 +187,27 @@ def _likeliest_lags(record: _Record, longest_s: float, variance: float) -> Lags:
 
 def _cost(record: _Record, lags_s: Lags, variance: float) -> float:
     changes, left = _pursued(record, lags_s, variance, _MOST_TRIED)
-    return left / variance + 2.0 * _PRICE * np.log(len(record.target)) * len(changes)
+    return float(np.sum(left[-1] ** 2)) / variance + 2.0 * _PRICE * np.log(len(record.target)) * len(changes)
 
 
-def _settled(record: _Record, lags_s: Lags, variance: float) -> tuple[list[int], float]:
-    """(changes that pay for themselves beside noise that has the memory of what they leave, its variance)."""
-    changes: list[int] = []
-    for _ in range(_ROUNDS):
-        changes, _ = _pursued(record, lags_s, variance, _MOST)
-        left = record.left(lags_s, changes)
-        follows = float(np.clip(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300), 0.0, 0.999))
-        before, variance = variance, max(float(np.mean(left**2)) * (1.0 + follows) / (1.0 - follows), 1e-300)
-        if abs(variance / before - 1.0) < 0.1:
-            break
-    return sorted(changes), variance
+def _chosen(record: _Record, lags_s: Lags, variance: float) -> tuple[list[int], Vector, float]:
+    """(changes, what they leave, nats that they gain beyond their price): of the ones in a row that gain most."""
+    n = len(record.target)
+    changes, left = _pursued(record, lags_s, variance, _MOST)
+    alone = np.log(_innovation(record, left[0]))
+    price = _PRICE * np.log(n) + _EACH
+    gains = [n * (alone - np.log(_innovation(record, rest))) - price * k for k, rest in enumerate(left)]
+    best = int(np.argmax(gains))
+    return sorted(changes[:best]), left[best], float(gains[best])
 
 
-def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple[list[int], float]:
-    """(readings with a change, sum of squares that is left): the best next one while it gains its price."""
+def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple[list[int], list[Vector]]:
+    """(readings with a change, what is left before and after every one): the best next one while it gains its price."""
     n = len(record.target)
     price = 2.0 * _PRICE * np.log(n) * variance
     columns = record.columns(lags_s)
     base = orth(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), rcond=1e-9)
-    left = record.target - base @ (base.T @ record.target)
+    left = [record.target - base @ (base.T @ record.target)]
     free = np.concatenate([np.cumsum(record.lagged(b - a, lags_s) ** 2)[::-1] for a, b in record.runs])
     beside = free - np.sum(_along(record, lags_s, base) ** 2, axis=1)
     possible = np.ones(n, dtype=np.bool_)
@@ -218,7 +215,7 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
         possible[a : a + _SHORTEST] = possible[max(a, b - _SHORTEST) : b] = False
     changes: list[int] = []
     while len(changes) < most:
-        shown = _along(record, lags_s, left[:, None])[:, 0]
+        shown = _along(record, lags_s, left[-1][:, None])[:, 0]
         gains = np.where(possible & (beside > _OWN * free), shown**2 / np.maximum(beside, 1e-300), 0.0)
         best = int(np.argmax(gains))
         if gains[best] < price:
@@ -227,11 +224,12 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
         for _ in range(2):  # once more for what rounding leaves
             column = column - base @ (base.T @ column)
         column /= np.linalg.norm(column)
-        base, left = np.column_stack([base, column]), left - column * (column @ left)
+        base = np.column_stack([base, column])
+        left.append(left[-1] - column * (column @ left[-1]))
         beside = beside - _along(record, lags_s, column[:, None])[:, 0] ** 2
         possible[max(0, best - _SHORTEST + 1) : best + _SHORTEST] = False
         changes.append(best)
-    return changes, float(left @ left)
+    return changes, left
 
 
 def _along(record: _Record, lags_s: Lags, courses: Matrix) -> Matrix:
