@@ -225,7 +225,8 @@ def _beside_switches(state: _State) -> _State:
 
     def adds(name: str, v: int) -> bool:
         bench, course = found.benches[name], switches.get(name, surest).course
-        return gain_beside(comparison, bench.target, bench.nuisance, bench.raw(v), course) >= _TOLD_BESIDE
+        beside = np.column_stack([bench.nuisance, course])
+        return gain_beside(comparison, bench.target, beside, bench.raw(v)) >= _TOLD_BESIDE
 
     kept = {
         id_ for id_, of in found.named.items() if id_ == "data.stuck" or any(adds(name, v) for name, v in of.items())

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
+from scipy import fft, optimize
 from scipy.linalg import orth
 
 from selector.diagnosis.comparison import Comparison
@@ -13,27 +13,41 @@ from selector.diagnosis.finding_table import FINDINGS, UNRECORDED_SWITCH
 from selector.diagnosis.mismatch.background import seen_rows
 from selector.diagnosis.mismatch.location import LARGE, in_words
 from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.wording import amount, duration_words, listed
 from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 
 Lags = tuple[float, ...]  #: Time constants in a row [s]
+Moment = tuple[int, float]  #: Number of the run, time from its start [s]
 
 _READINGS = 2000  #: Of a response that are searched; of longer records means of neighbours.
 _MOST, _MOST_TRIED = 120, 30  #: Changes of all runs together, and while time constants are compared.
-_SHORTEST = 5  #: Readings between two changes: what is shorter is a stray.
+_REACH = 20  #: Readings by which a moment is moved at least, to find its interval.
+_SHORTEST = 5  #: Readings between two changes: what is shorter is a stray, or one change between two readings.
 _LAGS, _FINER = 6, 3  #: Time constants that are tried beside none, and how often between them.
 _MEMORY = 12  #: Readings of the noise's past.
 _PRICE = 1.5  #: Of a change, in ln(readings) nats: its moment, and its size by Bayes' criterion.
-_SURE, _EACH = 12.0, 3.0  #: Nats beyond the price, and for each change: with fewer it is no switch.
+_SURE, _EACH = 20.0, 3.0  #: Nats beyond the price, and for each change: with fewer it is no switch.
 _LEFT = 0.25  #: Of what recalibration leaves above the noise: with more it is not what a switch does.
 _OWN = 1e-6  #: Of a change's sum of squares: with less beside the others it says nothing.
-_TELLS = 2.0  #: Nats by which the ends of the interval of a moment are less likely: two standard errors.
+_TELLS = 2.0  #: Standard errors in half an interval.
+_FITS = 30  #: Times that moments and time constants are fitted at most.
 _COMMANDED = ("spindle_speed", "feed_rate", "flow", "state", "load")
 #: Of the changes that stand beside those of a command: from here on they are the command's, if by chance fewer would.
 _COINCIDENT, _BY_CHANCE = 0.5, 0.25
 _STEPS = 2.0  #: Of the readings: smaller changes may be rounding.
 _LISTED = 4
+
+
+@dataclass(frozen=True)
+class Change:
+    """A moment at which the level changes."""
+
+    run: str
+    at_s: float  #: From the start of the run [s]
+    within_s: float  #: Half width of its interval [s]
+    size: float  #: [unit of the response]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +56,7 @@ class Switched:
 
     channel: str
     lags_s: Lags  #: Time constants with which the response follows [s]; none: at once
-    #: (row, half width of its interval [s], change of the level [unit of the response]) of every large change, by time
-    changes: tuple[tuple[int, float, float], ...]
+    changes: tuple[Change, ...]  #: The large ones, by time
     course: Vector  #: (n_rows,): What it does, from the level that holds longest [unit of the response]
     gain: float  #: Nats beyond noise of any memory, the price of the changes paid
 
@@ -54,37 +67,39 @@ class _Record:
 
     target: Vector  #: (n,)
     base: Matrix  #: (n, p)
-    runs: tuple[tuple[int, int], ...]  #: First reading of every run and the one after its last
+    time_s: Vector  #: (n,): From the start of the run
+    runs: tuple[slice, ...]
     period_s: float
 
-    def lagged(self, n: int, lags_s: Lags) -> Vector:
-        """What n readings are after a change of 1 at the first."""
-        if not lags_s:
-            return np.ones(n)
-        slow = np.exp(-self.period_s * np.arange(1, n + 1) / lags_s[0])
-        if len(lags_s) == 1:
-            return np.asarray(1.0 - slow)
-        quick = np.exp(-self.period_s * np.arange(1, n + 1) / lags_s[1])
-        return np.asarray(1.0 - (lags_s[0] * slow - lags_s[1] * quick) / (lags_s[0] - lags_s[1]))
+    def moment(self, reading: int, before: float) -> Moment:
+        """The moment so many periods before a reading."""
+        run = next(k for k, part in enumerate(self.runs) if reading < part.stop)
+        return run, float(self.time_s[reading]) - before * self.period_s
 
-    def step(self, reading: int, lags_s: Lags) -> Vector:
-        """A change of 1 at a reading, to the end of its run."""
-        result, end = np.zeros(len(self.target)), next(b for _, b in self.runs if reading < b)
-        result[reading:end] = self.lagged(end - reading, lags_s)
-        return result
+    def columns(self, lags_s: Lags, moments: Sequence[Moment] = ()) -> Matrix:
+        """Recalibration, for every run its level and what is left of an earlier one, and changes of 1 at moments."""
+        starts = [self.moment(part.start, 1.0) for part in self.runs]
+        columns = [self.base, np.zeros((len(self.target), (2 if lags_s else 1) * len(starts) + len(moments)))]
+        of = [*((start, ()) for start in starts), *((m, lags_s) for m in (*(starts if lags_s else ()), *moments))]
+        for column, ((run, at_s), lags) in zip(columns[1].T, of, strict=True):
+            column[self.runs[run]] = _risen(self.time_s[self.runs[run]] - at_s, lags)
+        return np.column_stack(columns)
 
-    def columns(self, lags_s: Lags, changes: Sequence[int] = ()) -> Matrix:
-        """Recalibration, for every run its level and what is left of an earlier one, and changes."""
-        firsts = [a for a, _ in self.runs]
-        levels = [self.step(a, ()) for a in firsts]
-        return np.column_stack(
-            [self.base, *levels, *(self.step(k, lags_s) for k in (*(firsts if lags_s else ()), *changes))]
-        )
-
-    def left(self, lags_s: Lags, changes: Sequence[int] = ()) -> Vector:
+    def left(self, lags_s: Lags, moments: Sequence[Moment] = ()) -> Vector:
         """What is left beside changes."""
-        columns = self.columns(lags_s, changes)
+        columns = self.columns(lags_s, moments)
         return np.asarray(self.target - columns @ least_squares(columns, self.target))
+
+
+def _risen(since_s: Vector, lags_s: Lags) -> Vector:
+    """What a change of 1 has done after these times [s]."""
+    since = np.maximum(since_s, 0.0)
+    if not lags_s:
+        return (since > 0.0).astype(np.float64)
+    if len(lags_s) == 1:
+        return np.asarray(-np.expm1(-since / lags_s[0]))
+    slow, quick = lags_s
+    return np.asarray(1.0 - (slow * np.exp(-since / slow) - quick * np.exp(-since / quick)) / (slow - quick))
 
 
 def switched(
@@ -92,9 +107,9 @@ def switched(
 ) -> Switched | None:
     """What a switch that nobody recorded does to a response; None if noise of any memory explains it as well.
 
-    Constant levels that the response follows at once or with one time constant are fitted beside recalibration: changes
-    are added while each gains more than its price (orthogonal matching pursuit). Then the innovations of two
-    autoregressions are compared, of what that leaves and of what recalibration alone leaves.
+    Constant levels that the response follows at once, or behind one or two time constants, are fitted beside
+    recalibration: changes are added while each gains more than its price (orthogonal matching pursuit). Then the
+    innovations of two autoregressions are compared, of what that leaves and of what recalibration alone leaves.
 
     Parameters
     ----------
@@ -111,61 +126,57 @@ def switched(
     rows = [here for here in seen_rows(comparison, target) if len(here)]
     if not rows:
         return None
-    width = -(-sum(len(here) for here in rows) // _READINGS)
-    record = _means(target, base, rows, width, comparison.period_s)
-    longest_s = record.period_s * max(b - a for a, b in record.runs)
+    record = _means(comparison, target, base, rows, most=_READINGS)
+    longest_s = record.period_s * max(part.stop - part.start for part in record.runs)
     quiet = _variance_of_changes(record)
     lags_s = _likeliest_lags(record, longest_s / 3.0, quiet)
     if lags_s and lags_s[0] > longest_s / 5.0:
         return None
-    changes, left, gain = _chosen(record, lags_s, quiet)
+    readings, left, gain = _chosen(record, lags_s, quiet)
     alone, rest = (float(np.mean(of**2)) - quiet for of in (record.left(lags_s), left))
     if gain < _SURE or rest > _LEFT * alone:
         return None
-    follows = float(np.clip(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300), 0.0, 0.999))
-    variance = float(np.mean(left**2)) * (1.0 + follows) / (1.0 - follows)
-    every = _means(target, base, rows, 1, comparison.period_s)
-    first = {a: b for (a, _), (b, _) in zip(record.runs, every.runs, strict=True)}
-    starts = [max(a for a in first if a <= k) for k in changes]
-    placed = [first[a] + width * (k - a) for k, a in zip(changes, starts, strict=True)]
-    moments = _placed(every, lags_s, placed, width, variance * width)
-    found = _told(comparison, channel, every, np.concatenate(rows), lags_s, moments, gain)
-    is_rounding = found and np.median([abs(size) for _, _, size in found.changes]) < _STEPS * resolution
+    every = _means(comparison, target, base, rows)
+    if lags_s:
+        lags_s, placed = _fitted(record, lags_s, [record.moment(k, 1.0) for k in readings])
+    else:
+        placed = _placed(every, [record.moment(k, 0.5) for k in readings], record.period_s, _noise(left))
+    found = _told(comparison, channel, every, rows, lags_s, placed, gain)
+    is_rounding = found and np.median([abs(change.size) for change in found.changes]) < _STEPS * resolution
     return None if is_rounding else found
 
 
-def gain_beside(
-    comparison: Comparison, target: Vector, base: Matrix, columns: Matrix, other: Vector | None = None
-) -> float:
-    """Nats that columns (n_rows, p) gain beside recalibration and another course, less Bayes' price for them."""
+def gain_beside(comparison: Comparison, target: Vector, base: Matrix, columns: Matrix) -> float:
+    """Nats that columns (n_rows, p) gain beside others in `base`, less Bayes' price for them."""
     rows = [here for here in seen_rows(comparison, target) if len(here)]
-    whole = base if other is None else np.column_stack([base, other])
-    width = -(-sum(len(here) for here in rows) // _READINGS)
-    small, large = (
-        _means(target, of, rows, width, comparison.period_s) for of in (whole, np.column_stack([whole, columns]))
+    without, beside = (
+        _means(comparison, target, of, rows, most=_READINGS) for of in (base, np.column_stack([base, columns]))
     )
-    n = len(small.target)
-    gain = n * np.log(_innovation(small, small.left(())) / _innovation(large, large.left(())))
+    n = len(without.target)
+    gain = n * np.log(_innovation(without, without.left(())) / _innovation(beside, beside.left(())))
     return float(gain - 0.5 * columns.shape[1] * np.log(n))
 
 
-def _means(target: Vector, base: Matrix, rows: Sequence[NDArray[np.intp]], width: int, period_s: float) -> _Record:
-    """Means of `width` neighbours, run by run, the last of fewer."""
-    columns = np.column_stack([target, base])
-    parts, runs, first = [], [], 0
+def _means(
+    comparison: Comparison, target: Vector, base: Matrix, rows: Sequence[NDArray[np.intp]], most: int | None = None
+) -> _Record:
+    """The readings, or means of neighbours so that there are at most about so many, the last of a run of fewer."""
+    width = 1 if most is None else -(-sum(len(here) for here in rows) // most)
+    columns = np.column_stack([target, comparison.time_s, base])
+    parts, runs = [], []
     for here in rows:
         starts = np.arange(0, len(here), width)
         counts = np.diff(np.append(starts, len(here)))
         parts.append(np.add.reduceat(columns[here], starts) / counts[:, None])
-        runs.append((first, first + len(starts)))
-        first += len(starts)
-    values = np.concatenate(parts)
-    return _Record(values[:, 0], values[:, 1:], tuple(runs), width * period_s)
+        runs.append(len(starts))
+    ends, values = np.cumsum(runs).tolist(), np.concatenate(parts)
+    slices = tuple(slice(end - n, end) for n, end in zip(runs, ends, strict=True))
+    return _Record(values[:, 0], values[:, 2:], values[:, 1], slices, width * comparison.period_s)
 
 
 def _variance_of_changes(record: _Record) -> float:
     """Variance of noise, from its changes from reading to reading, of which a switch makes few."""
-    changes = np.concatenate([np.diff(record.target[a:b]) for a, b in record.runs])
+    changes = np.concatenate([np.diff(record.target[part]) for part in record.runs])
     return max(0.5 * (1.4826 * float(np.median(np.abs(changes)))) ** 2, 1e-300)
 
 
@@ -191,7 +202,7 @@ def _cost(record: _Record, lags_s: Lags, variance: float) -> float:
 
 
 def _chosen(record: _Record, lags_s: Lags, variance: float) -> tuple[list[int], Vector, float]:
-    """(changes, what they leave, nats that they gain beyond their price): of the ones in a row that gain most."""
+    """(readings with a change, what is left, nats gained beyond the price): of the ones in a row that gain most."""
     n = len(record.target)
     changes, left = _pursued(record, lags_s, variance, _MOST)
     alone = np.log(_innovation(record, left[0]))
@@ -208,103 +219,144 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     columns = record.columns(lags_s)
     base = orth(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), rcond=1e-9)
     left = [record.target - base @ (base.T @ record.target)]
-    free = np.concatenate([np.cumsum(record.lagged(b - a, lags_s) ** 2)[::-1] for a, b in record.runs])
-    beside = free - np.sum(_along(record, lags_s, base) ** 2, axis=1)
-    possible = np.ones(n, dtype=np.bool_)
-    for a, b in record.runs:
-        possible[a : a + _SHORTEST] = possible[max(a, b - _SHORTEST) : b] = False
+    longest = max(part.stop - part.start for part in record.runs)
+    step = _risen(record.period_s * np.arange(1, longest + 1), lags_s)
+    free, possible = np.zeros(n), np.ones(n, dtype=np.bool_)
+    for part in record.runs:
+        free[part] = np.cumsum(step[: part.stop - part.start] ** 2)[::-1]
+        possible[part.start : part.start + _SHORTEST] = False
+        possible[max(part.start, part.stop - _SHORTEST) : part.stop] = False
+    beside = free - np.sum(_along(record, step, base) ** 2, axis=1)
     changes: list[int] = []
     while len(changes) < most:
-        shown = _along(record, lags_s, left[-1][:, None])[:, 0]
+        shown = _along(record, step, left[-1][:, None])[:, 0]
         gains = np.where(possible & (beside > _OWN * free), shown**2 / np.maximum(beside, 1e-300), 0.0)
         best = int(np.argmax(gains))
         if gains[best] < price:
             break
-        column = record.step(best, lags_s)
+        column, end = np.zeros(n), next(part.stop for part in record.runs if best < part.stop)
+        column[best:end] = step[: end - best]
         for _ in range(2):  # once more for what rounding leaves
             column = column - base @ (base.T @ column)
         column /= np.linalg.norm(column)
         base = np.column_stack([base, column])
         left.append(left[-1] - column * (column @ left[-1]))
-        beside = beside - _along(record, lags_s, column[:, None])[:, 0] ** 2
+        beside = beside - _along(record, step, column[:, None])[:, 0] ** 2
         possible[max(0, best - _SHORTEST + 1) : best + _SHORTEST] = False
         changes.append(best)
     return changes, left
 
 
-def _along(record: _Record, lags_s: Lags, courses: Matrix) -> Matrix:
+def _along(record: _Record, step: Vector, courses: Matrix) -> Matrix:
     """Products of courses with a change of 1 at every reading, by Fourier transforms; shape as `courses`."""
     parts = []
-    for a, b in record.runs:
-        n = fft.next_fast_len(2 * (b - a), real=True)
-        step = np.conj(fft.rfft(record.lagged(b - a, lags_s), n))[:, None]
-        parts.append(fft.irfft(fft.rfft(courses[a:b], n, axis=0) * step, n, axis=0)[: b - a])
+    for part in record.runs:
+        length = part.stop - part.start
+        n = fft.next_fast_len(2 * length, real=True)
+        bins = fft.rfft(courses[part], n, axis=0) * np.conj(fft.rfft(step[:length], n))[:, None]
+        parts.append(fft.irfft(bins, n, axis=0)[:length])
     return np.concatenate(parts)
 
 
 def _innovation(record: _Record, left: Vector) -> float:
     """Standard deviation of what each reading brings that the twelve before it do not say."""
-    long_enough = [(a, b) for a, b in record.runs if b - a > 3 * _MEMORY]
-    if not long_enough:
+    parts = [left[part] for part in record.runs if part.stop - part.start > 3 * _MEMORY]
+    if not parts:
         return float(np.std(left)) or 1e-300
-    now = np.concatenate([left[a + _MEMORY : b] for a, b in long_enough])
-    past = np.column_stack(
-        [np.concatenate([left[a + _MEMORY - k : b - k] for a, b in long_enough]) for k in range(1, _MEMORY + 1)]
-    )
-    return max(float(np.sqrt(np.mean((now - past @ least_squares(past, now)) ** 2))), 1e-300)
+    past = [np.lib.stride_tricks.sliding_window_view(part[:-1], _MEMORY) for part in parts]
+    now, before = np.concatenate([part[_MEMORY:] for part in parts]), np.concatenate(past)
+    return max(float(np.sqrt(np.mean((now - before @ least_squares(before, now)) ** 2))), 1e-300)
 
 
-def _placed(
-    record: _Record, lags_s: Lags, changes: Sequence[int], width: int, variance: float
-) -> list[tuple[int, float]]:
-    """(reading, half width of its interval [s]) of every change, each moved while the others stand."""
-    reach, placed = max(2 * width, _SHORTEST - 1), list(changes)
-    halves = [0.0] * len(placed)
-    for _ in range(2):
-        left, sizes = record.left(lags_s, placed), least_squares(record.columns(lags_s, placed), record.target)
-        for k, size in enumerate(sizes[len(sizes) - len(placed) :]):
-            a, b = next(run for run in record.runs if placed[k] < run[1])
-            tried = np.arange(max(a + 1, placed[k] - reach), min(b - 1, placed[k] + reach + 1))
-            here = left[a:b] + size * record.step(placed[k], lags_s)[a:b]
-            steps = [record.step(int(at), lags_s)[a:b] for at in tried]
-            gains = np.array([(here @ step) ** 2 / (step @ step) for step in steps])
-            likely = tried[gains >= gains.max() - 2.0 * _TELLS * variance]
-            placed[k], halves[k] = int(tried[np.argmax(gains)]), 0.5 * record.period_s * float(np.ptp(likely) + 1)
-    return sorted(zip(placed, halves, strict=True))
+def _noise(left: Vector) -> float:
+    """Variance of noise with the memory of what is left, as it counts in a mean of many readings."""
+    follows = float(np.clip(np.sum(left[1:] * left[:-1]) / max(float(np.sum(left**2)), 1e-300), 0.0, 0.99))
+    return float(np.mean(left**2)) * (1.0 + follows) / (1.0 - follows)
+
+
+def _placed(record: _Record, moments: Sequence[Moment], coarse_s: float, variance: float) -> list[tuple[Moment, float]]:
+    """Moments midway between two readings, and half widths [s]: each moved while the others stand; it acts at once."""
+    sizes, left = least_squares(record.columns((), moments), record.target), record.left((), moments)
+    reach, placed = max(_REACH, int(2.0 * coarse_s / record.period_s)), []
+    for (run, at_s), size in zip(moments, sizes[len(sizes) - len(moments) :], strict=True):
+        time, here = record.time_s[record.runs[run]], left[record.runs[run]]
+        at = int(np.searchsorted(time, at_s))
+        here = here + size * (np.arange(len(here)) >= at)
+        tried = np.arange(max(1, at - reach), min(len(here) - 1, at + reach + 1))
+        gains = np.cumsum(here[::-1])[::-1][tried] ** 2 / (len(here) - tried)
+        best, likely = int(tried[np.argmax(gains)]), tried[gains >= gains.max() - _TELLS**2 * variance]
+        half = record.period_s * (0.5 + float(max(best - likely[0], likely[-1] - best)))
+        placed.append(((run, 0.5 * float(time[best - 1] + time[best])), half))
+    return placed
+
+
+def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[Lags, list[tuple[Moment, float]]]:
+    """Time constants, moments and half widths [s], all together by least squares.
+
+    Changes of one sign beside each other are one between two readings.
+    """
+    sizes = least_squares(record.columns(lags_s, moments), record.target)[-len(moments) :]
+    joined: list[tuple[int, float, float]] = []
+    for (run, at_s), size in zip(moments, sizes.tolist(), strict=True):
+        same, last_s, weight = joined[-1] if joined else (-1, 0.0, 0.0)
+        if run == same and at_s - last_s <= _SHORTEST * record.period_s and size * weight > 0.0:
+            joined[-1] = (run, (last_s * weight + at_s * size) / (weight + size), weight + size)
+        else:
+            joined.append((run, at_s, size))
+    runs = [run for run, _, _ in joined]
+    inner = [record.time_s[record.runs[run]] for run in runs]
+    low = np.array([-1.0, *(float(time[0]) for time in inner)])
+    high = np.array([1.0, *(float(time[-2]) for time in inner)])
+    begin = np.clip([0.0, *(at_s for _, at_s, _ in joined)], low, high)
+    scale = np.array([0.1, *[record.period_s] * len(runs)])
+
+    def of(values: Vector) -> tuple[Lags, list[Moment]]:
+        factor, *times = (values * scale).tolist()
+        return tuple(float(np.exp(factor)) * lag for lag in lags_s), list(zip(runs, times, strict=True))
+
+    def left(values: Vector) -> Vector:
+        return record.left(*of(values))
+
+    fit = optimize.least_squares(left, begin / scale, bounds=(low / scale, high / scale), max_nfev=_FITS)
+    jacobian = np.asarray(fit.jac)
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * _noise(np.asarray(fit.fun))
+    lags, placed = of(fit.x)
+    halves = _TELLS * record.period_s * np.sqrt(np.diag(covariance))[1:]
+    return lags, list(zip(placed, halves.tolist(), strict=True))
 
 
 def _told(
     comparison: Comparison,
     channel: str,
     record: _Record,
-    rows: NDArray[np.intp],
+    rows: Sequence[NDArray[np.intp]],
     lags_s: Lags,
-    moments: Sequence[tuple[int, float]],
+    placed: Sequence[tuple[Moment, float]],
     gain: float,
 ) -> Switched | None:
     """The switch in the rows of the comparison; None where a channel tells when it acts."""
-    changes = [reading for reading, _ in moments]
-    columns = record.columns(lags_s, changes)
+    moments = [moment for moment, _ in placed]
+    columns, at_once = record.columns(lags_s, moments), record.columns((), moments)[:, -len(moments) :]
     sizes = least_squares(columns, record.target)
-    own = columns.shape[1] - len(changes)
-    course, level = np.zeros(len(comparison.time_s)), np.zeros(len(comparison.time_s))
-    for k, (a, b) in enumerate(record.runs):
-        inside = [own + j for j, at in enumerate(changes) if a <= at < b]
-        started = [own - len(record.runs) + k] if lags_s else []
-        held = np.zeros(b - a)
-        for j in inside:
-            held[changes[j - own] - a :] += sizes[j]
-        usual = _longest(held)
-        moved = columns[a:b, [*started, *inside]] @ sizes[[*started, *inside]]
-        if lags_s:
-            usual += sizes[started[0]]
-        course[rows[a:b]], level[rows[a:b]] = moved - usual, held - _longest(held)
-    active = np.abs(level) >= LARGE * np.abs(level).max()
-    if in_words(comparison, active) or _is_commanded(comparison, rows[changes]):
+    of_changes, own = sizes[-len(moments) :], columns.shape[1] - len(moments)
+    acts, level, first = np.zeros(len(comparison.time_s)), np.zeros(len(comparison.time_s)), []
+    for run, (here, part) in enumerate(zip(rows, record.runs, strict=True)):
+        inside = [k for k, moment in enumerate(moments) if moment[0] == run]
+        held = at_once[part][:, inside] @ of_changes[inside]
+        start = [own - len(record.runs) + run] if lags_s else []
+        behind = [*start, *(own + k for k in inside)]
+        level[here] = held - _longest(held)
+        acts[here] = columns[part][:, behind] @ sizes[behind] - _longest(held) - float(np.sum(sizes[start]))
+        first += [int(here[np.searchsorted(record.time_s[part], moments[k][1])]) for k in inside]
+    if in_words(comparison, np.abs(level) >= LARGE * np.abs(level).max()) or _is_commanded(comparison, first):
         return None
-    least = LARGE * float(np.abs(sizes[own:]).max())  # smaller ones make up for a shape that is not quite right
-    told = [(int(rows[at]), half, float(size)) for (at, half), size in zip(moments, sizes[own:], strict=True)]
-    return Switched(channel, lags_s, tuple(one for one in told if abs(one[2]) >= least), course, gain)
+    changes = [
+        Change(str(comparison.runs[comparison.run_index[rows[run][0]]]), at_s, half, float(size))
+        for ((run, at_s), half), size in zip(placed, of_changes, strict=True)
+        # smaller ones make up for a shape that is not quite right
+        if abs(size) >= LARGE * np.abs(of_changes).max()
+    ]
+    return Switched(channel, lags_s, tuple(changes), acts, gain)
 
 
 def _longest(levels: Vector) -> float:
@@ -313,15 +365,15 @@ def _longest(levels: Vector) -> float:
     return float(np.mean(levels[near[:, int(np.argmax(near.sum(axis=0)))]]))
 
 
-def _is_commanded(comparison: Comparison, changes: NDArray[np.intp]) -> bool:
+def _is_commanded(comparison: Comparison, changes: Sequence[int]) -> bool:
     """Whether half of the changes stand beside those of a recorded command, which does not change all the time."""
     for channel in comparison.channels:
         if channel.role not in _COMMANDED or channel.name in comparison.responses:
             continue
-        values = comparison.recorded[channel.name]
-        moved = np.abs(np.diff(values, prepend=values[0])) > 0.02 * float(np.nanmax(values) - np.nanmin(values))
+        values = course(comparison, channel.name)
+        moved = np.abs(np.diff(values, prepend=values[0])) > 0.02 * float(np.ptp(values))
         near = np.convolve(moved, np.ones(2 * _SHORTEST + 1), "same") > 0.0
-        if near.mean() < _BY_CHANCE and near[changes].mean() >= _COINCIDENT:
+        if near.mean() < _BY_CHANCE and near[list(changes)].mean() >= _COINCIDENT:
             return True
     return False
 
@@ -332,22 +384,16 @@ def told_of_switches(comparison: Comparison, switches: Mapping[str, Switched]) -
         return ()
     one = max(switches.values(), key=lambda found: found.gain)
     unit, also = comparison.channel(one.channel).unit, sorted(switches.keys() - {one.channel})
-    runs = [str(comparison.runs[comparison.run_index[row]]) for row, _, _ in one.changes]
-    times = [float(comparison.time_s[row]) for row, _, _ in one.changes]
-    moments = [f"{run} at {duration_words(time)}" for run, time in zip(runs, times, strict=True)]
+    moments = [f"{change.run} at {duration_words(change.at_s)}" for change in one.changes]
     more = f" and {len(moments) - _LISTED} more" if len(moments) > _LISTED else ""
-    within = float(np.median([half for _, half, _ in one.changes]))
-    size = float(np.median([abs(change) for _, _, change in one.changes]))
-    follows = f"with a time constant of {duration_words(one.lags_s[0])}" if one.lags_s else "at once"
+    within = float(np.median([change.within_s for change in one.changes]))
+    size = float(np.median([abs(change.size) for change in one.changes]))
+    follows = f"with a time constant of {duration_words(sum(one.lags_s))}" if one.lags_s else "at once"
     statement = (
         f"{one.channel} behaves as if something were switched that nobody recorded: "
         f"{', '.join(moments[:_LISTED])}{more}, known to about ±{duration_words(within)}. "
         f"It follows {follows}; half of the changes are larger than {amount(size, unit)}."
     )
-    statement += f" {listed(also)} shows it, too." if also else ""
-    changes = [
-        {"run": run, "at_s": time, "within_s": half, "change": change}
-        for run, time, (_, half, change) in zip(runs, times, one.changes, strict=True)
-    ]
-    evidence = {"changes": changes, "lags_s": list(one.lags_s), "unit": unit, "also_in": also}
-    return (FINDINGS.finding(UNRECORDED_SWITCH, statement, Where(channel=one.channel), evidence),)
+    statement += f" It shows in {listed(also)}, too." if also else ""
+    evidence = {"changes": [vars(change) for change in one.changes], "lags_s": list(one.lags_s), "unit": unit}
+    return (FINDINGS.finding(UNRECORDED_SWITCH, statement, Where(channel=one.channel), {**evidence, "also_in": also}),)
