@@ -32,6 +32,8 @@ _SURE, _EACH = 20.0, 3.0  #: Nats beyond the price, and for each change: with fe
 _LEFT = 0.25  #: Of what recalibration leaves above the noise: with more it is not what a switch does.
 _OWN = 1e-6  #: Of a change's sum of squares: with less beside the others it says nothing.
 _TELLS = 2.0  #: Standard errors in half an interval.
+_PART = 0.4  #: Of the way to the next change that one may be moved.
+_RATIOS = (1e-3, 0.1, 0.2, 1.0 / 3.0, 0.6)  #: Of the second time constant to the first; the first is none.
 _FITS = 30  #: Times that moments and time constants are fitted at most.
 _COMMANDED = ("spindle_speed", "feed_rate", "flow", "state", "load")
 #: Of the changes that stand beside those of a command: from here on they are the command's, if by chance fewer would.
@@ -291,10 +293,41 @@ def _placed(record: _Record, moments: Sequence[Moment], coarse_s: float, varianc
 
 
 def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[Lags, list[tuple[Moment, float]]]:
-    """Time constants, moments and half widths [s], all together by least squares.
+    """Two time constants in a row, moments and half widths [s], all together by least squares.
 
-    Changes of one sign beside each other are one between two readings.
+    Changes of one sign beside each other are one between two readings. A second time constant is first of all a delay:
+    for each ratio of the two the others are fitted anew, and the intervals are those of all ratios that are likely.
     """
+    runs, low_s, high_s = _joined(record, lags_s, moments)
+    scale = np.array([0.1, *[record.period_s] * len(runs)])
+    bounds = np.array([-1.0, *low_s]) / scale, np.array([1.0, *high_s]) / scale
+
+    def of(values: Vector, ratio: float) -> tuple[Lags, list[Moment]]:
+        factor, *times = (values * scale).tolist()
+        slow = lags_s[0] * float(np.exp(factor))
+        return (slow, slow * ratio), list(zip(runs, times, strict=True))
+
+    fits: list[tuple[float, Lags, list[Moment], Vector, float]] = []
+    begin = np.mean(bounds, axis=0)
+    for ratio in _RATIOS:
+
+        def left(values: Vector, ratio: float = ratio) -> Vector:
+            return record.left(*of(values, ratio))
+
+        fit = optimize.least_squares(left, begin, bounds=bounds, max_nfev=_FITS)
+        jacobian, noise = np.asarray(fit.jac), _noise(np.asarray(fit.fun))
+        halves = _TELLS * record.period_s * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * noise))[1:]
+        fits.append((float(fit.cost), *of(fit.x, ratio), halves, noise))
+    cost, lags, best, halves, noise = min(fits, key=lambda one: one[0])
+    for other, _, placed, half, _ in fits:
+        if other - cost <= 0.5 * _TELLS**2 * noise:
+            away = np.array([abs(at_s - here_s) for (_, at_s), (_, here_s) in zip(placed, best, strict=True)])
+            halves = np.maximum(halves, away + half)
+    return lags, list(zip(best, halves.tolist(), strict=True))
+
+
+def _joined(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[list[int], list[float], list[float]]:
+    """Runs of the moments, those of one sign beside each other as one, and between what each may lie [s]."""
     sizes = least_squares(record.columns(lags_s, moments), record.target)[-len(moments) :]
     joined: list[tuple[int, float, float]] = []
     for (run, at_s), size in zip(moments, sizes.tolist(), strict=True):
@@ -303,26 +336,15 @@ def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[L
             joined[-1] = (run, (last_s * weight + at_s * size) / (weight + size), weight + size)
         else:
             joined.append((run, at_s, size))
-    runs = [run for run, _, _ in joined]
-    inner = [record.time_s[record.runs[run]] for run in runs]
-    low = np.array([-1.0, *(float(time[0]) for time in inner)])
-    high = np.array([1.0, *(float(time[-2]) for time in inner)])
-    begin = np.clip([0.0, *(at_s for _, at_s, _ in joined)], low, high)
-    scale = np.array([0.1, *[record.period_s] * len(runs)])
-
-    def of(values: Vector) -> tuple[Lags, list[Moment]]:
-        factor, *times = (values * scale).tolist()
-        return tuple(float(np.exp(factor)) * lag for lag in lags_s), list(zip(runs, times, strict=True))
-
-    def left(values: Vector) -> Vector:
-        return record.left(*of(values))
-
-    fit = optimize.least_squares(left, begin / scale, bounds=(low / scale, high / scale), max_nfev=_FITS)
-    jacobian = np.asarray(fit.jac)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * _noise(np.asarray(fit.fun))
-    lags, placed = of(fit.x)
-    halves = _TELLS * record.period_s * np.sqrt(np.diag(covariance))[1:]
-    return lags, list(zip(placed, halves.tolist(), strict=True))
+    low_s, high_s = [], []
+    for k, (run, at_s, _) in enumerate(joined):
+        # two that meet would be one of any size
+        apart = [abs(at_s - other_s) for j, (same, other_s, _) in enumerate(joined) if same == run and j != k]
+        way = min([_SHORTEST * record.period_s, *(_PART * distance for distance in apart)])
+        inside = record.time_s[record.runs[run]]
+        low_s.append(max(at_s - way, float(inside[0]) - record.period_s))
+        high_s.append(min(at_s + way, float(inside[-2])))
+    return [run for run, _, _ in joined], low_s, high_s
 
 
 def _told(
