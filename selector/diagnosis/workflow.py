@@ -364,7 +364,6 @@ def _judged(state: _State) -> _State:
 def _fitted(state: _State) -> _State:
     """What the improved model gains in every response; effects that make the unseen error larger are doubted."""
     found, is_improved = state.search, state.verdict not in ("nothing-missing", "unexplained")
-    unlike_noise = {structure.channel for structure in state.structures}
     fit = {
         name: fit_of(
             state.comparison,
@@ -372,7 +371,7 @@ def _fitted(state: _State) -> _State:
             numbers(found.named, name),
             recalibrate=is_improved or state.again[name].matters,
             seed=state.asked.seed,
-            is_noise=found.misfit[name] == 1.0 and name not in unlike_noise,
+            is_noise=found.misfit[name] == 1.0 and name not in state.switches,
         )
         for name, bench in found.benches.items()
     }
