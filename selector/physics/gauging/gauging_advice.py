@@ -85,7 +85,9 @@ def gauging_settings(
     best, steady = min(filters, key=lambda one: one.sd_um, default=None), None
     if best is not None and (other := bench.with_filter(best.time_constant_s)) is not None:
         steady = bench.centred(BEST_CENTRED, other, best, at_limit=best in (filters[0], filters[-1]))
-    settings = (now, bench.uncorrected(), bench.centred(CENTRED, model, now), steady)
+    # where thresholds follow the parts, these are centred already
+    centred = bench.centred(CENTRED, model, now) if model.values.correction is None else None
+    settings = (now, bench.uncorrected(), centred, steady)
     return filters, tuple(one for one in settings if one is not None)
 
 
@@ -153,10 +155,15 @@ class _Bench:
         return _setting(name, made, sizes, at_limit=at_limit)
 
     def centred(self, name: str, model: GaugingModel, begin: Setting, *, at_limit: bool = False) -> Setting | None:
-        """The setting whose last threshold makes the mean as wanted; searched by the secant from what is known."""
+        """The setting whose last threshold makes the mean as wanted; searched by the secant from what is known.
+
+        That of `begin` where thresholds follow the parts.
+        """
         slope, best = 1.0 / model.setup.gauge.gain_v_per_um, None
-        last, volts = begin, begin.threshold_v - begin.bias_um / slope
-        for number in range(_MOST_STEPS):
+        last, volts, most = begin, begin.threshold_v - begin.bias_um / slope, _MOST_STEPS
+        if model.values.correction is not None:
+            volts, most = begin.threshold_v, 1
+        for number in range(most):
             one = self.setting(name, model, self.rounded((*begin.thresholds_v[:-1], volts)), at_limit=at_limit)
             if one is None:
                 break

@@ -196,7 +196,7 @@ def trade_off_table(summary: GaugingSummary) -> Table:
             f" The best filter is looked for from {ms_text(ends[0].time_constant_s)} to "
             f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
         )
-    if not {CENTRED, BEST_CENTRED} <= {one.name for one in summary.settings}:
+    if BEST_CENTRED not in (names := {one.name for one in summary.settings}) or not names & {CENTRED, UNCORRECTED}:
         note += " What no model file may say, or with which more parts miss a threshold, is left out."
     heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
     return table(heads, rows, note)

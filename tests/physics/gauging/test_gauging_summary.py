@@ -289,4 +289,10 @@ def test_a_correction_is_told_beside_what_the_same_thresholds_give_without_it():
     # after 60 parts it has come to 0.02/0.3 from 0 with 0.7^n
     assert present.bias_um == pytest.approx(0.02 / 0.3 * (1.0 - (1.0 - 0.7**60) / 60 / 0.3), abs=0.02)
     assert followed.formula_holds
+    # the parts are centred by what follows them, no threshold has to be
+    assert "centred" not in by_name
+    best = by_name["best-filter-centred"]
+    # 2 µm/s; a voltage is told to the digit that moves a size by half of what the mean is known to
+    eq_23_v = followed.gauge.bias_v + followed.gauge.gain_v_per_um * 2.0 * best.time_constant_s
+    assert best.threshold_v == pytest.approx(eq_23_v, abs=1e-4)
     assert len(followed.sizes.size_um) % 60 == 0
