@@ -1,5 +1,7 @@
 """How far A = A0 − x holds, by the probe's own frequency; and how far cubics between 60 points are off.
 
+Then what the two feedbacks of G do, motion → coil and permanent magnet → probe, to the swing and to finished sizes.
+
 python -m benchmarks.bench_gauge_swings
 
 The probe of tests/physics/gauging/examples.py (30 g, its contact, generator and rest gap moved with it) with another
@@ -12,11 +14,15 @@ large it is), and at which share of the allowances from 0 to 0.9 the swing repea
 from __future__ import annotations
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from selector.physics.gauging.gauge.characteristic import characteristic
 from selector.physics.gauging.gauge.vibrating_contact import steady_swing
+from selector.physics.gauging.gauging_model import GaugingModel, gauging_model
+from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
+from selector.physics.gauging.model_file import parsed_model_file
 from tests.physics.gauging.examples import TRANSDUCER
 from tests.physics.gauging.test_steady_swing import tuned
 
@@ -56,7 +62,45 @@ def row(ratio: float) -> str:
     )
 
 
+FEEDBACKS = {"none": (False, 0.0), "coil": (True, 0.0), "magnet of 0.5 N": (False, 0.5), "both": (True, 0.5)}
+
+
+def with_feedback(path: Path, coil: bool, pull_n: float, volts: tuple[float, ...] | None) -> GaugingModel:
+    """A shipped model file with feedbacks, and thresholds; None: those of eq. 23."""
+    text = path.read_text(encoding="utf-8").partition("[thresholds]")
+    text = text[0] + "[noise]" + text[2].partition("[noise]")[2] if text[1] else text[0]
+    text = text.replace("gap_m = 1.5e-3", f"gap_m = 1.5e-3\nmotion_in_coil = {str(coil).lower()}")
+    text = text.replace("gap_m = 1.0e-3", f"gap_m = 1.0e-3\npull_n = {pull_n}")
+    said = "" if volts is None else f"\n[thresholds]\nvolts = {list(volts)}\n"
+    return gauging_model(parsed_model_file(text + said))
+
+
+def feedbacks(name: str) -> None:
+    """Swing, line, and sizes of 2000 parts: with the thresholds of the gauge without, and with thresholds set anew.
+
+    The latter are those of eq. 23 plus the peaks of the ripple where a part is to size.
+    """
+    path, plain_v = Path("fixtures/gauging") / f"{name}.toml", None
+    print(f"\n{name}\n| feedback | free stroke | touch | K | same thresholds: mean, sd | set anew: mean, sd |")
+    for label, (coil, pull_n) in FEEDBACKS.items():
+        model = with_feedback(path, coil, pull_n, None)
+        curve, setup = model.characteristic, model.setup
+        peaks_v = float(model.crest.crest_at(setup.wanted_um, model.values.filter_s))
+        anew_v = tuple(volts + peaks_v for volts in model.advised_thresholds_v)
+        plain_v = plain_v or anew_v
+        told = []
+        for volts in (plain_v, anew_v):
+            sizes = finished_sizes(with_feedback(path, coil, pull_n, volts).setup, 2000, seed=1)
+            told.append(f"{sizes.mean_um:.3f} ± {sizes.mean_error_um:.3f}, {sizes.sd_um:.3f} ± {sizes.sd_error_um:.3f}")
+        print(
+            f"| {label} | {2 * curve.free_amplitude_um:.2f} µm | {curve.touch_um:.2f} µm "
+            f"| {1e3 * setup.gauge.gain_v_per_um:.3f} mV/µm | {told[0]} | {told[1]} |"
+        )
+
+
 def main() -> None:
+    feedbacks("grind-to-size")
+    feedbacks("interrupted")
     print(
         "| ratio | 0.9 | 0.6 | two swings | one round, several, never | voltage rises from |\n|---|---|---|---|---|---|"
     )

@@ -6,6 +6,8 @@ Mean is the finished size less the wanted one. *r* is σ_ẏ/(|K|·a), how restl
 reading; *wave* the largest rate of the smoothed surface over a. Monte Carlo: ± one standard error. The times of one
 distribution by formula and of one batch follow, with parts a second; compiled code is warm. Curved rows: the gauge of
 tests/physics/gauging/examples.py by its characteristic; what its curve moves the mean by stands behind them.
+
+Last: what thresholds that follow measured parts take of the drift of fixtures/gauging/wear.toml, in 100 batches.
 """
 
 from __future__ import annotations
@@ -13,11 +15,16 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from selector.physics.gauging.gauge.characteristic import characteristic, linear_gauge
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, RippleCrest
+from selector.physics.gauging.gauging_model import gauging_model
 from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding, finished_sizes
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface
+from selector.physics.gauging.model_file import read_model_file
+from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface
 from selector.physics.gauging.sizes import sizes_by_formula
 from tests.physics.gauging.examples import TRANSDUCER
 
@@ -82,6 +89,28 @@ def cases() -> dict[str, GaugedGrinding]:
     }
 
 
+CORRECTIONS = (
+    None, Correction(0.1, 0.2), Correction(0.2, 0.2), Correction(0.3, 0.2), Correction(0.5, 0.2), Correction(1.0, 0.2),
+    Correction(0.2, 0.0), Correction(0.2, 0.5), Correction(0.2, 1.0), Correction(0.2, 0.2, 3), Correction(0.4, 0.2, 3),
+)  # fmt: skip
+
+
+def corrections() -> None:
+    """Mean and spread of all parts, what formula has of the spread, and the range of the mean course of a batch."""
+    setup = gauging_model(read_model_file(Path("fixtures/gauging/wear.toml"))).setup
+    print("\n| share, noise, parts late | mean | sd | by formula | rms | course | out of ± 2 µm |")
+    for one in CORRECTIONS:
+        corrected = replace(setup, correction=one)
+        batches = np.array([finished_sizes(corrected, 120, seed=seed).size_um for seed in range(100)])
+        formula, course = sizes_by_formula(corrected, parts=120), batches.mean(axis=0)
+        print(
+            f"| {'none' if one is None else f'{one.share:g}, {one.gauge_sd_um:g} µm, {one.parts_late}'} "
+            f"| {batches.mean():.3f} | {batches.std():.3f} | {formula.mean_um:.3f}, {formula.sd_um:.3f} "
+            f"| {np.sqrt(np.mean(batches**2)):.3f} | {course.min():.2f} to {course.max():.2f} "
+            f"| {100 * np.mean(np.abs(batches) > 2.0):.2f} % |"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--parts", type=int, default=20_000)
@@ -109,6 +138,7 @@ def main() -> None:
             f"{name}: formula {1e3 * formula_s:.1f} ms, {options.parts / parts_s:.0f} parts/s of {steps:.2f} s"
         )
     print("\n" + "\n".join(times))
+    corrections()
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from selector.physics.gauging import model_file as schema
+from selector.physics.gauging.grinding.gauged_grinding import MOST_STEPS
 from selector.physics.model_fields import said_of, unit_in
 from selector.physics.model_text import Entry
 
@@ -36,6 +37,7 @@ SECTIONS = {
     "`[noise]`": schema.NoiseSection,
     "`[tolerance]`": schema.ToleranceSection,
     "`[thresholds]`": schema.ThresholdsSection,
+    "`[correction]`": schema.CorrectionSection,
     "`[recorded]`": schema.RecordedSection,
     "`[bounds]`": None,
 }
@@ -57,6 +59,8 @@ def default_text(field) -> str:
     if field.is_required():
         return "required"
     default = field.get_default(call_default_factory=True)
+    if isinstance(default, bool):
+        return str(default).lower()
     return f"{default:g}" if isinstance(default, int | float) else "–"
 
 
@@ -84,6 +88,6 @@ def test_the_limits_are_those_of_the_program():
     text = PAGE.read_text(encoding="utf-8").replace("\n  ", " ")
     for number, what in (
         (schema.MOST_STAGES, "stages"), (schema.MOST_PARTS, "parts"), (schema.MOST_SAMPLES, "samples of a part"),
-        (schema.MOST_STEPS, "of all parts"), (schema.MOST_WAVEFORM_S, "s of waveform"),
+        (MOST_STEPS, "steps of the calculation"), (schema.MOST_WAVEFORM_S, "s of waveform"),
     ):  # fmt: skip
         assert f"{int(number):,} {what}".replace(",", " ") in text, what

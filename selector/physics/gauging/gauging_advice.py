@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from selector.physics.gauging.gauging_model import GaugingModel
     from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 
-PRESENT, CENTRED, BEST_CENTRED = "present", "centred", "best-filter-centred"
+PRESENT, UNCORRECTED, CENTRED, BEST_CENTRED = "present", "uncorrected", "centred", "best-filter-centred"
 
 _NEAR = 0.4  #: Share of the standard error of a mean to which it is centred.
 _FINE_UM = 1e-3
@@ -38,7 +38,7 @@ _MISSED = 0.01  #: Share of the parts that may miss a threshold more than do now
 class Setting:
     """A filter and thresholds, and what sizes parts have that are ground with them, by Monte Carlo."""
 
-    name: str  #: ``"present"``, ``"centred"`` or ``"best-filter-centred"``
+    name: str  #: ``"present"``, ``"uncorrected"``, ``"centred"`` or ``"best-filter-centred"``
     time_constant_s: float  #: T_Φ [s]
     thresholds_v: tuple[float, ...]  #: Of all stages, as they go into a model file [V]
     parts: int  #: That were ground
@@ -74,9 +74,9 @@ def gauging_settings(
 ) -> tuple[tuple[Setting, ...], tuple[Setting, ...]]:
     """Filters with thresholds of eq. 23, T_Φ increasing, by few parts; and the settings that are worth comparing.
 
-    These are: as it is; its last threshold moved until the mean is as wanted; and the filter that spreads least, so
-    centred. What no file may say is left out, such as thresholds that do not rise or that the gauge does not show, and
-    settings with which more parts miss a threshold.
+    These are: as it is; without its correction by measured parts; its last threshold moved until the mean is as wanted;
+    and the filter that spreads least, so centred. What no file may say is left out, such as thresholds that do not rise
+    or that the gauge does not show, and settings with which more parts miss a threshold.
     """
     bench = _Bench(model, present, sizes_of)
     now = _setting(PRESENT, model, present)
@@ -85,7 +85,10 @@ def gauging_settings(
     best, steady = min(filters, key=lambda one: one.sd_um, default=None), None
     if best is not None and (other := bench.with_filter(best.time_constant_s)) is not None:
         steady = bench.centred(BEST_CENTRED, other, best, at_limit=best in (filters[0], filters[-1]))
-    return filters, tuple(one for one in (now, bench.centred(CENTRED, model, now), steady) if one is not None)
+    # where thresholds follow the parts, these are centred already
+    centred = bench.centred(CENTRED, model, now) if model.values.correction is None else None
+    settings = (now, bench.uncorrected(), centred, steady)
+    return filters, tuple(one for one in settings if one is not None)
 
 
 def _filters_s(model: GaugingModel) -> list[float]:
@@ -119,6 +122,13 @@ class _Bench:
         plain.pop("thresholds", None)
         return _made(plain)
 
+    def uncorrected(self) -> Setting | None:
+        """What these thresholds give where they stay, None if they do."""
+        plain = _unbound(self._model)
+        if plain.pop("correction", None) is None or (made := _made(plain)) is None:
+            return None
+        return _setting(UNCORRECTED, made, self._sizes_of(made, False))
+
     def looked_at(self, time_constant_s: float) -> Setting | None:
         """What this filter gives with thresholds of eq. 23, by few parts."""
         made = self.with_filter(time_constant_s)
@@ -145,10 +155,15 @@ class _Bench:
         return _setting(name, made, sizes, at_limit=at_limit)
 
     def centred(self, name: str, model: GaugingModel, begin: Setting, *, at_limit: bool = False) -> Setting | None:
-        """The setting whose last threshold makes the mean as wanted; searched by the secant from what is known."""
+        """The setting whose last threshold makes the mean as wanted; searched by the secant from what is known.
+
+        That of `begin` where thresholds follow the parts.
+        """
         slope, best = 1.0 / model.setup.gauge.gain_v_per_um, None
-        last, volts = begin, begin.threshold_v - begin.bias_um / slope
-        for number in range(_MOST_STEPS):
+        last, volts, most = begin, begin.threshold_v - begin.bias_um / slope, _MOST_STEPS
+        if model.values.correction is not None:
+            volts, most = begin.threshold_v, 1
+        for number in range(most):
             one = self.setting(name, model, self.rounded((*begin.thresholds_v[:-1], volts)), at_limit=at_limit)
             if one is None:
                 break

@@ -262,6 +262,7 @@ class GaugingModel:
             self.characteristic,
             volts,
             self.crest,
+            made.correction,
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":

@@ -297,7 +297,9 @@ def _sizes(
     if trial is not None:
         steps, fewest = trial
         enough = int(np.clip(steps / max(usual_steps(model.setup), 1.0), fewest, FEWEST_SIZES))
-    batch = parts if model.is_wearing else max(parts, enough) if trial is None else enough
+    batch = max(parts, enough) if trial is None else enough
+    if model.is_wearing or model.values.correction is not None:
+        batch = parts
     batches = math.ceil(enough / batch)
     seeds = (seed, *np.random.SeedSequence(seed).generate_state(batches - 1, np.uint64))
 

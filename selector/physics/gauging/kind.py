@@ -20,10 +20,11 @@ class GaugingKind(SimulationKind):
     file_kinds = ("gauging",)
     about = """Simulates how a gauge stops grinding when the part is to size, and writes a recording of it.
 
-    Told are the thresholds, the distribution of finished sizes by formula and by Monte Carlo, the capability, and which
-    filter and threshold would be best. Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands.
-    Several parts are one run each, so --out is a folder then, which receives one file a run and machine.toml; so it is
-    with --inputs, where recorded allowances drive the gauge, run by run, at their time stamps.
+    Told are the thresholds, the distribution of finished sizes by formula and by Monte Carlo, the capability, which
+    filter and threshold would be best, and what thresholds gain that follow measured parts. Beside RUN.csv stands
+    RUN.machine.toml, for --machine of the other commands. Several parts are one run each, so --out is a folder then,
+    which receives one file a run and machine.toml; so it is with --inputs, where recorded allowances drive the gauge,
+    run by run, at their time stamps.
     """
     model_help = "Model file of a gauge and the grinding that it stops."
     report_help = "Also write a page: finished sizes, what filter and threshold are best, parts in time, the gauge."

@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 from pydantic import Field
 
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
-from selector.physics.gauging.grinding.gauged_grinding import (
-    feeds_s,
-)
-from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, Tolerance
+from selector.physics.gauging.grinding.gauged_grinding import feeds_s
+from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
 from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_of, parameters_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
@@ -35,7 +33,6 @@ MOST_ALLOWANCE_UM = 1e6  #: In recordings: allowances and sizes [µm].
 MOST_STAGES = 20
 
 MOST_PARTS = 1_000_000  #: Parts of one file.
-MOST_STEPS = 500_000_000  #: Samples of all parts together; some half a minute.
 MOST_WAVEFORM_S = 10.0  #: Of it thousands of samples a second are kept.
 
 if TYPE_CHECKING:
@@ -46,10 +43,11 @@ if TYPE_CHECKING:
     SurfaceSection: TypeAlias = Entry
     NoiseSection: TypeAlias = Entry
     ToleranceSection: TypeAlias = Entry
+    CorrectionSection: TypeAlias = Entry
 else:
     TransducerSection, LinearSection, RelaySection = entry_of(Transducer), entry_of(LinearGauge), entry_of(Relay)
     GrindingSection, SurfaceSection = entry_of(Grinding), entry_of(Surface)
-    NoiseSection, ToleranceSection = entry_of(Noise), entry_of(Tolerance)
+    NoiseSection, ToleranceSection, CorrectionSection = entry_of(Noise), entry_of(Tolerance), entry_of(Correction)
 
 
 class ModelSection(Entry):
@@ -97,6 +95,7 @@ class GaugingFile(Entry):
     noise: NoiseSection = NoiseSection()
     tolerance: ToleranceSection | None = None
     thresholds: ThresholdsSection | None = None
+    correction: CorrectionSection | None = None
     recorded: RecordedSection = RecordedSection()
     bounds: Bounds = Field(default_factory=dict)
 
@@ -116,6 +115,7 @@ class FileParts:
     surface: Surface
     noise: Noise
     tolerance: Tolerance | None
+    correction: Correction | None
 
     @property
     def filter_s(self) -> float:
@@ -136,6 +136,7 @@ def file_parts(file: GaugingFile) -> FileParts:
         value_of(Surface, file.surface),
         value_of(Noise, file.noise),
         None if file.tolerance is None else value_of(Tolerance, file.tolerance),
+        None if file.correction is None else value_of(Correction, file.correction),
     )
 
 
@@ -150,6 +151,7 @@ def part_contradictions(file: GaugingFile) -> Iterator[Contradiction]:
         (Surface, file.surface, ("surface",)),
         (Noise, file.noise, ("noise",)),
         (Tolerance, file.tolerance, ("tolerance",)),
+        (Correction, file.correction, ("correction",)),
     ]
     wrong = [
         one
@@ -200,7 +202,7 @@ def finest_s(parts: FileParts) -> float:
 
 
 def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contradiction]:
-    """Parts that take too many samples to be held, or all of them too many to be waited for."""
+    """Parts that take too many samples to be held."""
     duration_s, period_s = planned_s(parts), sampling_s(file, parts)
     key = ("run", "period_s") if file.run.period_s is not None else ("grinding", "stages")
     samples = duration_s / period_s
@@ -210,10 +212,6 @@ def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contr
     elif samples > MOST_SAMPLES:
         found = f"{samples:.3g} samples of a part that takes {duration_s:.3g} s"
         yield key, found, f"at most {MOST_SAMPLES}", "lengthen run.period_s, or give the feeds the right power of ten"
-    elif samples * file.run.parts > MOST_STEPS:
-        found = f"{file.run.parts} parts of {samples:.3g} samples"
-        expected = f"at most {MOST_STEPS} samples of all parts"
-        yield ("run", "parts"), found, expected, "take fewer parts, or lengthen run.period_s"
 
 
 def _rounded(value: float) -> float:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.signal import lfilter
 
 from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
@@ -121,6 +122,36 @@ class Noise(Checked):
     sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=5.0), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     #: β [1/s]
     rate_per_s: Annotated[float, ABOVE_0, Unit("1/s"), Limits(1e-6, 1e7), Fit(), _CHANGING] = 100.0
+
+
+@dataclass(frozen=True)
+class Correction(Checked):
+    """Finished parts are measured, and the zero of the gauge follows what they are off."""
+
+    share: Annotated[float, ABOVE_0, Limits(1e-6, 1.0)]  #: Of what a part is off, by which the zero is then moved
+    #: Standard deviation of the measurement of a finished part [µm]
+    gauge_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
+    parts_late: Annotated[int, FROM_0, Limits(0, 1000)] = 0  #: Parts that are ground while one waits to be measured
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        # Levin and May (1976), J. Math. Biol. 3, 323–324
+        most = 2.0 * math.sin(0.5 * math.pi / (2 * self.parts_late + 1))
+        if self.share >= most:
+            raise InputError(
+                f"{self.share:g} of what a part is off, {self.parts_late} parts late",
+                expected=f"less than {most:.3g}: from there on each correction overshoots the one before",
+                where="share",
+                advice="correct by a smaller share, or measure sooner",
+            )
+
+    def followed_um(self, off_um: Vector) -> Vector:
+        """What parts are off that would be off by `off_um`, shape (n_parts,), measured without noise [µm]."""
+        steps = np.zeros(self.parts_late + 2)
+        steps[:2] = 1.0, -1.0
+        fed_back = steps.copy()
+        fed_back[-1] += self.share
+        return np.asarray(lfilter(steps, fed_back, off_um))
 
 
 @dataclass(frozen=True)

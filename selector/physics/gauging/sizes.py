@@ -46,7 +46,16 @@ def sizes_by_formula(setup: GaugedGrinding, *, parts: int = 1) -> SizesByFormula
     each += grinding.probe_wear_um_per_part * np.arange(parts)
     gain = abs(line.gauge.gain_v_per_um)
     within = math.hypot(math.sqrt(voltage_variance_v2(line.gauge, line.noise)), line.relay.noise_v) / gain
-    between = math.hypot(float(each.std()), fall * grinding.feed_sd * math.sqrt(float(np.mean(paces**2))))
+    feeds = fall * grinding.feed_sd * math.sqrt(float(np.mean(paces**2)))
+    if setup.correction is not None:
+        beside = curvature_um(setup) - setup.wanted_um
+        each = setup.correction.followed_um(each + beside) - beside
+        # one disturbed part acts on those behind it, and so does the error of its measurement
+        alone = np.arange(parts) == 0
+        answer = setup.correction.followed_um(alone.astype(np.float64))
+        own, of_gauge = (math.sqrt(float(np.cumsum(one**2).mean())) for one in (answer, answer - alone))
+        within, feeds = math.hypot(within * own, setup.correction.gauge_sd_um * of_gauge), feeds * own
+    between = math.hypot(float(each.std()), feeds)
     _, rate = smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(_WAVE) / _WAVE)
     return SizesByFormula(
         float(each.mean()),

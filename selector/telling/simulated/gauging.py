@@ -3,7 +3,7 @@
 from typing import Any
 
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, Setting
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, UNCORRECTED, Setting
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
@@ -21,6 +21,7 @@ _SCRAP = 1.0  #: Cpk below which parts are scrap day by day.
 
 SETTINGS = {
     PRESENT: "as it is",
+    UNCORRECTED: "without correction by measured parts",
     CENTRED: "last threshold centred",
     BEST_CENTRED: "best filter, last threshold centred",
 }
@@ -85,13 +86,16 @@ def size_sentences(
     advice, *more = _advice(summary)
     told = [f"{first}; {advice}.", *more]
     if capable is not None and tolerance is not None:
-        told.append(_capability_sentence(capable, tolerance))
         middle = (tolerance.lower_um + tolerance.upper_um) / 2.0
         if abs(wanted_um - middle) > _OFF_CENTRE * (tolerance.upper_um - tolerance.lower_um):
             told.append(
                 f"The wanted size, {number_text(wanted_um)} µm, is not the middle of the tolerance, "
                 f"{number_text(middle)} µm: parts that are as wanted are still nearer to one limit."
             )
+    by_name = {one.name: one for one in summary.settings}
+    if UNCORRECTED in by_name:
+        left, without = (number_text(by_name[name].rms_um, 2) for name in (PRESENT, UNCORRECTED))
+        told.append(f"Thresholds follow finished parts that are measured: rms error {left} µm, {without} µm if not.")
     given_up = len(sizes.size_um) - len(sizes.finished_um)
     if given_up:
         told.append(f"Of {len(sizes.size_um)} parts {given_up} never reached a threshold; they are not counted above.")
@@ -192,7 +196,7 @@ def trade_off_table(summary: GaugingSummary) -> Table:
             f" The best filter is looked for from {ms_text(ends[0].time_constant_s)} to "
             f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
         )
-    if len(summary.settings) < len(SETTINGS):
+    if BEST_CENTRED not in (names := {one.name for one in summary.settings}) or not names & {CENTRED, UNCORRECTED}:
         note += " What no model file may say, or with which more parts miss a threshold, is left out."
     heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
     return table(heads, rows, note)
@@ -258,20 +262,6 @@ def _out_of_tolerance(one: Capability) -> str:
     if one.share_outside == 0:
         return f"none of {one.count} is"
     return f"{percent(one.share_outside)} of them are"
-
-
-def _capability_sentence(one: Capability, tolerance: Tolerance) -> str:
-    width = tolerance.upper_um - tolerance.lower_um
-    text = (
-        f"The tolerance, {number_text(tolerance.lower_um)} to {number_text(tolerance.upper_um)} µm, is "
-        f"{number_text(width / one.sd_um)} standard deviations wide: Cp {number_text(one.cp)}"
-    )
-    lost = one.cp - one.cpk
-    return text + (
-        f"; of it the mean, which is not in the middle, takes {number_text(lost, 2)}."
-        if lost > 0.05
-        else ", and the mean is about in the middle."
-    )
 
 
 def _advice(summary: GaugingSummary) -> list[str]:
@@ -359,8 +349,9 @@ _OF_CAPABILITY = ("cp", "cpk", "share_outside")  #: Those with an interval.
 
 
 def _parts_data(sizes: FinishedSizes) -> list[dict[str, Any]]:
-    rows = zip(*(getattr(sizes, name).tolist() for name in _OF_PART), strict=True)
-    return [{"part": number, **dict(zip(_OF_PART, row, strict=True))} for number, row in enumerate(rows, start=1)]
+    names = (*_OF_PART, *(("offset_um",) if sizes.offset_um.any() else ()))
+    rows = zip(*(getattr(sizes, name).tolist() for name in names), strict=True)
+    return [{"part": number, **dict(zip(names, row, strict=True))} for number, row in enumerate(rows, start=1)]
 
 
 def _monte_carlo(sizes: FinishedSizes) -> dict[str, Any]:

@@ -14,10 +14,11 @@ from scipy.optimize import brentq
 
 from selector.errors import InputError
 from selector.physics.gauging.gauge.characteristic import Characteristic
-from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, mean_allowance_um, mean_voltage_v
+from selector.physics.gauging.gauge.transducer import LinearGauge, Relay
 from selector.physics.gauging.grinding import _part_kernel as kernel
 from selector.physics.gauging.grinding.gauged_grinding import finished_sizes, part_course, part_plan, steps_per_filter
 from selector.physics.gauging.process import Grinding, Noise, Stage, Surface, smoothed_surface
+from tests.physics.gauging.mean_course import mean_allowance_um, mean_voltage_v
 from tests.physics.gauging.set_ups import GAUGE, TWO_STAGES, set_up
 
 ONE_STAGE = Grinding(20.0, (Stage(5.0, 2.0),))

@@ -270,3 +270,29 @@ def test_formulas_of_gauges_that_are_far_too_slow_have_numbers(filter_s, delay_s
     )
     found = sizes_by_formula(slow)
     assert np.isfinite([found.mean_um, found.sd_um, found.curvature_um]).all()
+
+
+def test_a_correction_is_told_beside_what_the_same_thresholds_give_without_it():
+    worn = changed(
+        LINEAR,
+        ("noise", {"sd_um": 0.1, "rate_per_s": 0.2}),
+        ("grinding.probe_wear_um_per_part", 0.02),
+        ("run.parts", 60),
+    )
+    plain, followed = of(worn), of(worn, ("correction", {"share": 0.3, "gauge_sd_um": 0.1}))
+    assert "uncorrected" not in {one.name for one in plain.settings}
+    by_name = {one.name: one for one in followed.settings}
+    without, present = by_name["uncorrected"], by_name["present"]
+    # its parts are those of the file without the section: 60 · 0.02 / 2 off on average
+    assert without.bias_um == pytest.approx(plain.sizes.mean_um, abs=4 * without.bias_error_um)
+    assert without.bias_um == pytest.approx(0.59, abs=0.05)
+    # after 60 parts it has come to 0.02/0.3 from 0 with 0.7^n
+    assert present.bias_um == pytest.approx(0.02 / 0.3 * (1.0 - (1.0 - 0.7**60) / 60 / 0.3), abs=0.02)
+    assert followed.formula_holds
+    # the parts are centred by what follows them, no threshold has to be
+    assert "centred" not in by_name
+    best = by_name["best-filter-centred"]
+    # 2 µm/s; a voltage is told to the digit that moves a size by half of what the mean is known to
+    eq_23_v = followed.gauge.bias_v + followed.gauge.gain_v_per_um * 2.0 * best.time_constant_s
+    assert best.threshold_v == pytest.approx(eq_23_v, abs=1e-4)
+    assert len(followed.sizes.size_um) % 60 == 0

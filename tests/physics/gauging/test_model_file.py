@@ -116,7 +116,6 @@ MISTAKES = {
         changed(LINEAR, ("run.period_s", 0.001)),
         ("grinding.stages.1.feed_um_per_s", 1e-5), "run.period_s", "at most 2000000",
     ),
-    "too many samples of all": (LINEAR, ("run.parts", 1_000_000), "run.parts", "of all parts"),
     "one sample": (LINEAR, ("run.period_s", 10.0), "run.period_s", "shorter than a part"),
     "waveform too long": (TRANSDUCER, ("run.waveform_s", 11.0), "run.waveform_s", "less than or equal to 10"),
     "bounds exchanged": (LINEAR, ("bounds", {"noise.sd_um": [1.0, 0.0]}), 'bounds."noise.sd_um"', "lower and a higher"),

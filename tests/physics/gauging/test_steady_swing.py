@@ -11,6 +11,8 @@ import pytest
 from selector.physics.gauging.gauge.transducer import Transducer
 from selector.physics.gauging.gauge.vibrating_contact import simulate_transducer, steady_swing
 from tests.physics.gauging.examples import TRANSDUCER
+from tests.physics.gauging.slow_swing import slow_swing
+from tests.physics.gauging.test_vibrating_contact import GAUGES
 
 ROUND_S = 0.01
 
@@ -30,11 +32,12 @@ def tuned(ratio: float, quality: float) -> Transducer:
     )
 
 
+@pytest.mark.parametrize("gauge", [TRANSDUCER, GAUGES["motion in the coil"], GAUGES["permanent magnet that pulls"]])
 @pytest.mark.parametrize("allowance", [-60.0, 0.0, 80.0, 140.0])
-def test_is_what_the_gauge_comes_to_by_itself(allowance):
-    before = simulate_transducer(TRANSDUCER, allowance, [0.0, 3.0 - ROUND_S])
-    last = simulate_transducer(TRANSDUCER, allowance, np.linspace(3.0 - ROUND_S, 3.0, 20001), start=before.state(-1))
-    swing = steady_swing(TRANSDUCER, allowance)
+def test_is_what_the_gauge_comes_to_by_itself(gauge, allowance):
+    before = simulate_transducer(gauge, allowance, [0.0, 3.0 - ROUND_S])
+    last = simulate_transducer(gauge, allowance, np.linspace(3.0 - ROUND_S, 3.0, 20001), start=before.state(-1))
+    swing = steady_swing(gauge, allowance)
     assert swing.rounds == 1
     # e^−30 of the filter's transient is left; steps of 1e-8
     assert last.smoothed_v[:-1].mean() == pytest.approx(swing.voltage_v, rel=1e-6)
@@ -43,11 +46,29 @@ def test_is_what_the_gauge_comes_to_by_itself(allowance):
     # turning points by cubics over steps, which are shortest where the tip turns fast
     assert np.ptp(last.probe_m) * 1e6 == pytest.approx(swing.stroke_um, abs=1e-3)
     assert last.probe_m[-1] == pytest.approx(swing.state.probe_m, abs=1e-10)
+    # a whole period of the supply ends with the same current as it begins, half of one with the opposite
+    if swing.state.current_a is not None:
+        assert last.current_a[[0, -1]] == pytest.approx([-swing.state.current_a, swing.state.current_a], abs=1e-8)
 
 
-def test_goes_on_as_it_is():
-    swing = steady_swing(TRANSDUCER, 20.0)
-    motion = simulate_transducer(TRANSDUCER, 20.0, np.linspace(0.0, ROUND_S, 3), start=swing.state)
+@pytest.mark.parametrize("name", ["motion in the coil", "permanent magnet that pulls", "both, no time constant"])
+def test_free_swing_of_a_gauge_with_feedback_is_that_of_scipy(name):
+    gauge = GAUGES[name]
+    time = np.linspace(0.98, 1.0, 20001)
+    free = slow_swing(gauge, np.concatenate([[0.0], time]), lambda t: (1.0, 0.0), (0.0,) * 5)[0, 1:]
+    swing = steady_swing(gauge, None)
+    # 1 s is 67 times what a free swing fades by 1/e in; the highest of 10 000 samples a swing
+    assert np.ptp(free) * 1e6 == pytest.approx(swing.stroke_um, rel=1e-6)
+    assert free.max() * 1e6 == pytest.approx(swing.highest_um, rel=1e-6)
+    if name == "motion in the coil":
+        # against 337.883 µm without, by the same integration
+        assert swing.stroke_um / steady_swing(TRANSDUCER, None).stroke_um - 1.0 == pytest.approx(-0.0431, abs=5e-5)
+
+
+@pytest.mark.parametrize("gauge", [TRANSDUCER, GAUGES["both, no time constant"]])
+def test_goes_on_as_it_is(gauge):
+    swing = steady_swing(gauge, 20.0)
+    motion = simulate_transducer(gauge, 20.0, np.linspace(0.0, ROUND_S, 3), start=swing.state)
     # it counts as repeating from 3e-7 of 1.7e-4 m on
     assert motion.probe_m[-1] == pytest.approx(motion.probe_m[0], abs=1e-10)
     assert motion.generator_v[-1] == pytest.approx(motion.generator_v[0], abs=1e-6)

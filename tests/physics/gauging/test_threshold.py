@@ -15,8 +15,6 @@ from selector.errors import InputError
 from selector.physics.gauging.gauge.transducer import (
     LinearGauge,
     Relay,
-    mean_allowance_um,
-    mean_voltage_v,
     removal_rate_um_per_s,
     stage_thresholds_v,
     threshold_v,
@@ -25,6 +23,7 @@ from selector.physics.gauging.gauge.transducer import (
     wear_share,
 )
 from selector.physics.gauging.process import Grinding, Noise, Stage
+from tests.physics.gauging.mean_course import mean_allowance_um, mean_voltage_v
 
 GAUGE = LinearGauge(-0.012, 2.4, 0.15)
 

@@ -29,16 +29,22 @@ from numba import njit
     CONTACT_DAMPING,
     INDUCED,  # turns · flux / gap
     CORE,  # 1/gap
+    CORE_PULL,  # of its magnet on the probe at rest
     COIL_S,  # T_Γ
     RATE,  # of the filter; with a leak of 0 it sums up the rectified voltage
     LEAK,
     LONGEST,  # step
-    ERROR,  # tolerated in a step, as a share of the four scales behind
-) = range(20)
-SCALES = 20
-PARAMETERS = 24
-# states
-Z, V, U, S = range(4)
+    ERROR,  # tolerated in a step, as a share of the scales behind
+    VOLTS,  # of the supply, where the motion acts on the coil, so that the current is a state; else 0
+    LEAD,  # of its phase before that of the steady current
+    OHMS,
+    HENRYS,
+) = range(25)
+SCALES = 25
+PARAMETERS = 30
+# states; the current stays as it is where the motion does not act on the coil
+Z, V, U, S, AMPERES = range(5)
+STATES = 5
 # what is counted and kept while moving: whole numbers, and numbers
 TOUCHING, STEPS, MOST_STEPS, TOUCHES = range(4)
 STEP, HIGHEST, LOWEST = range(3)
@@ -49,6 +55,7 @@ CLOSED = 1e-3
 SMALLEST_SHARE = 1e-13
 
 compiled = njit(nogil=True, error_model="numpy")
+inlined = njit(nogil=True, error_model="numpy", forceinline=True)
 
 A = np.array(
     [
@@ -93,15 +100,26 @@ def _power(overlap, exponent):
     return overlap if exponent == 1.0 else overlap**exponent
 
 
-@compiled
+@inlined
 def _rates(t, y, plane, approach, touching, sign, p, out):
     """Time derivatives of the states; `plane` is where the workpiece is, `approach` how fast it goes away."""
     z, v = y[Z], y[V]
-    current = p[CURRENT] * math.sin(p[MAINS] * t - p[PHASE])
-    if p[SWITCHED] != 0.0:
-        current += p[SWITCHED] * math.exp(-p[SWITCHED_RATE] * t)
     left = 1.0 - z * p[MAGNET]
+    if p[VOLTS] > 0.0:
+        current = y[AMPERES]
+        # pull = ½·i²·dL/dz: L rises with the motion as the energy of the pull has it
+        rise = 2.0 * p[PULL] / (left * left)
+        supply = p[VOLTS] * math.sin(p[MAINS] * t - p[PHASE] + p[LEAD])
+        out[AMPERES] = (supply - (p[OHMS] + rise * v) * current) / (p[HENRYS] + rise * left * z)
+    else:
+        out[AMPERES] = 0.0
+        current = p[CURRENT] * math.sin(p[MAINS] * t - p[PHASE])
+        if p[SWITCHED] != 0.0:
+            current += p[SWITCHED] * math.exp(-p[SWITCHED_RATE] * t)
     force = p[PULL] * current * current / (left * left) - p[STIFFNESS] * z - p[DAMPING] * v
+    if p[CORE_PULL] != 0.0:
+        far = 1.0 - z * p[CORE]
+        force += p[CORE_PULL] * (1.0 / (far * far) - 1.0)
     if touching and z > plane:
         force -= p[CONTACT] * _power(z - plane, p[EXPONENT]) * (1.0 + p[CONTACT_DAMPING] * (v - approach))
     out[Z], out[V] = v, force / p[MASS]
@@ -123,21 +141,21 @@ def in_contact(y, plane, approach, p):
 def _stepped(t, h, y, q, approach, touching, sign, p, k, new, at):
     """State after a step in `new`, rates in `k` (first row given); its error as a share of what is tolerated."""
     for stage in range(1, 6):
-        for n in range(4):
+        for n in range(STATES):
             total = 0.0
             for j in range(stage):
                 total += A[stage - 1, j] * k[j, n]
             at[n] = y[n] + h * total
         shift = C[stage - 1] * h
         _rates(t + shift, at, q + approach * shift, approach, touching, sign, p, k[stage])
-    for n in range(4):
+    for n in range(STATES):
         total = 0.0
         for j in range(6):
             total += B[j] * k[j, n]
         new[n] = y[n] + h * total
     _rates(t + h, new, q + approach * h, approach, touching, sign, p, k[6])
     worst = 0.0
-    for n in range(4):
+    for n in range(STATES):
         error = 0.0
         for j in range(7):
             error += E[j] * k[j, n]
@@ -312,7 +330,7 @@ def advance(t, end, y, plane, approach, p, o, x, time, first, last, out, k, new,
         zero = _zero(h, y, new, k, sign, p)
         while first < last and (last_step or time[first] - t <= done + h):
             s = min(max((time[first] - now) / h, 0.0), 1.0)
-            for n in range(4):
+            for n in range(STATES):
                 out[first, n] = _between(n, s, h, y, new, k)
             if p[COIL_S] == 0.0:
                 out[first, U] = induced(out[first, Z], out[first, V], p)
@@ -324,7 +342,7 @@ def advance(t, end, y, plane, approach, p, o, x, time, first, last, out, k, new,
         s = _apex(h, y, new, 0.0)
         turn = _cubic(s, h, y, new) if 0.0 < s < 1.0 else new[Z]
         x[HIGHEST], x[LOWEST] = max(x[HIGHEST], turn, new[Z]), min(x[LOWEST], turn, new[Z])
-        for n in range(4):
+        for n in range(STATES):
             y[n] = new[n]
         done = length if last_step else done + h
         h = min(proposed, p[LONGEST])
@@ -340,12 +358,12 @@ def advance(t, end, y, plane, approach, p, o, x, time, first, last, out, k, new,
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def course(y, p, o, x, time, plane, knots, out):
-    """Samples of the states at `time`, shape (n_samples, 4), into `out`; how it ended, and when.
+    """Samples of the states at `time`, shape (n_samples, 5), into `out`; how it ended, and when.
 
     The workpiece moves straight between the samples that `knots` names.
     """
-    k, new, at = np.zeros((7, 4)), np.zeros(4), np.zeros(4)
-    for n in range(4):
+    k, new, at = np.zeros((7, STATES)), np.zeros(STATES), np.zeros(STATES)
+    for n in range(STATES):
         out[0, n] = y[n]
     for j in range(len(knots) - 1):
         a, b = knots[j], knots[j + 1]
@@ -358,13 +376,14 @@ def course(y, p, o, x, time, plane, knots, out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def rounds(y, p, o, x, plane, period, out):
-    """Goes round `len(out)` times, the workpiece standing still; what happened in each, shape (n, 7).
+    """Goes round `len(out)` times, the workpiece standing still; what happened in each, shape (n, 8).
 
-    Position, speed and voltage at its end, what the filter summed up, the turning points, the touches.
+    The states at its end, of which S is what the filter summed up, the turning points, the touches. The supply is then
+    turned round, and with it a current that is a state.
     """
-    k, new, at = np.zeros((7, 4)), np.zeros(4), np.zeros(4)
+    k, new, at = np.zeros((7, STATES)), np.zeros(STATES), np.zeros(STATES)
     time = np.zeros(1)
-    samples = np.zeros((1, 4))
+    samples = np.zeros((1, STATES))
     for j in range(len(out)):
         y[S] = 0.0
         o[TOUCHES] = 0
@@ -372,7 +391,8 @@ def rounds(y, p, o, x, plane, period, out):
         end = advance(0.0, period, y, plane, 0.0, p, o, x, time, 0, 0, samples, k, new, at)
         if end != DONE:
             return end
-        for n in range(4):
+        y[AMPERES] = -y[AMPERES]
+        for n in range(STATES):
             out[j, n] = y[n]
-        out[j, 4], out[j, 5], out[j, 6] = x[HIGHEST], x[LOWEST], o[TOUCHES]
+        out[j, STATES], out[j, STATES + 1], out[j, STATES + 2] = x[HIGHEST], x[LOWEST], o[TOUCHES]
     return DONE

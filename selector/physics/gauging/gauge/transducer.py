@@ -7,7 +7,6 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import exprel
 
 from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
@@ -22,7 +21,7 @@ _GAP = Usual(2e-5, 0.01, {"mm": 1e-3, "µm": 1e-6})
 
 @dataclass(frozen=True)
 class Electromagnet(Checked):
-    """Coil and core: L·i' + R·i = V0·sin(ω0·t), pull = force_n_per_a2·i² at rest, (gap/(gap − z))² of it at z."""
+    """Coil and core: (L·i)' + R·i = V0·sin(ω0·t), pull = force_n_per_a2·i² at rest, (gap/(gap − z))² of it at z."""
 
     #: voltage_v and frequency_hz: V0, ω0/2π of the supply [V], [Hz]
     voltage_v: Annotated[float, ABOVE_0, Unit("V"), Limits(0.0, 1e9), Fit(), Usual(0.5, 500.0, {"kV": 1e3, "mV": 1e-3})]
@@ -40,6 +39,19 @@ class Electromagnet(Checked):
     force_n_per_a2: Annotated[float, ABOVE_0, Unit("N/A²"), Limits(1e-9, 1e9), Fit()]
     #: Air gap at rest [m]; None: the pull does not depend on the position
     gap_m: Annotated[float | None, ABOVE_0, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP] = None
+    #: Whether L rises with the motion, by dL/dz = 2·pull/i², so that the motion acts on the current; else it stays
+    motion_in_coil: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        of_gap_h = 2.0 * self.force_n_per_a2 * (self.gap_m or math.inf)
+        if self.motion_in_coil and of_gap_h > self.inductance_h:
+            raise InputError(
+                f"{self.inductance_h:g} H of a coil on which the motion acts",
+                expected="gap_m, and at least 2·force_n_per_a2·gap_m: so much belongs to the gap, by energy",
+                where="inductance_h" if self.gap_m is not None else "gap_m",
+                advice="correct inductance, force and gap, or leave motion_in_coil out",
+            )
 
 
 @dataclass(frozen=True)
@@ -88,6 +100,8 @@ class Generator(Checked):
     gap_m: Annotated[float, ABOVE_0, Unit("m"), Limits(1e-9, 1.0), Fit(), _GAP]
     #: T_Γ, of the coil with its load [s]; 0: none
     time_constant_s: Annotated[float, FROM_0, Unit("s"), Limits(1e-9, 1e4), Fit(), Usual(0.0, 1.0, _SECONDS)] = 0.0
+    #: Pull of the permanent magnet on the probe at rest, where the spring holds it [N]; (gap/(gap − z))² of it at z
+    pull_n: Annotated[float, FROM_0, Unit("N"), Limits(1e-9, 1e6), Usual(0.0, 100.0, {"mN": 1e-3})] = 0.0
 
 
 @dataclass(frozen=True)
@@ -124,6 +138,17 @@ class Transducer(Checked):
     rest_gap_m: Annotated[
         float, FINITE, Unit("m"), Limits(1e-9, 1.0), Fit(either_sign=1e-3), Usual(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3})
     ] = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        most_n = 0.5 * self.probe.stiffness_n_per_m * self.generator.gap_m
+        if self.generator.pull_n >= most_n:
+            raise InputError(
+                f"a permanent magnet that pulls with {self.generator.pull_n:g} N",
+                expected=f"less than {most_n:.4g} N, half of stiffness · gap: from there on no spring holds the probe",
+                where="generator.pull_n",
+                advice="stiffen the probe, widen the gap of the generator, or lower the pull",
+            )
 
 
 @dataclass(frozen=True)
@@ -164,14 +189,16 @@ def packed(transducer: Transducer, relative_tolerance: float) -> Vector:
     p[at.CONTACT], p[at.EXPONENT] = transducer.contact.stiffness, transducer.contact.exponent
     p[at.CONTACT_DAMPING] = transducer.contact.damping_s_per_m
     p[at.INDUCED], p[at.CORE] = generator.turns * generator.flux_wb / generator.gap_m, 1.0 / generator.gap_m
-    p[at.COIL_S] = generator.time_constant_s
+    p[at.CORE_PULL], p[at.COIL_S] = generator.pull_n, generator.time_constant_s
+    p[at.VOLTS], p[at.LEAD] = magnet.voltage_v if magnet.motion_in_coil else 0.0, p[at.PHASE]
+    p[at.OHMS], p[at.HENRYS] = magnet.resistance_ohm, magnet.inductance_h
     p[at.RATE], p[at.LEAK] = 1.0 / transducer.smoothing.time_constant_s, 1.0
     p[at.LONGEST], p[at.ERROR] = round_s(transducer) / 12.0, relative_tolerance
     push = 0.5 * p[at.PULL] * p[at.CURRENT] ** 2
     dynamic = math.hypot(p[at.STIFFNESS] - p[at.MASS] * (2 * mains) ** 2, 2 * mains * p[at.DAMPING])
     swing = push / min(dynamic, p[at.STIFFNESS])
     volts = p[at.INDUCED] * 2 * mains * swing / math.hypot(1.0, 2 * mains * p[at.COIL_S])
-    p[at.SCALES :] = swing, 2 * mains * swing, volts, volts
+    p[at.SCALES :] = swing, 2 * mains * swing, volts, volts, p[at.CURRENT]
     return p
 
 
@@ -209,9 +236,6 @@ def refusal(ended: int, transducer: Transducer) -> InputError:
     )
 
 
-_NO_LAG, _DIED = 1e-9, 700.0
-
-
 def wear_share(grinding: Grinding, part: int = 0) -> float:
     """Radius that the wheel loses over what it removes, at this part of the batch, the first being 0.
 
@@ -235,52 +259,6 @@ def removal_rate_um_per_s(feed_um_per_s: float, wear: float) -> float:
     return feed_um_per_s / (1.0 + wear)
 
 
-def mean_allowance_um(
-    time_s: ArrayLike, allowance_um: float, rate_um_per_s: float, *, lag_s: float = 0.0, start_rate: float | None = None
-) -> Vector:
-    """Mean allowance after `time_s` at one feed (G eq. 1), shape of `time_s` [µm].
-
-    `start_rate` is the removal at the beginning [µm/s]; None: already that of this feed. Without lag it is at once.
-    """
-    t = np.asarray(time_s, dtype=np.float64)
-    fallen = rate_um_per_s * t
-    if lag_s > 0 and start_rate is not None:
-        # where a tiny lag has long died the quotient need not be known
-        died = np.minimum(t, _DIED * lag_s) / lag_s
-        fallen = fallen - (start_rate - rate_um_per_s) * lag_s * np.expm1(-died)
-    return np.asarray(allowance_um - fallen)
-
-
-def mean_voltage_v(
-    gauge: LinearGauge,
-    time_s: ArrayLike,
-    allowance_um: float,
-    rate_um_per_s: float,
-    *,
-    start_v: float | None = None,
-    lag_s: float = 0.0,
-    start_rate: float | None = None,
-) -> Vector:
-    """Mean smoothed voltage while the allowance falls at one feed: G eq. 21 with the transient it leaves out [V].
-
-    Exact for T_Φ·S' + S = K·x(t) + bias from S(0) = `start_v` and the allowance of `mean_allowance_um`; shape of
-    `time_s`. `start_v` None: that of an allowance that has stood still. Once exp(−t/T_Φ) has died the voltage is that
-    of the allowance a time T_Φ ago, K·(x + a·T_Φ) + bias.
-    """
-    t, filter_s = np.asarray(time_s, dtype=np.float64), gauge.time_constant_s
-    start = gauge.gain_v_per_um * allowance_um if start_v is None else start_v - gauge.bias_v
-    left = np.exp(-t / filter_s)
-    ramp = t + filter_s * np.expm1(-t / filter_s)
-    response = allowance_um * -np.expm1(-t / filter_s) - rate_um_per_s * ramp
-    if lag_s > _NO_LAG * filter_s and start_rate is not None:
-        more = (start_rate - rate_um_per_s) * lag_s
-        # exp(−t/lag_s) through the filter from 0; both forms of it are one, and this one does not overflow
-        z = np.abs(t / filter_s - t / lag_s)
-        behind = t / filter_s * np.exp(-np.minimum(t / filter_s, t / lag_s)) * exprel(-z)
-        response = response + more * (np.expm1(-t / filter_s) + behind)
-    return np.asarray(gauge.bias_v + start * left + gauge.gain_v_per_um * response)
-
-
 def threshold_v(gauge: LinearGauge, until_um: float, rate_um_per_s: float, delay_s: float = 0.0) -> float:
     """Voltage at which the command must be given so that the mean allowance is `until_um` when it acts (G eq. 23) [V].
 
@@ -295,7 +273,7 @@ def stage_thresholds_v(gauges: Sequence[LinearGauge], grinding: Grinding, relay:
     """Thresholds by eq. 23 for a freshly dressed wheel, relay delay and run-on of the springs included.
 
     `gauges` has the line of each stage. A stage that is too short for the transient of the one before ends early or
-    late; `mean_voltage_v` tells by how much.
+    late.
     """
     wear = wear_share(grinding)
     last = len(grinding.stages) - 1

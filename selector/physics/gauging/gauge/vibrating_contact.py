@@ -1,7 +1,7 @@
 """How a vibrating-contact gauge moves in time, and which swing lasts while the allowance stays (G fig. 2)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -86,8 +86,9 @@ def simulate_transducer(
     p = packed(transducer, relative_tolerance)
     p[at.PHASE] = math.fmod(p[at.PHASE] - p[at.MAINS] * time[0], 2.0 * math.pi)
     begin = start or GaugeState(probe_m=min(0.0, float(plane[0])), current_a=0.0)
-    if begin.current_a is not None and transducer.electromagnet.inductance_h > 0:
-        p[at.SWITCHED] = begin.current_a - p[at.CURRENT] * math.sin(-p[at.PHASE])
+    y = _states(p, begin)
+    if transducer.electromagnet.inductance_h > 0:
+        p[at.SWITCHED] = y[at.AMPERES] + p[at.CURRENT] * math.sin(p[at.PHASE])
         p[at.SWITCHED_RATE] = transducer.electromagnet.resistance_ohm / transducer.electromagnet.inductance_h
     for core, ended in ((at.MAGNET, at.MAGNET_REACHED), (at.CORE, at.CORE_REACHED)):
         if begin.probe_m * p[core] > 1.0 - at.CLOSED:
@@ -97,21 +98,29 @@ def simulate_transducer(
     slope = np.diff(plane) / np.diff(time)
     bends = np.flatnonzero(np.abs(np.diff(slope)) > 1e-9 * np.abs(slope).max(initial=0.0)) + 1
     knots = np.concatenate([[0], bends, [len(time) - 1]])
-    y = np.array([begin.probe_m, begin.probe_m_per_s, begin.generator_v, begin.smoothed_v])
     if p[at.COIL_S] == 0:
         y[at.U] = -p[at.INDUCED] * y[at.V] / (1.0 - y[at.Z] * p[at.CORE]) ** 2
-    out = np.empty((len(time), 4))
+    out = np.empty((len(time), at.STATES))
     most = STEPS_PER_ROUND * math.ceil(since[-1] / round_s(transducer)) + STEPS_PER_KNOT * len(knots)
     ended, _ = at.course(
         y, p, np.array([0, 0, most, 0]), np.array([p[at.LONGEST] / 8, 0.0, 0.0]), since, plane, knots, out
     )
     if ended != at.DONE:
         raise refusal(ended, transducer)
-    current = p[at.CURRENT] * np.sin(p[at.MAINS] * since - p[at.PHASE])
-    current += p[at.SWITCHED] * np.exp(-p[at.SWITCHED_RATE] * since)
+    if p[at.VOLTS] > 0:
+        current = out[:, at.AMPERES]
+    else:
+        current = p[at.CURRENT] * np.sin(p[at.MAINS] * since - p[at.PHASE])
+        current += p[at.SWITCHED] * np.exp(-p[at.SWITCHED_RATE] * since)
     away = np.concatenate([slope[:1], slope])
     force = contact_force_n(transducer.contact, out[:, at.Z] - plane, out[:, at.V] - away)
     return GaugeMotion(time, allowance, current, out[:, at.Z], out[:, at.V], force, out[:, at.U], out[:, at.S])
+
+
+def _states(p: Vector, begin: GaugeState) -> Vector:
+    """What the compiled swing begins with; a current that is not known is that of a probe that has been at rest."""
+    current_a = -p[at.CURRENT] * math.sin(p[at.PHASE]) if begin.current_a is None else begin.current_a
+    return np.array([begin.probe_m, begin.probe_m_per_s, begin.generator_v, begin.smoothed_v, current_a])
 
 
 def contact_force_n(contact: Contact, overlap_m: Vector, overlap_m_per_s: Vector) -> Vector:
@@ -160,8 +169,8 @@ class _Rounds(NamedTuple):
     effort: NDArray[np.int64]
 
     def run(self, state: Vector, count: int) -> Matrix:
-        out = np.empty((count, 7))
-        y, counted = np.array([*state, 0.0]), np.array([0, 0, STEPS_PER_ROUND * count, 0])
+        out = np.empty((count, at.STATES + 3))
+        y, counted = state.copy(), np.array([0, 0, STEPS_PER_ROUND * count, 0])
         hint = np.array([self.p[at.LONGEST] / 8, 0.0, 0.0])
         ended = at.rounds(y, self.p, counted, hint, self.plane_m, round_s(self.transducer), out)
         self.effort[:] += (counted[at.STEPS], count)
@@ -173,8 +182,17 @@ class _Rounds(NamedTuple):
         """So many rounds, or fewer where they take many steps."""
         return int(min(max(_STEPS * self.effort[1] // self.effort[0], 2 * _BATCHES), rounds))
 
+    @property
+    def moving(self) -> list[int]:
+        """States that act on the motion; voltages follow it."""
+        return [at.Z, at.V, at.AMPERES] if self.p[at.VOLTS] > 0 else [at.Z, at.V]
+
+    @property
+    def scale(self) -> Vector:
+        return self.p[at.SCALES :][self.moving]
+
     def distance(self, a: Vector, b: Vector) -> float:
-        return float(np.max(np.abs(a[..., :2] - b[..., :2]) / self.p[at.SCALES : at.SCALES + 2]))
+        return float(np.max(np.abs(a[self.moving] - b[self.moving]) / self.scale))
 
 
 def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: GaugeState | None = None) -> SteadySwing:
@@ -192,22 +210,23 @@ def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: G
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
     swing = _Rounds(transducer, summing, plane, np.zeros(2, dtype=np.int64))
     begin = start or GaugeState()
-    state, repeats = _settled(swing, np.array([min(begin.probe_m, plane), begin.probe_m_per_s, begin.generator_v]))
+    state, repeats = _settled(swing, _states(p, replace(begin, probe_m=min(begin.probe_m, plane))))
     ran = repeats or swing.affordable(IRREGULAR_ROUNDS)
     state[at.U] = _settled_voltage(swing, state, ran)
     out = swing.run(state, ran)
     mean_v = float(out[:, at.S].mean())
     ripple_v, crest_v = _ripple(swing, p, state, min(ran, MOST_ROUNDS_TO_REPEAT), mean_v, bool(repeats))
+    current_a = float(state[at.AMPERES]) if p[at.VOLTS] > 0 else None
     return SteadySwing(
         allowance_um=math.inf if allowance_um is None else float(allowance_um),
         voltage_v=mean_v,
         voltage_sd_v=0.0 if repeats else _sd_of_mean(out[:, at.S]),
         ripple_v=ripple_v,
         crest_v=crest_v,
-        stroke_um=1e6 * float(out[:, 4].max() - out[:, 5].min()),
-        highest_um=1e6 * float(out[:, 4].max()),
+        stroke_um=1e6 * float(out[:, -3].max() - out[:, -2].min()),
+        highest_um=1e6 * float(out[:, -3].max()),
         rounds=repeats,
-        state=GaugeState(float(state[0]), float(state[1]), None, float(state[2]), mean_v),
+        state=GaugeState(float(state[at.Z]), float(state[at.V]), current_a, float(state[at.U]), mean_v),
     )
 
 
@@ -215,7 +234,7 @@ def _settled(swing: _Rounds, state: Vector) -> tuple[Vector, int]:
     """A state of the swing that lasts, and after how many rounds it repeats."""
     tail = np.array([state])
     for block in range(_BLOCKS):
-        tail = np.concatenate([tail, swing.run(tail[-1], _BLOCK)[:, :3]])[-3 * MOST_ROUNDS_TO_REPEAT :]
+        tail = np.concatenate([tail, swing.run(tail[-1], _BLOCK)[:, :-3]])[-3 * MOST_ROUNDS_TO_REPEAT :]
         for count in range(1, MOST_ROUNDS_TO_REPEAT + 1):
             change = swing.distance(tail[-1], tail[-1 - count])
             before = swing.distance(tail[-1 - count], tail[-1 - 2 * count])
@@ -237,24 +256,24 @@ def _settled(swing: _Rounds, state: Vector) -> tuple[Vector, int]:
 
 def _by_newton(swing: _Rounds, state: Vector) -> Vector | None:
     """A state that repeats after a round and that small disturbances fade to, near this one; None if none is found."""
-    scale = swing.p[at.SCALES : at.SCALES + 2]
+    moving, scale = swing.moving, swing.scale
     at_present = state.copy()
     for _ in range(8):
-        end = swing.run(at_present, 1)[0, :3]
-        slope = np.empty((2, 2))
-        for n in range(2):
+        end = swing.run(at_present, 1)[0, :-3]
+        slope = np.empty((len(moving), len(moving)))
+        for column, n in enumerate(moving):
             moved = at_present.copy()
-            moved[n] += 1e-4 * scale[n]
-            slope[:, n] = (swing.run(moved, 1)[0, :2] - end[:2]) / scale / 1e-4
+            moved[n] += 1e-4 * scale[column]
+            slope[:, column] = (swing.run(moved, 1)[0, moving] - end[moving]) / scale / 1e-4
         if swing.distance(end, at_present) < 0.1 * _REPEATS:
             return end if np.abs(np.linalg.eigvals(slope)).max() < 1.0 - 1e-4 else None
-        if abs(np.linalg.det(slope - np.eye(2))) < 1e-9:
+        if abs(np.linalg.det(slope - np.eye(len(moving)))) < 1e-9:
             return None
-        step = np.linalg.solve(np.eye(2) - slope, (end[:2] - at_present[:2]) / scale)
+        step = np.linalg.solve(np.eye(len(moving)) - slope, (end[moving] - at_present[moving]) / scale)
         if not np.abs(step).max() < 2.0:
             return None
-        at_present[:2] += step * scale
-        at_present[2] = end[2]
+        at_present[moving] += step * scale
+        at_present[at.U] = end[at.U]
     return None
 
 
@@ -264,17 +283,20 @@ def _settled_voltage(swing: _Rounds, state: Vector, rounds: int) -> float:
     if time_constant == 0:
         return 0.0
     left = math.exp(-rounds * round_s(swing.transducer) / time_constant)
-    added = swing.run(np.array([state[0], state[1], 0.0]), rounds)[-1, at.U]
+    uncharged = state.copy()
+    uncharged[at.U] = 0.0
+    added = swing.run(uncharged, rounds)[-1, at.U]
     return float(added / (1.0 - left))
 
 
 def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool) -> tuple[float, float]:
     """Smoothed voltage from its lowest to its highest, and the latter above its mean."""
     time = np.linspace(0.0, rounds * round_s(swing.transducer), _SAMPLES * rounds + 1)
-    out = np.empty((len(time), 4))
+    out, begin = np.empty((len(time), at.STATES)), state.copy()
+    begin[at.S] = 0.0
     knots, plane = np.array([0, len(time) - 1]), np.full(len(time), swing.plane_m)
     ended, _ = at.course(
-        np.array([*state, 0.0]), p, np.array([0, 0, STEPS_PER_ROUND * rounds, 0]),
+        begin, p, np.array([0, 0, STEPS_PER_ROUND * rounds, 0]),
         np.array([p[at.LONGEST] / 8, 0.0, 0.0]), time, plane, knots, out,
     )  # fmt: skip
     if ended != at.DONE:

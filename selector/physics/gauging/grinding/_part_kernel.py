@@ -68,17 +68,23 @@ class Plan(NamedTuple):
 
 
 @compiled
-def _voltage(plan, seen):
-    n = len(plan.table_v) - 1
-    if n < 0:
-        return plan.bias_v + plan.gain_v_per_um * seen
-    at = (seen - plan.table_from) / plan.table_step
+def _looked_up(values, start, step, seen):
+    """Straight between values at even allowances; beyond them that of the nearest."""
+    n = len(values) - 1
+    at = (seen - start) / step
     if at <= 0.0:
-        return plan.table_v[0]
+        return values[0]
     if at >= n:
-        return plan.table_v[n]
+        return values[n]
     i = int(at)
-    return plan.table_v[i] + (at - i) * (plan.table_v[i + 1] - plan.table_v[i])
+    return values[i] + (at - i) * (values[i + 1] - values[i])
+
+
+@compiled
+def _voltage(plan, seen):
+    if len(plan.table_v) == 0:
+        return plan.bias_v + plan.gain_v_per_um * seen
+    return _looked_up(plan.table_v, plan.table_from, plan.table_step, seen)
 
 
 @compiled
@@ -96,12 +102,7 @@ def _slope(plan, seen):
 @compiled
 def _crest(plan, seen):
     """Peak of the ripple over the mean voltage."""
-    n = len(plan.crest_v) - 1
-    if n < 0:
-        return 0.0
-    at = min(max((seen - plan.crest_from) / plan.crest_step, 0.0), float(n))
-    i = min(int(at), n - 1)
-    return plan.crest_v[i] + (at - i) * (plan.crest_v[i + 1] - plan.crest_v[i])
+    return _looked_up(plan.crest_v, plan.crest_from, plan.crest_step, seen) if len(plan.crest_v) > 0 else 0.0
 
 
 @compiled

@@ -36,7 +36,7 @@ from selector.physics.gauging.grinding._part_kernel import (
     Plan,
     grind,
 )
-from selector.physics.gauging.process import Grinding, Noise, Surface
+from selector.physics.gauging.process import Correction, Grinding, Noise, Surface
 from selector.types import Vector
 
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
@@ -56,6 +56,7 @@ class GaugedGrinding:
     thresholds_v: tuple[float, ...] = ()  #: One a stage [V]; empty: those of G eq. 23, which then stand here
     #: Ripple of the smoothed voltage: the relay compares its peaks. None: there is none.
     crest: RippleCrest | None = None
+    correction: Correction | None = None  #: How thresholds follow finished parts that are measured. None: they stay.
 
     def __post_init__(self) -> None:
         if not self.thresholds_v:
@@ -139,35 +140,21 @@ def feeds_s(grinding: Grinding, relay: Relay, ends_um: Sequence[float]) -> float
     return total
 
 
-def steps_in(duration_s: float, step_s: float, surface: Surface, relay: Relay) -> float:
-    """Steps of so long a part, with those that edges of grooves and the relay's noise add."""
-    per_s = 1.0 / step_s
-    if surface.grooves > 0 and surface.groove_depth_um > 0:
-        per_s += 2.0 * surface.grooves * surface.workpiece_rpm / 60.0
-    if relay.noise_v > 0:
-        per_s += 1.0 / relay.noise_hold_s
-    return duration_s * per_s
-
-
 def require_few_steps(of_feeds: float, of_thresholds: float, parts: int) -> None:
     """InputError if one part, or all, takes too many steps.
 
     `of_feeds` are the steps of one part that ends where it is wanted, `of_thresholds` where its thresholds are.
     """
     most = MOST_STEPS_OF_PART
-    if of_feeds > most:
+    if max(of_feeds, of_thresholds) > most:
+        slow = of_feeds > most
         raise InputError(
-            f"{of_feeds:.3g} steps of the calculation for one part",
+            f"{max(of_feeds, of_thresholds):.3g} steps of the calculation for one part",
             expected=f"at most {most:.0e}",
-            where="key grinding.stages",
-            advice="give feeds, allowances, filter, noise and turns the right power of ten",
-        )
-    if of_thresholds > most:
-        raise InputError(
-            f"thresholds that one part reaches after {of_thresholds:.3g} steps of the calculation",
-            expected=f"at most {most:.0e}",
-            where="key thresholds.volts",
-            advice="set them within what is ground, or leave them out: they follow from the sizes wanted",
+            where="key grinding.stages" if slow else "key thresholds.volts",
+            advice="give feeds, allowances, filter, noise and turns the right power of ten"
+            if slow
+            else "set them within what is ground, or leave them out: they follow from the sizes wanted",
         )
     if of_thresholds * parts > MOST_STEPS:
         raise InputError(
@@ -256,7 +243,13 @@ def _tabulated(allowance_um: Vector, values_at: Callable[[Vector], Vector]) -> t
 
 
 def _steps_until(setup: GaugedGrinding, step_s: float, ends_um: list[float]) -> float:
-    return steps_in(feeds_s(setup.grinding, setup.relay, ends_um), step_s, setup.surface, setup.relay)
+    """Steps of a part to these ends, with those that edges of grooves and the relay's noise add."""
+    surface, per_s = setup.surface, 1.0 / step_s
+    if surface.grooves > 0 and surface.groove_depth_um > 0:
+        per_s += 2.0 * surface.grooves * surface.workpiece_rpm / 60.0
+    if setup.relay.noise_v > 0:
+        per_s += 1.0 / setup.relay.noise_hold_s
+    return feeds_s(setup.grinding, setup.relay, ends_um) * per_s
 
 
 def _wanted_um(setup: GaugedGrinding) -> list[float]:
@@ -295,6 +288,7 @@ class FinishedSizes:
     stage_end_s: NDArray[np.float64]  #: (n_parts, n_stages): When each feed ended [s]; 0 where it did not
     tripped: NDArray[np.bool_]  #: (n_parts,): False where a threshold was never reached
     at_once: NDArray[np.bool_]  #: (n_parts,): True where a threshold was already passed when its stage began
+    offset_um: Vector  #: (n_parts,): Size by which thresholds were moved, by what earlier parts were off [µm]
 
     def __post_init__(self) -> None:
         for values in vars(self).values():
@@ -366,10 +360,10 @@ def finished_sizes(
 ) -> FinishedSizes:
     """Grinds `parts` parts one after the other and tells what became of them.
 
-    The wheel is fresh and the probe unworn at the first. A part depends on seed and number alone, so that more parts
-    change none of them, and `part_course` shows the same. The relay compares all the time. Noise and filter
-    go in exact steps, `steps` in T_Φ (None: as many as resolve 1/β, T_Φ, lag and run-out), crossings are located
-    within them. `progress(done, parts)` is called now and then.
+    The wheel is fresh and the probe unworn at the first. A part depends on seed and number alone, and on earlier parts
+    where thresholds follow these, so that more parts change none of them, and `part_course` shows the same. The relay
+    compares all the time. Noise and filter go in exact steps, `steps` in T_Φ (None: as many as resolve 1/β, T_Φ, lag
+    and run-out), crossings are located within them. `progress(done, parts)` is called now and then.
 
     Raises InputError for no parts, or more steps than can be waited for.
     """
@@ -378,15 +372,31 @@ def finished_sizes(
     numbers = np.arange(parts)
     size, duration, state = np.empty(parts), np.empty(parts), np.empty(parts, dtype=np.int64)
     ends = np.zeros((parts, len(plan.feed)))
-    nothing = np.empty((0, COLUMNS))
+    nothing, correction, offset = np.empty((0, COLUMNS)), setup.correction, np.zeros(parts)
     many = int(min(max(_STEPS_OF_CHUNK / steps_per_part(setup, steps), 1.0), _CHUNK))
+    if correction is not None:
+        many = 1
+        measured = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0]).standard_normal(parts)
+        measured *= correction.gauge_sd_um
 
     for first in range(0, parts, many):
         own = slice(first, min(first + many, parts))
-        grind(plan, numbers[own], seeds[own], size[own], duration[own], ends[own], state[own], nothing, 1.0)
+        if correction is not None and first > 0:
+            known = first - 1 - correction.parts_late
+            offset[first] = offset[first - 1]
+            if known >= 0 and state[known] != NEVER:
+                measured[known] += size[known]
+                offset[first] -= correction.share * (measured[known] - setup.wanted_um)
+        now = plan if correction is None else moved(setup, plan, offset[first])
+        grind(now, numbers[own], seeds[own], size[own], duration[own], ends[own], state[own], nothing, 1.0)
         if progress is not None:
             progress(own.stop, parts)
-    return FinishedSizes(size, duration, ends, state != NEVER, state == AT_ONCE)
+    return FinishedSizes(size, duration, ends, state != NEVER, state == AT_ONCE, offset)
+
+
+def moved(setup: GaugedGrinding, plan: Plan, offset_um: float) -> Plan:
+    """The plan with all thresholds moved by a size, on the line of the gauge."""
+    return plan._replace(threshold=plan.threshold + setup.gauge.gain_v_per_um * offset_um)
 
 
 def part_seeds(seed: int, parts: int) -> NDArray[np.uint32]:
@@ -425,6 +435,8 @@ def part_course(setup: GaugedGrinding, part: int = 0, *, seed: int = 0, period_s
     Raises InputError as that does.
     """
     plan = part_plan(setup, part + 1)
+    if setup.correction is not None:
+        plan = moved(setup, plan, finished_sizes(setup, part + 1, seed=seed).offset_um[part])
     number, seeds = np.array([part]), part_seeds(seed, part + 1)[part:]
     size, duration, state = np.empty(1), np.empty(1), np.empty(1, dtype=np.int64)
     ends = np.zeros((1, len(plan.feed)))
