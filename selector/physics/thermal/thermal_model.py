@@ -342,11 +342,12 @@ def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
             advice="check the signs and sizes of the sources, and give every part a way to a fluid",
         )
     names = simulated.with_role("temperature")
-    values = simulated.frame[list(names)]
-    odd = [name for name in names if values[name].max() > _HOT_DEGC or values[name].min() < _COLD_DEGC]
+    values = simulated.frame[list(names)].to_numpy()
+    ends = {name: (low, high) for name, low, high in zip(names, values.min(axis=0), values.max(axis=0), strict=True)}
+    odd = [name for name, (low, high) in ends.items() if high > _HOT_DEGC or low < _COLD_DEGC]
     if not odd:
         return ()
-    low, high = float(values[odd].min().min()), float(values[odd].max().max())
+    low, high = (float(end([ends[name][k] for name in odd])) for k, end in enumerate((min, max)))
     return (
         FINDINGS.finding(
             "unlikely-temperature",
