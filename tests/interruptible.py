@@ -11,9 +11,11 @@ from tests.patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# a shell without job control starts its background jobs deaf to SIGINT, and what they start inherits it
+# a shell without job control starts its background jobs deaf to SIGINT, nohup to SIGHUP; what they start inherits it
 _START = (
-    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from selector.cli import main; main()"
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "hasattr(signal, 'SIGHUP') and signal.signal(signal.SIGHUP, signal.SIG_DFL); "
+    "from selector.cli import main; main()"
 )
 
 INTERRUPTIBLE = (sys.executable, "-c", _START)

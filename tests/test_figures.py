@@ -42,9 +42,9 @@ def named(drawn: go.Figure, name: str) -> list:
     return [trace for trace in drawn.data if trace.name is not None and trace.name.startswith(name)]
 
 
-@pytest.mark.parametrize("selection", [studies.small(), studies.single_run()], ids=["runs", "one run"])
-def test_every_figure_has_a_title_and_units_on_every_axis(selection):
-    for drawn in every_figure(selection):
+@pytest.mark.parametrize("study", [studies.small, studies.single_run], ids=["runs", "one run"])
+def test_every_figure_has_a_title_and_units_on_every_axis(study):
+    for drawn in every_figure(study()):
         assert drawn.layout.title.text
         layout = drawn.to_plotly_json()["layout"]
         titles = [layout[key].get("title", {}).get("text") for key in layout if re.fullmatch(r"[xy]axis\d*", key)]
@@ -202,8 +202,9 @@ def test_a_curve_that_buys_nothing_says_so():
     assert "against" in style.title_text(figures.error_against_sensors(studies.small(), "Z"))
 
 
-@pytest.mark.parametrize("selection", [studies.small(), studies.single_run()], ids=["runs", "one run"])
-def test_residual_is_measured_minus_predicted_and_keeps_its_peak(selection):
+@pytest.mark.parametrize("study", [studies.small, studies.single_run], ids=["runs", "one run"])
+def test_residual_is_measured_minus_predicted_and_keeps_its_peak(study):
+    selection = study()
     drawn = figures.measured_and_predicted(selection, "Z")
     measured, predicted, residual = (named(drawn, name) for name in ("measured", "predicted", "residual"))
     assert len(measured) == len({trace.run for trace in selection.proof.traces})

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from statsmodels.tsa.statespace.structural import UnobservedComponents
 
 from selector.adaptation.drift import Course, Drift, Touches, known_before, tracked
 from selector.adaptation.judged import learnt_drift
@@ -23,6 +22,8 @@ def course(time_s, error_um, modelled_um=None) -> Course:
 
 
 def test_an_offset_is_the_local_level_of_statsmodels():
+    from statsmodels.tsa.statespace.structural import UnobservedComponents
+
     rng = np.random.default_rng(3)
     error = np.cumsum(rng.normal(0.0, 0.5, 40)) + rng.normal(0.0, 0.7, 40)
     one = course(np.arange(40) * 100.0, error)

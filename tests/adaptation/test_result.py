@@ -79,7 +79,7 @@ def test_the_rarest_probing_that_holds_the_limit_is_found():
 
 
 def test_a_limit_that_no_probing_holds_is_told():
-    found = adaptation({"Z": machines(3, 3, noise=9.0)}, within_um=1.0)
+    found = adaptation({"Z": machines(3, 3, noise=9.0, hours=2.0)}, within_um=1.0)
     assert not found.policy.is_reached
     assert found.policy.share_within < 0.95
     assert "within-not-reached" in ids(found)

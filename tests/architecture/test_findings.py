@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -45,11 +44,19 @@ def choices(node: ast.expr) -> set[str] | None:
     return None
 
 
-def calls(name: str) -> Iterator[tuple[Path, ast.Call]]:
-    for path in SOURCES:
-        for node in ast.walk(parsed(path)):
-            if isinstance(node, ast.Call) and ast.unparse(node.func) == name:
-                yield path, node
+def last_name(node: ast.expr) -> str | None:
+    return node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else None
+
+
+@cache
+def all_calls() -> list[tuple[Path, ast.Call]]:
+    return [(path, node) for path in SOURCES for node in ast.walk(parsed(path)) if isinstance(node, ast.Call)]
+
+
+@cache
+def calls(name: str) -> list[tuple[Path, ast.Call]]:
+    last = name.rpartition(".")[2]
+    return [(path, one) for path, one in all_calls() if last_name(one.func) == last and ast.unparse(one.func) == name]
 
 
 def table_used_by(path: Path) -> Kinds:

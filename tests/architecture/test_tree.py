@@ -122,6 +122,7 @@ def test_every_imported_package_is_declared():
     assert not undeclared
 
 
+@cache
 def imported_packages(path: Path) -> set[str]:
     names = set()
     for node in ast.walk(parsed(path)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import runpy
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from selector.cli import exit_status
+from selector.physics.thermal.modes import choice
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "dutycycle"
 CYCLES = FIXTURES / "cycles"
@@ -41,6 +43,22 @@ def steadies_of_the_printed_program():
     second = zero + 10 / (1 - np.exp(-15 / tau))
     third = zero + 10 + 10 / (1 - np.exp(-40 / tau))
     return tau, {1000.0: first, 2000.0: second, 1600.0: third}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def modes_chosen_once():
+    """The modes of tests that several predictions are made from are searched once."""
+    chosen, known = choice.choose_modes, {}
+
+    def shared(tests, responses):
+        asked = pickle.dumps((tests, responses))
+        if asked not in known:
+            known[asked] = chosen(tests, responses)
+        return known[asked]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choice, "choose_modes", shared)
+        yield
 
 
 @pytest.fixture(scope="module")

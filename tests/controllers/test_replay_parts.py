@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -78,11 +79,11 @@ def screw(reference="absolute"):
     )
 
 
-def replayed_parts(target, model, rows, change=lambda files: files):
+def replayed_parts(target, model, rows, change=lambda files: files, whole=None):
     model = with_decided_limits(model)
     files = change(dict(TARGETS[target].write(model).files))
     parts = [part for part in TARGETS[target].parts if part.file in files]
-    return executed(model, files, parts, rows, reference_answers(model, rows)), model
+    return executed(model, files, parts, rows, whole or reference_answers(model, rows)), model
 
 
 def differences(found, model):
@@ -106,13 +107,20 @@ TAKEN = [
 ]
 
 
+@cache
+def called(which, rhythm):
+    """Calls of a model, and what the guard answers to them, whatever the control."""
+    rows = calls(MODELS[which], 500, 5, rhythm)
+    return rows, reference_answers(with_decided_limits(MODELS[which]), rows)
+
+
 @pytest.mark.parametrize("rhythm", CALLS)
 @pytest.mark.parametrize(("target", "which"), TAKEN)
 def test_every_file_gives_what_it_has_to_give(target, which, rhythm):
     if target == "linuxcnc" and rhythm != "any":
         pytest.skip("one session of LinuxCNC is enough: its program is that of C")
-    model = MODELS[which]
-    found, model = replayed_parts(target, model, calls(model, 500, 5, rhythm))
+    rows, whole = called(which, rhythm)
+    found, model = replayed_parts(target, MODELS[which], rows, whole=whole)
     assert [part.part.file for part in found] == [part.file for part in TARGETS[target].parts]
     for one in differences(found, model):
         assert one.is_explained, one

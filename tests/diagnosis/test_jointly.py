@@ -1,7 +1,10 @@
 """Responses that show one shape of an effect together, and shapes that are not equally likely."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
 from selector.diagnosis.effects.effect import Quantity, Variant, equally_likely
 from selector.diagnosis.evidence import testing
@@ -44,3 +47,12 @@ def test_kinds_share_what_is_likely_however_many_shapes_they_have() -> None:
     few, many = [shape(1.0)], [shape(10.0 + k) for k in range(9)]
     weights = [variant.weight for variant in equally_likely(few, many)]
     assert weights[0] == pytest.approx(sum(weights[1:]))
+
+
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_sums_of_exponentials_are_those_of_scipy_to_the_last_bit(order: Literal["C", "F"]) -> None:
+    draws = np.random.default_rng(1).gumbel(2.0, 2.0, (400, 60))
+    for evidence in (draws, 300.0 * draws, np.maximum(draws, 2.0), draws[:, :1], np.where(draws < 0.0, -np.inf, draws)):
+        ordered = np.array(evidence, order=order)
+        np.testing.assert_array_equal(testing._log_sum(ordered), logsumexp(ordered, axis=-1))
+    assert testing._log_sum(draws[0]) == logsumexp(draws[0])

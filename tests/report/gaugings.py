@@ -5,7 +5,10 @@ from __future__ import annotations
 import functools
 from pathlib import Path
 
+import pytest
+
 from selector.findings import Finding
+from selector.physics.gauging import gauging_advice, gauging_summary
 from selector.telling.simulated.result import SimulationResult
 from tests.report.simulated import result
 
@@ -60,4 +63,9 @@ def text_of(kind: str) -> str:
 def page(kind: str) -> SimulationResult:
     """A model of `text_of`, or a "driven" line that follows a recording of itself."""
     said = Finding("from-<b>afar</b>", "warning", "said before </script>")
-    return result("gauging", text_of("line" if kind == "driven" else kind), said, driven=kind == "driven")
+    with pytest.MonkeyPatch.context() as patch:
+        # few parts and filters, but for sizes that are off: what is told of them has more digits
+        if kind != "off":
+            patch.setattr(gauging_summary, "FEWEST_SIZES", 200)
+            patch.setattr(gauging_advice, "_FILTERS", 4)
+        return result("gauging", text_of("line" if kind == "driven" else kind), said, driven=kind == "driven")

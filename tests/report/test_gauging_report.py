@@ -68,7 +68,7 @@ def test_a_threshold_that_is_off_is_told_with_the_one_that_centres():
 def test_a_process_that_is_as_good_as_it_can_be_is_left_alone():
     text = text_of(Page(html(gaugings.page("chain"))))
     assert "neither another filter nor another last threshold would make them much better" in text
-    assert "none of 2000 is out of tolerance" in text
+    assert "none of 200 is out of tolerance" in text
 
 
 def test_what_was_recorded_is_told_first(page, kind):

@@ -170,14 +170,6 @@ def test_out_that_is_a_file_is_refused_before_the_work(runs, tmp_path, capsys):
     assert "a file of this name exists" in capsys.readouterr().err
 
 
-def test_demo_ends_with_the_path_of_a_report(tmp_path, capsys):
-    assert exit_status(["demo", "--out", str(tmp_path / "demo")]) == 0
-    last = capsys.readouterr().out.strip().splitlines()[-1]
-    assert Path(last) == tmp_path / "demo" / "report.html"
-    assert Path(last).stat().st_size > 1_000_000
-    assert (tmp_path / "demo" / "spindle46" / "model.json").exists()
-
-
 def test_a_stream_gives_the_same_sensors(runs, tmp_path, capsys, monkeypatch):
     folder = tmp_path / "parquet"
     assert exit_status(["convert", str(runs), "--out", str(folder), "--format", "parquet"]) == 0

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, stats
-from scipy.special import logsumexp
 
 from selector.diagnosis.effects.effect import Variant
 from selector.diagnosis.evidence.moments import Moments, Solved, inverse_of, scores_of_noise, solved
@@ -138,7 +137,17 @@ def _free_coefficients(variant: Variant) -> int:
 
 def evidence_of(gains: Matrix | Vector, prices: Vector) -> Vector:
     """Twice the logarithm of exp((gain − price)/2), averaged over the shapes along the last axis."""
-    return np.asarray(2.0 * (logsumexp(0.5 * (gains - prices), axis=-1) - np.log(len(prices))))
+    return np.asarray(2.0 * (_log_sum(0.5 * (gains - prices)) - np.log(len(prices))))
+
+
+def _log_sum(of: Matrix | Vector) -> Vector:
+    """Log Σ exp over the last axis; of finite numbers `scipy.special.logsumexp` bit for bit, twice as fast."""
+    top = of.max(axis=-1, keepdims=True)
+    rest = of - top
+    at_top = rest == 0.0
+    rest[at_top] = -np.inf
+    count = at_top.sum(axis=-1)
+    return np.asarray(np.log1p(np.exp(rest).sum(axis=-1) / count) + np.log(count) + top[..., 0])
 
 
 def _largest(bench: Bench, fit: Solved, sums: Moments, v: int) -> float:
@@ -219,7 +228,7 @@ def _either(apart: Vector, same: Vector) -> Vector:
 def _of_one_shape(evidence: Sequence[Matrix | Vector]) -> Vector:
     """The same averaged over shapes, which are in one order in all responses, along the last axis."""
     total = np.sum([_shown_or_not(0.5 * of) for of in evidence], axis=0)
-    return np.asarray(2.0 * (logsumexp(total, axis=-1) - np.log(total.shape[-1])))
+    return np.asarray(2.0 * (_log_sum(total) - np.log(total.shape[-1])))
 
 
 def _shown_or_not(half: Vector) -> Vector:

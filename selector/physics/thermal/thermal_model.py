@@ -230,11 +230,19 @@ class FileModel:
         if time_s is None:
             last = conditions.time_s[-1] * (1.0 + 1e-12)  # a step that ends there up to rounding is the last one
             time_s = np.minimum(np.arange(0.0, last, settings.period_s), conditions.time_s[-1])
-        seed = settings.seed if seed is None else seed
-        degc, um, balance = self._courses(conditions, time_s)
+        read, provenance = self.readings(conditions, time_s, run=run, seed=seed, instruments=instruments)
         acting = {name: held_at(conditions, name, time_s) for name in self.inputs}
         # a coolant that is never switched on, or a machine that is never switched off, needs no channel
         said = {n: course for n, course in acting.items() if n in ALWAYS_RECORDED or np.ptp(course) > 0}
+        table = pd.DataFrame(said | read, index=pd.Index(time_s, name="time_s"))
+        return Recording.from_runs({run: table}, (*map(input_channel, said), *self.outputs), provenance)
+
+    def readings(
+        self, conditions: Conditions, time_s: Vector, *, run: str, seed: int | None, instruments: bool
+    ) -> tuple[dict[str, Vector], dict[str, Any]]:
+        """Outputs by name, each (n_times,), and their provenance; arguments as in `simulate`."""
+        seed = self.file.run.seed if seed is None else seed
+        degc, um, balance = self._courses(conditions, time_s)
         read: list[tuple[str, Vector, float, float]] = []
         for sensor in self._sensors:
             true = lagged(time_s, degc[sensor.at or sensor.name], sensor.lag_s)
@@ -243,17 +251,13 @@ class FileModel:
             true = um[gauge.of or gauge.name]
             zero = true[0] if gauge.zeroed else 0.0
             read.append((gauge.name, true - zero, gauge.noise_um, gauge.resolution_um))
-        columns: dict[str, Vector] = dict(said)
+        columns: dict[str, Vector] = {}
         for name, true, noise, resolution in read:
             if instruments:
                 true = read_out(true, noise=noise, resolution=resolution, seed=seed, channel=name)
             columns[name] = true
-        table = pd.DataFrame(columns, index=pd.Index(time_s, name="time_s"))
-        provenance = {
-            "simulated": {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": instruments},
-            "runs": {run: balance},
-        }
-        return Recording.from_runs({run: table}, (*map(input_channel, said), *self.outputs), provenance)
+        about = {"model": self.name, "kind": self.file.model.kind, "seed": seed, "instruments": instruments}
+        return columns, {"simulated": about, "runs": {run: balance}}
 
     def _courses(
         self, conditions: Conditions, time_s: Vector
@@ -338,11 +342,12 @@ def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:
             advice="check the signs and sizes of the sources, and give every part a way to a fluid",
         )
     names = simulated.with_role("temperature")
-    values = simulated.frame[list(names)]
-    odd = [name for name in names if values[name].max() > _HOT_DEGC or values[name].min() < _COLD_DEGC]
+    values = simulated.frame[list(names)].to_numpy()
+    ends = {name: (low, high) for name, low, high in zip(names, values.min(axis=0), values.max(axis=0), strict=True)}
+    odd = [name for name, (low, high) in ends.items() if high > _HOT_DEGC or low < _COLD_DEGC]
     if not odd:
         return ()
-    low, high = float(values[odd].min().min()), float(values[odd].max().max())
+    low, high = (float(end([ends[name][k] for name in odd])) for k, end in enumerate((min, max)))
     return (
         FINDINGS.finding(
             "unlikely-temperature",
@@ -404,20 +409,15 @@ def driven_runs(
             if name in model.inputs:
                 missing.setdefault(name, []).append(run)
         time_s = recording.time_s(run)
-        simulated = model.simulate(
-            drive.conditions,
-            time_s=time_s,
-            run=run,
-            seed=None if seed is None else seed_of_run(seed, run),
-            instruments=seed is not None,
-        )
+        of_run = None if seed is None else seed_of_run(seed, run)
+        read, about = model.readings(drive.conditions, time_s, run=run, seed=of_run, instruments=seed is not None)
         index, columns = pd.Index(time_s, name="time_s"), [matched[name].name for name in outputs]
-        table = pd.DataFrame(simulated.values(run, outputs), index, columns=columns)
+        table = pd.DataFrame(np.column_stack([read[name] for name in outputs]), index, columns=columns)
         for channel, name in names.items():
             table[channel] = held_at(drive.conditions, name, time_s)
         runs[run] = table
-        told[run] = simulated.provenance.get("runs", {}).get(run, {})
-        provenance = {**simulated.provenance, "runs": told}
+        told[run] = about["runs"][run]
+        provenance = {**about, "runs": told}
     acting = ((recording.channel(channel), name) for channel, name in used.items())
     # where a recorded channel has no place, that of the condition
     acted = [replace(channel, place=channel.place or input_channel(name).place) for channel, name in acting]

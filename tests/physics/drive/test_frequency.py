@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import control
 import numpy as np
 import pytest
 
@@ -42,6 +41,8 @@ def test_resonance_of_a_loop_of_second_order():
 
 @pytest.mark.parametrize("sample_s", [0.0, 5e-4])
 def test_gain_margin_is_the_factor_that_makes_it_unstable(sample_s):
+    import control  # with all of matplotlib
+
     axis = replace(AXIS, servo=replace(thc6350_servo(), sample_s=sample_s, delay_s=sample_s))
     figures, limits = loop_figures(axis), stability(axis).gain_limits
     assert figures.gain_margin_db == pytest.approx(20 * math.log10(limits["position_gain_per_s"]), rel=1e-12)

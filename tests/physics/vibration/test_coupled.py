@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import math
 
-import control
 import numpy as np
 import pytest
 from hypothesis import given
@@ -88,6 +87,8 @@ def test_two_members_have_the_closed_form():
 
 @pytest.mark.parametrize("at_hz", [20.0, 111.0, 300.0, 900.0])
 def test_at_one_frequency_it_is_a_viscous_system_of_python_control(at_hz):
+    import control  # with all of matplotlib
+
     states = state_space(RING, at_hz)
     system = control.ss(states.A, states.B, states.C, states.D)
     expected = system(2j * math.pi * at_hz)

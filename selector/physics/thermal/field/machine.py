@@ -100,6 +100,8 @@ def field_machine(
         )
     geometry = MachineGeometry() if geometry is None else geometry
     body = block_mesh(machine_blocks(geometry), CELL_M / refinement)
+    # a place that is none is told before what takes seconds
+    readings = {name: probe_row(body, place, name) for name, place in (probes or {}).items()}
     elastic = elasticity(body, materials, foot_springs(body, geometry, foot_n_per_m))
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
     rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
@@ -113,7 +115,7 @@ def field_machine(
         films={name: matrix for name, (matrix, _) in films.items()},
         film_loads={name: load for name, (_, load) in films.items()},
         sources=sources,
-        probes={name: probe_row(body, place, name) for name, place in (probes or {}).items()},
+        probes=readings,
         displacements=rows,
         uniform=np.ones(len(body.nodes_m)),
     )

@@ -12,6 +12,7 @@ maximise the sum over the responses.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,11 +174,12 @@ def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
     likelihood decides, less `COST` for every parameter that is searched.
     """
     laws = LAWS if len(data.levels_rpm) > 2 else LAWS[:1]
-    plain, *other = sorted((_of_size(ModeSpec(3, law, with_hall=with_hall), data) for law in laws), key=worth)
-    plain = _climbed(plain, lambda size: _of_size(replace(plain.spec, n_modes=size), data), MOST_MODES)
+    of_spec = cache(partial(_of_size, data=data))
+    plain, *other = sorted((of_spec(ModeSpec(3, law, with_hall=with_hall)) for law in laws), key=worth)
+    plain = _climbed(plain, lambda size: of_spec(replace(plain.spec, n_modes=size)), MOST_MODES)
 
     def with_film(size: int) -> DrivenFit:
-        return _with_film(_of_size(replace(plain.spec, n_modes=size), data), data)
+        return _with_film(of_spec(replace(plain.spec, n_modes=size)), data)
 
     film = _climbed(with_film(min(plain.spec.n_modes, MOST_WITH_FILM)), with_film, MOST_WITH_FILM)
     return tuple(sorted((plain, film, *other), key=worth))
