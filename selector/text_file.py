@@ -12,10 +12,7 @@ from selector.errors import InputError
 def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> str:
     """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF; `refused` makes the error.
 
-    Raises
-    ------
-    InputError
-        There is no such file, it cannot be opened, is none (a folder, a pipe), is too long, or no UTF-8.
+    Raises InputError: there is no such file, it cannot be opened, is none (a folder, a pipe), is too long, or no UTF-8.
     """
     if path.exists() and not path.is_file():
         # opening a pipe would wait for ever

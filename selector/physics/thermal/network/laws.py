@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
+from selector.physics.checks import keep_arrays
 from selector.types import Array, Matrix, Vector
 
 
@@ -25,10 +26,7 @@ class Conditions:
     machine_on: Vector
 
     def __post_init__(self) -> None:
-        for name, given in vars(self).items():
-            values = np.array(given, dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, *vars(self))
 
     @classmethod
     def held(

@@ -150,10 +150,7 @@ FAR_BEYOND = 4.0  #: A run whose residual is this many times the median of the o
 def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Iterator[Finding]:
     """A warning for every response in which slow movement cannot be told from the noise.
 
-    Raises
-    ------
-    InputError
-        If a response does not move at all in any of the tests.
+    Raises InputError if a response does not move at all in any of the tests.
     """
     for r, name in enumerate(responses):
         courses = [_read(test, r)[1] for test in tests]
@@ -206,10 +203,7 @@ def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) 
 def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
     """What the tested speeds do not say about those of the duty cycle.
 
-    Raises
-    ------
-    InputError
-        If the tests cannot be used.
+    Raises InputError if the tests cannot be used.
     """
     levels = np.array(mode_data(tests).levels_rpm)
     speeds = np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0])
