@@ -98,9 +98,9 @@ def course_um(machine: VirtualMachine, cycle: Cyclogram, time_s: Vector) -> Vect
     The machine stands switched on until nothing changes any more, so that what follows is the spindle's alone.
     """
     day = 86_400.0
-    rest = Conditions.held([0.0, 40 * day], spindle_speed=[0.0, 0.0], ambient_degc=[HALL_DEGC] * 2)
+    rest = Conditions([0.0, 40 * day], spindle_speed=[0.0, 0.0], ambient_degc=[HALL_DEGC] * 2)
     settled = simulate_heat(machine.system, machine.laws, rest, time_s=[40 * day], step_s=3600.0, start_degc=HALL_DEGC)
-    conditions = Conditions.held(
+    conditions = Conditions(
         np.append(cycle.start_s, cycle.end_s),
         spindle_speed=np.append(cycle.speed_rpm, 0.0),
         ambient_degc=np.full(len(cycle.start_s) + 1, HALL_DEGC),

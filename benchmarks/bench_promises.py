@@ -70,7 +70,7 @@ def lathe() -> Callable[[], object]:
 def shift_of_the_machine() -> Callable[[], object]:
     machine = virtual_machining_centre(refinement=0.5)
     time_s = np.arange(0.0, 8 * 3600 + 1, 60.0)
-    conditions = Conditions.held(time_s, spindle_speed=np.where(time_s < 14_400, 3000.0, 500.0))
+    conditions = Conditions(time_s, spindle_speed=np.where(time_s < 14_400, 3000.0, 500.0))
     return lambda: simulate_heat(machine.system, machine.laws, conditions, time_s=time_s, step_s=20.0, start_degc=20.0)
 
 

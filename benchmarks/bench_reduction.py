@@ -29,9 +29,7 @@ def shift(seed: int) -> Conditions:
     speed = draw.choice([0.0, 500.0, 1000.0, 1500.0, 2000.0, 2500.0, 3000.0], 25)[(TIME_S // held_s).astype(int)]
     wet = (draw.rand(7) < 0.4)[(TIME_S // 4800).astype(int)]
     hall = 20.0 + 1.5 * np.sin(TIME_S / 6000.0 + seed) + 0.2 * np.sin(TIME_S / 400.0)
-    return Conditions.held(
-        TIME_S, spindle_speed=speed, ambient_degc=hall, coolant_on=wet.astype(float), coolant_degc=19.0
-    )
+    return Conditions(TIME_S, spindle_speed=speed, ambient_degc=hall, coolant_on=wet.astype(float), coolant_degc=19.0)
 
 
 def share_of_peak(near: HeatHistory, true: HeatHistory) -> tuple[np.ndarray, np.ndarray]:

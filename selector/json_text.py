@@ -12,6 +12,11 @@ def json_text(value: Any) -> str:
     return json.dumps(_plain(value), ensure_ascii=False, allow_nan=False, indent=1)
 
 
+def fields_of(one: Any, *names: str) -> dict[str, Any]:
+    """What JSON says of something under the names that it has there."""
+    return {name: getattr(one, name) for name in names}
+
+
 def _plain(value: Any) -> Any:
     if value is None or isinstance(value, bool | int | str):
         return value

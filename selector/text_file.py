@@ -1,7 +1,10 @@
-"""A text file that somebody names: opened only if it is one, and read only as far as it may be long."""
+"""A text file that somebody names: opened only if it is one, read only as far as it may be long; TOML to write."""
 
-from collections.abc import Callable
+import json
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from selector.errors import InputError
 
@@ -9,10 +12,7 @@ from selector.errors import InputError
 def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> str:
     """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF; `refused` makes the error.
 
-    Raises
-    ------
-    InputError
-        There is no such file, it cannot be opened, is none (a folder, a pipe), is too long, or no UTF-8.
+    Raises InputError: there is no such file, it cannot be opened, is none (a folder, a pipe), is too long, or no UTF-8.
     """
     if path.exists() and not path.is_file():
         # opening a pipe would wait for ever
@@ -29,3 +29,24 @@ def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise refused(f"text that is not UTF-8 at byte {error.start} ({content[error.start]:#04x})") from None
+
+
+def toml_key(name: str) -> str:
+    """A key as TOML has it, quoted where it has to be."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
+
+
+def toml_value(value: Any) -> str:
+    """A text, a number, a truth value, an array or a table of them as TOML has it; a table without its None."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return repr(float(value)) if isinstance(value, float) else str(value)
+    if isinstance(value, Mapping):
+        parts = ", ".join(f"{toml_key(key)} = {toml_value(one)}" for key, one in value.items() if one is not None)
+        return "{ " + parts + " }" if parts else "{}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_value(one) for one in value) + "]"
+    # JSON's escapes are TOML's, but for the control characters that JSON lets through
+    text = json.dumps(str(value), ensure_ascii=False)
+    return "".join(c if c.isprintable() or ord(c) > 0x9F else f"\\u{ord(c):04x}" for c in text)

@@ -45,7 +45,7 @@ def displacement_loops(
     drawn = style.figure(_title(response, shown, widest, runs), 60 + _PANEL_PX * -(-len(shown) // _COLUMNS))
     drawn.update_layout(margin={"b": 10})
     wide, rows = min(_COLUMNS, len(shown)), -(-len(shown) // _COLUMNS)
-    for j, name in enumerate(shown):
+    for j, sensor in enumerate(shown):
         row, column = divmod(j, _COLUMNS)
         number = str(j + 1) if j else ""
         # the widest is drawn last, on top of the others
@@ -53,23 +53,17 @@ def displacement_loops(
         for place, k in enumerate(order):
             one, stands_out = runs[k], k == widest[j][0] or len(runs) == 1
             colour, width = (style.MEASURED, 1.6) if stands_out else (style.BEFORE, 1.0)
-            drawn.add_scatter(
-                x=one.readings[:, j].astype(np.float32),
-                y=one.displacement_um.astype(np.float32),
-                xaxis=f"x{number}",
-                yaxis=f"y{number}",
-                mode="lines",
-                name="run with the widest loop" if stands_out else "other runs",
-                legendgroup=str(stands_out),
-                line={"color": colour, "width": width},
-                hovertemplate=f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm<extra></extra>",
-                showlegend=len(runs) > 1 and j == 0 and (stands_out or place == 0),
-            )
+            name = "run with the widest loop" if stands_out else "other runs"
+            hover = f"{style.label(one.run)}: %{{x:.3g}}, %{{y:.4g}} µm"
+            axes = {"xaxis": f"x{number}", "yaxis": f"y{number}", "legendgroup": str(stands_out), "dash": None}
+            is_named = len(runs) > 1 and j == 0 and (stands_out or place == 0)
+            x, y = one.readings[:, j], one.displacement_um
+            style.curve(drawn, x, y, colour, name, hover, width=width, showlegend=is_named, **axes)
         low, high = 1 - (row + 1) / rows, 1 - row / rows
         drawn.layout[f"xaxis{number}"] = {
             "domain": [column / wide + (0.045 if column else 0), (column + 1) / wide - (0.01 if wide > 1 else 0)],
             "anchor": f"y{number}",
-            "title": {"text": f"{name} [{'K' if rise else '°C'}]", "standoff": 4},
+            "title": {"text": f"{sensor} [{'K' if rise else '°C'}]", "standoff": 4},
         }
         drawn.layout[f"yaxis{number}"] = {
             "domain": [low + 0.20 / rows, high - _HEAD / rows],

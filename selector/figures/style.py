@@ -111,7 +111,7 @@ def curve(
 ) -> None:  # fmt: skip
     """Adds a line, arrays in single precision; without a text for hovering it is not hovered over."""
     line = {"color": colour, "width": width, "dash": dash, **more.pop("line", {})}
-    drawn.add_scatter(x=_single(x), y=_single(y), mode="lines", name=name, line=line, **_hovered(hover), **more)
+    drawn.add_scatter(x=_single(x), y=_single(y), mode="lines", name=name, line=line, **hovered(hover), **more)
 
 
 def _single(values: Any) -> Any:
@@ -124,18 +124,19 @@ def points(
 ) -> None:  # fmt: skip
     """Adds marks; without a text for hovering they are not hovered over."""
     marker = {"color": colour, "size": size, **more.pop("marker", {})}
-    drawn.add_scatter(x=x, y=y, **{"mode": "markers", **more}, name=name, marker=marker, **_hovered(hover))
+    drawn.add_scatter(x=x, y=y, **{"mode": "markers", **more}, name=name, marker=marker, **hovered(hover))
 
 
 def bars(drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover: Any = None, **more: Any) -> None:
     """Adds bars that lie."""
-    drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **_hovered(hover), **more)
+    drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **hovered(hover), **more)
 
 
 TOLD_BARS: Mapping[str, Any] = {"textposition": "outside", "cliponaxis": False}  #: Bars with a text at their ends.
 
 
-def _hovered(hover: str | None) -> dict[str, str]:
+def hovered(hover: str | None) -> dict[str, str]:
+    """What hovering over a trace shows: this text alone, or nothing."""
     if hover is None:
         return {"hoverinfo": "skip"}
     return {"hovertemplate": hover if "<extra>" in hover else f"{hover}<extra></extra>"}

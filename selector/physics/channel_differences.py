@@ -84,14 +84,12 @@ def channel_differences(
             if name in inputs or name not in recorded.names or recorded.channel(name).unit != channel.unit:
                 continue
             courses = recorded.values(run, [name])[:, 0], simulated.values(run, [name])[:, 0]
-            model = courses[1] if np.array_equal(time_s, there_s) else _between(time_s, there_s, courses[1])
+            model = courses[1]
+            if not np.array_equal(time_s, there_s):
+                model = np.interp(time_s, there_s, model, left=np.nan, right=np.nan)
             seen = np.isfinite(courses[0]) & np.isfinite(model)
             if seen.any():
                 found.append(
                     ChannelDifference(run, name, channel.unit, time_s[seen] - time_s[0], courses[0][seen], model[seen])
                 )
     return tuple(found)
-
-
-def _between(time_s: Vector, there_s: Vector, values: Vector) -> Vector:
-    return np.interp(time_s, there_s, values, left=np.nan, right=np.nan)

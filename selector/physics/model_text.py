@@ -5,7 +5,7 @@ import json
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Generic, TypeVar, get_args, get_origin
 
@@ -136,6 +136,9 @@ class ModelFamily(Generic[File]):
     #: page and examples: Page that explains every key; folder with examples
     page: str
     examples: str
+    #: columns_needed and column_roles: File → key → column of a recording beside it that it refers to; key → role
+    columns_needed: Callable[[File], Mapping[str, Any]] = lambda file: {}
+    column_roles: Mapping[str, str] = field(default_factory=dict)
 
     def read(self, path: str | Path) -> File:
         """The model file at `path`.

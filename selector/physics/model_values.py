@@ -1,10 +1,8 @@
 """Which section of a model file describes a value, which value does a section describe, and how is one written."""
 
 import dataclasses
-import json
-import re
 import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -13,6 +11,7 @@ from pydantic import AfterValidator, Field, StrictBool, create_model
 from selector.errors import InputError
 from selector.physics.model_fields import Limits
 from selector.physics.model_text import Contradiction, Entry, Key, limited
+from selector.text_file import toml_key, toml_value
 
 LARGEST = 1e15  #: Beyond it no number of a machine lies, in whatever unit.
 _MOST_VALUES = 10_000
@@ -157,10 +156,10 @@ def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     inside = {key: value for key, value in values.items() if _has_sections(value, len(path))}
     for key, value in values.items():
         if value is not None and key not in inside:
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{toml_key(key)} = {toml_value(value)}"
     for key, value in inside.items():
         several = not isinstance(value, Mapping)
-        name = ".".join(_key(part) for part in (*path, key))
+        name = ".".join(toml_key(part) for part in (*path, key))
         for table in value if several else [value]:
             if several or not table or any(not _has_sections(one, len(path) + 1) for one in table.values()):
                 yield from ("", f"[[{name}]]" if several else f"[{name}]")
@@ -174,25 +173,3 @@ def _has_sections(value: Any, depth: int) -> bool:
 
 def _is_array_of_tables(value: Any) -> bool:
     return isinstance(value, list | tuple) and bool(value) and all(isinstance(one, Mapping) for one in value)
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int | float):
-        return repr(float(value)) if isinstance(value, float) else str(value)
-    if isinstance(value, Mapping):
-        parts = ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items() if one is not None)
-        return "{ " + parts + " }" if parts else "{}"
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return "[" + ", ".join(_value(one) for one in value) + "]"
-    return _text(str(value))
-
-
-def _text(text: str) -> str:
-    # JSON's escapes are TOML's, but for the control character that JSON lets through
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -136,11 +136,11 @@ class SimulationKind(ABC):
 
     def columns_needed(self, file: Any) -> Mapping[str, Any]:
         """Key → column of a recording beside the file that it refers to."""
-        return {}
+        return self.family().columns_needed(file)
 
     def column_roles(self) -> Mapping[str, str]:
         """Key of such a column → the role of its values."""
-        return {}
+        return self.family().column_roles
 
     def sections(self, file: Any) -> Sequence[str]:
         """Sections that errors may be about without saying that they are of the file."""

@@ -11,15 +11,7 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.quality.broken_sensors import agreed, broken_sensors, frozen, out_of_range
-from selector.quality.completeness import (
-    clock_jumps,
-    empty_channels,
-    few_values,
-    file_copies,
-    gaps,
-    short_runs,
-    starts,
-)
+from selector.quality.completeness import clock_jumps, empty_channels, few_values, file_copies, gaps, short_runs, starts
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults

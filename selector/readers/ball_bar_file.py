@@ -9,7 +9,6 @@ from typing import Literal
 
 import numpy as np
 
-from selector.errors import ReadError
 from selector.findings import Finding, Where
 from selector.physics.checks import told_of
 from selector.physics.drive.ball_bar.circle import BallBarTrace, middle_turn, positions_trace
@@ -18,6 +17,7 @@ from selector.readers.clock.stamps import time_unit
 from selector.readers.files import recording_files, tables_of
 from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import folded_name, name_and_unit, printable_name
+from selector.readers.strict_text import refused
 from selector.readers.tables import Column, Overrides, Table
 from selector.readers.text.encodings import decoded
 from selector.types import Indices, Vector
@@ -148,7 +148,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
     times = [by_header[header] for header, name in columns.items() if is_time_name(name)]
     radius_m = asked.radius_m or said.radius_m
     if radius_m is None:
-        raise _error(
+        raise refused(
             "no radius", "the nominal length of the bar", where,
             "give --radius in mm, or write a line such as 'Radius: 100 mm' above the table",
         )  # fmt: skip
@@ -163,7 +163,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
     plain = ([one for one in free if pattern.search(columns[one.header])] for pattern in _VALUES)
     values = [pair for pair in of_ways if pair[1]] or [(one, None) for one in next(filter(None, plain), [])]
     if len(angles) != 1 or not values or len({way for _, way in values}) != len(values):
-        raise _error(
+        raise refused(
             f"the columns {', '.join(columns)[:200]}",
             "one with the angle of the bar and one with its deviation or length, or one of each direction (ccw, cw)",
             where, "name them e.g. angle_deg and deviation_um, or angle_deg, ccw_um and cw_um",
@@ -178,7 +178,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             pieces = [part for rows in pieces for part in _there_and_back(rows, angle)]
         for kept in pieces:
             if len(kept) < 2:
-                raise _error(
+                raise refused(
                     f"{len(kept)} samples with one direction and one feed", "a full circle, 100 samples or more",
                     f"{where}, {value.header}", "correct these rows, or leave them out",
                 )  # fmt: skip
@@ -189,7 +189,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             kept, turned = kept[:: way * rising], turned[:: way * rising]
             back = float(np.max(np.maximum.accumulate(way * turned) - way * turned))
             if back > _BACK_RAD:
-                raise _error(
+                raise refused(
                     f"an angle that runs back by {np.degrees(back):.0f}°", "one circle in one direction", place,
                     "say each circle's direction and feed in columns of their own",
                 )  # fmt: skip
@@ -199,7 +199,7 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             if feed is None and times and way == rising:
                 feed = float(np.ptp(turned) / np.ptp(_seconds(times[0], where)[kept]) * radius_m * 60e3)
             if feed is None:
-                raise _error(
+                raise refused(
                     "no feed", "the feed at which the circle was run", place,
                     "give --feed in mm/min, a column feed_mm_per_min, or a line 'Feed: 1000 mm/min' above the table",
                 )  # fmt: skip
@@ -248,7 +248,7 @@ def _direction(column: Column, row: int, where: str) -> Way:
     text = f"{cell:g}" if column.kind == "number" else str(cell)
     way = _WAYS.get(folded_name(text))
     if way is None:
-        raise _error(
+        raise refused(
             f"direction {text[:40]!r}", "ccw or cw, or 1 or −1", f"{where}, {column.header}", "correct the cell"
         )
     return way
@@ -257,7 +257,7 @@ def _direction(column: Column, row: int, where: str) -> Way:
 def _numbers(column: Column, units: tuple[str, str], said: _Said, where: str) -> Vector:
     """A column in the first of two units; without one it is in the second, which is told."""
     if column.kind != "number":
-        raise _error(f"no numbers in {column.header!r}", "numbers", where, "correct the column")
+        raise refused(f"no numbers in {column.header!r}", "numbers", where, "correct the column")
     unit = column.unit or name_and_unit(column.header, time=True)[1]
     known = parse_unit(unit) if unit else None
     if known is not None and same_dimension(known, units[0]):
@@ -279,16 +279,12 @@ def _deviation(column: Column, radius_m: float, said: _Said, where: str) -> Vect
 def _angles(column: Column, where: str) -> Vector:
     """Angles [rad]: a full circle is 6.28 or 360."""
     if column.kind != "number" or not np.isfinite(column.values).any():
-        raise _error(f"no numbers in {column.header!r}", "angles in ° or rad", where, "correct the column")
+        raise refused(f"no numbers in {column.header!r}", "angles in ° or rad", where, "correct the column")
     return column.values if np.ptp(column.values[np.isfinite(column.values)]) < 20.0 else np.radians(column.values)
 
 
 def _seconds(column: Column, where: str) -> Vector:
     if column.kind != "number":
-        raise _error(f"times that are no numbers in {column.header!r}", "seconds", where, "write the time in s")
+        raise refused(f"times that are no numbers in {column.header!r}", "seconds", where, "write the time in s")
     unit = time_unit(column.unit or name_and_unit(column.header, time=True)[1])
     return convert(column.values, unit or "s", "s")
-
-
-def _error(found: str, expected: str, where: str, advice: str) -> ReadError:
-    return ReadError(found, expected=expected, where=where, advice=advice)

@@ -66,11 +66,8 @@ def read_cycle(path: Path) -> CycleFile:
     The unit of the time stands in its heading (``time_s``, ``t_min``, ``time [h]``). Without one, a speed is in r/min.
     Other columns are refused only if it is not clear which one is the speed.
 
-    Raises
-    ------
-    ReadError
-        The file cannot be read, a unit is missing or unknown, a cell holds no number, times do not start at 0 or do not
-        increase, or a speed is negative.
+    Raises ReadError: the file cannot be read, a unit is missing or unknown, a cell holds no number, times do not start
+    at 0 or do not increase, or a speed is negative.
     """
     name = printable_name(path.name)
     rows, mark = strict_rows(path, name, "duty cycle", _EXAMPLE)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 from selector.errors import ReadError, RecordingError, UnitError
 from selector.readers.clock.stamps import time_unit
 from selector.readers.roles.names import closest
-from selector.text_file import text_of
+from selector.text_file import text_of, toml_key, toml_value
 from selector.units import ROLES, unit_for_role
 
 _MAX_BYTES = 10_000_000
@@ -231,24 +231,6 @@ def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, g
         shown = " ".join(reason.split())
         lines += [f"# not a channel: {shown}", f"# [channels.{toml_key(name)}]", "# role = ", "# unit = ", ""]
     return "\n".join(lines)
-
-
-def toml_key(name: str) -> str:
-    """A key as TOML has it, quoted where it has to be."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
-
-
-def toml_value(value: Any) -> str:
-    """A text, a number, a truth value or an array of them as TOML has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_value(v) for v in value) + "]"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    escapes = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r", "\b": "\\b", "\f": "\\f"}
-    out = "".join(escapes.get(c) or (c if c.isprintable() or ord(c) > 0x9F else f"\\u{ord(c):04x}") for c in str(value))
-    return f'"{out}"'
 
 
 def _invalid(error: ValidationError, text: str, where: str) -> ReadError:

@@ -2,7 +2,9 @@
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import pyarrow.parquet as pq
 from selector.errors import InputError, ReadError, RecordingError
 from selector.findings import Finding, Where
 from selector.readers.binary.optional import quiet
-from selector.readers.binary.parquet import column_of, damaged, field_unit
+from selector.readers.binary.parquet import column_of, damaged, table_of
 from selector.readers.files import recording_files
 from selector.readers.finding_table import FINDINGS, MISSING_STAMPS, REPEATED_STAMPS
 from selector.readers.machine_file import Machine
@@ -21,7 +23,7 @@ from selector.readers.machine_file import machine as machine_at
 from selector.readers.reading import channel_of, condensed, provenance_of, settled, time_options
 from selector.readers.roles.plan import Planned
 from selector.readers.runs import TimedRun, timed_run
-from selector.readers.tables import Column, Overrides, Table, checked_width, unique_headers
+from selector.readers.tables import Overrides, Table, checked_width, unique_headers
 from selector.recording import Channel, no_channel
 from selector.types import Mask, Vector
 from selector.units import convert
@@ -236,18 +238,13 @@ def _head(path: Path) -> Table:
         with pq.ParquetFile(path, buffer_size=1 << 20, pre_buffer=False) as file:
             schema = file.schema_arrow
             checked_width(len(schema), path.name)
-            batch = next(file.iter_batches(batch_size=_HEAD_ROWS), None)
+            head = pa.Table.from_batches(islice(file.iter_batches(batch_size=_HEAD_ROWS), 1), schema)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise damaged(path.name, error) from error
-    headers, findings = unique_headers([str(n) for n in schema.names], path.name)
-    columns = []
-    for position, header in enumerate(headers):
-        values = column_of(batch.column(position)) if batch is not None else np.empty(0)
-        if values is not None:
-            columns.append(Column(header, values, field_unit(schema.field(position))))
-    utc = [h for h, f in zip(headers, schema, strict=True) if pa.types.is_timestamp(f.type) and f.type.tz is not None]
-    reading = {"format": "parquet", "utc_columns": utc, "positions": dict(zip(headers, schema.names, strict=True))}
-    return Table(path.stem, path, tuple(columns), reading, tuple(findings))
+    table = table_of(path, head, "parquet")
+    headers = unique_headers([str(n) for n in schema.names], path.name)[0]
+    kept = {key: table.reading[key] for key in ("format", "utc_columns")}
+    return replace(table, reading={**kept, "positions": dict(zip(headers, schema.names, strict=True))})
 
 
 def _sha256(path: Path) -> str:

@@ -28,10 +28,8 @@ def read_touch_offs(
 
     An empty cell is a response that was not probed. `durations_s` has the runs that there are.
 
-    Raises
-    ------
-    ReadError
-        The file cannot be read, a column or a run is not known, a cell holds no number, or a time is not in its run.
+    Raises ReadError: the file cannot be read, a column or a run is not known, a cell holds no number, or a time is not
+    in its run.
     """
     name = printable_name(path.name)
     rows, mark = strict_rows(path, name, "touch-offs", _EXAMPLE)

@@ -9,10 +9,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
 from selector.physics.model_text import expected_text, key_text, keys_at, sections_of_text, shown
-from selector.readers.machine_file import toml_key, toml_value
 from selector.readers.roles.names import closest
 from selector.selection.options import MAX_ROUNDS
-from selector.text_file import text_of
+from selector.text_file import text_of, toml_key, toml_value
 
 SCHEMA = "selector.study/1"
 MOST_FILES = 10_000

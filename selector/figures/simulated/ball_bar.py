@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -33,45 +34,27 @@ def ball_bar_figure(traces: Sequence[BallBarTrace]) -> go.Figure:
     )
     drawn = style.figure(title, 90 + _PX)
     drawn.layout.polar = _polar(pair[0].axes, scale)
-    drawn.add_scatterpolar(
-        r=np.zeros(len(_CIRCLE)),
-        theta=_CIRCLE,
-        subplot="polar",
-        mode="lines",
-        name="nominal circle",
-        legendgroup="nominal",
-        showlegend=True,
-        line={"color": style.MUTED, "width": 1.6},
-        hoverinfo="skip",
-    )
+    line = {"color": style.MUTED, "width": 1.6}
+    _draw(drawn, np.zeros(len(_CIRCLE)), _CIRCLE, "nominal circle", "nominal", line=line)
     for one in pair:
         name, colour = DIRECTIONS[one.direction]
         at = shown_samples(np.arange(len(one.angle_rad), dtype=np.float64), one.deviation_um, points=POINTS)
         at = np.append(at, at[0])
-        drawn.add_scatterpolar(
-            r=one.deviation_um[at].astype(np.float32),
-            theta=np.degrees(one.angle_rad[at] % (2.0 * np.pi)).astype(np.float32),
-            subplot="polar",
-            mode="lines",
-            name=name,
-            legendgroup=name,
-            showlegend=True,
-            line={"color": colour, "width": 1.5},
-            hovertemplate=f"%{{theta:.1f}}°, {name} %{{r:.4g}} µm<extra></extra>",
-        )
+        r, theta = one.deviation_um[at], np.degrees(one.angle_rad[at] % (2.0 * np.pi))
+        hover, line = f"%{{theta:.1f}}°, {name} %{{r:.4g}} µm", {"color": colour, "width": 1.5}
+        _draw(drawn, r.astype(np.float32), theta.astype(np.float32), name, name, hover, line=line)
     if len(pair[0].axes) == 2:
-        drawn.add_scatterpolar(
-            r=np.zeros(4),
-            theta=[0.0, 90.0, 180.0, 270.0],
-            subplot="polar",
-            mode="markers",
-            name="an axis reverses",
-            legendgroup="reversal",
-            showlegend=True,
-            marker={"color": "#ffffff", "size": 8, "symbol": "diamond", "line": {"color": style.INK, "width": 1.4}},
-            hoverinfo="skip",
-        )
+        look = {"color": "#ffffff", "size": 8, "symbol": "diamond", "line": {"color": style.INK, "width": 1.4}}
+        where = [0.0, 90.0, 180.0, 270.0]
+        _draw(drawn, np.zeros(4), where, "an axis reverses", "reversal", mode="markers", marker=look)
     return drawn
+
+
+def _draw(
+    drawn: go.Figure, r: Any, theta: Any, name: str, group: str, hover: Any = None, *, mode: Any = "lines", **more: Any
+) -> None:
+    place = {"r": r, "theta": theta, "subplot": "polar", "mode": mode, "legendgroup": group, "showlegend": True}
+    drawn.add_scatterpolar(**place, name=name, **style.hovered(hover), **more)
 
 
 def _scale(pair: Sequence[BallBarTrace]) -> float:

@@ -1,6 +1,7 @@
 """A simulated run, or a recorded one: what is done to the machine, how it warms and moves."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -114,20 +115,15 @@ def _largest(amounts: Mapping[str, float], what: str) -> list[tuple[str, float]]
     return told + ([(f"{len(rest)} more {what}s", sum(amount for _, amount in rest))] if rest else [])
 
 
-def _lines(recording: Recording, run: str, channels: Sequence[Channel], *, steps: bool = False) -> list[Line]:
-    time_s = recording.time_s(run)
-    count = len(style.GROUPS)
-    return [
-        Line(
-            channel.name,
-            time_s,
-            recording.values(run, [channel.name])[:, 0],
-            style.GROUPS[k % count],
-            steps=steps,
-            dash=_DASHES[k // count % len(_DASHES)],
-        )
-        for k, channel in enumerate(channels)
-    ]
+def _lines(
+    recording: Recording, run: str, channels: Sequence[Channel], dashes: Sequence[str] = _DASHES, **look: Any
+) -> list[Line]:
+    time_s, count = recording.time_s(run), len(style.GROUPS)
+    lines = []
+    for k, channel in enumerate(channels):
+        colour, dash = style.GROUPS[k % count], dashes[k // count % len(dashes)]
+        lines.append(Line(channel.name, time_s, recording.values(run, [channel.name])[:, 0], colour, dash=dash, **look))
+    return lines
 
 
 def _rise(recording: Recording, run: str, name: str) -> float:
@@ -174,7 +170,9 @@ def courses(
                 for start, stop in faults_s.get(name, ()):
                     span = max(start, 0.0), min(stop, end_s)
                     spans[span] = ", ".join(filter(None, [spans.get(span), name]))
-            lines = _recorded_lines(recording, run, chosen)
+            lines = _lines(recording, run, chosen, _DASHES[:1])
+            if len(lines) > MOST_NAMED:
+                lines = [replace(line, name="", width=1.0) for line in lines]
             panels.append(Panel(f"{text} [{_unit(chosen[0])}]", lines, height, spans_s=spans))
             drawn_channels += chosen
     drawn = stacked(f"Run {style.label(run)}", panels, end_s)
@@ -188,21 +186,6 @@ def _recorded(recording: Recording, run: str, roles: tuple[str, ...]) -> list[Ch
     """Channels of these roles with a value in this run."""
     named = [channel for channel in recording.channels if channel.role in roles]
     return [channel for channel in named if np.isfinite(recording.values(run, [channel.name])).any()]
-
-
-def _recorded_lines(recording: Recording, run: str, channels: list[Channel]) -> list[Line]:
-    time_s = recording.time_s(run)
-    are_many = len(channels) > MOST_NAMED
-    return [
-        Line(
-            "" if are_many else channel.name,
-            time_s,
-            recording.values(run, [channel.name])[:, 0],
-            style.GROUPS[number % len(style.GROUPS)],
-            width=1.0 if are_many else 1.8,
-        )
-        for number, channel in enumerate(channels)
-    ]
 
 
 def _unit(channel: Channel) -> str:

@@ -9,13 +9,7 @@ import pandas as pd
 
 from selector.errors import InputError
 from selector.physics.checks import told_of
-from selector.physics.drive.ball_bar.circle import (
-    LONGEST_PERIOD_S,
-    BallBarTrace,
-    Circle,
-    PairGeometry,
-    ball_bar_run,
-)
+from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
 from selector.physics.drive.file.model_file import (
     Columns,
     columns_needed,

@@ -40,18 +40,6 @@ class DriveKind(SimulationKind):
 
         return FAMILY
 
-    def columns_needed(self, file: Any) -> Mapping[str, Any]:
-        """Columns of a recorded motion or load."""
-        from selector.physics.drive.file.model_file import columns_needed
-
-        return columns_needed(file)
-
-    def column_roles(self) -> Mapping[str, str]:
-        """Roles of these columns."""
-        from selector.physics.drive.file.model_file import COLUMN_ROLES
-
-        return COLUMN_ROLES
-
     def model(self, file: Any, columns: Columns) -> Any:
         """The axes."""
         from selector.physics.drive.drive_model import drive_model

@@ -12,11 +12,7 @@ from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, growing_poles, loop_poles
 from selector.physics.drive.loop.stability import stability_findings
-from selector.physics.drive.parts.axis import (
-    Axis,
-    passive_bristle_damping_ns_per_m,
-    passive_fading_speed_m_per_s,
-)
+from selector.physics.drive.parts.axis import Axis, passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun
 from selector.physics.model_fields import unlikely_values

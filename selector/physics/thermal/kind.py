@@ -7,14 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.simulation_kind import (
-    Columns,
-    DutyCycle,
-    Option,
-    RunSettings,
-    Simulated,
-    SimulationKind,
-)
+from selector.physics.simulation_kind import Columns, DutyCycle, Option, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
     from selector.findings import Finding
@@ -57,16 +50,6 @@ class ThermalKind(SimulationKind):
         from selector.physics.thermal.model_file import FAMILY
 
         return FAMILY
-
-    def columns_needed(self, file: Any) -> Mapping[str, Any]:
-        """Columns of conditions."""
-        from selector.physics.thermal.model_file import columns_needed
-
-        return columns_needed(file)
-
-    def column_roles(self) -> Mapping[str, str]:
-        """Roles of these columns."""
-        return {"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"}
 
     def model(self, file: Any, columns: Columns) -> Any:
         """The machine."""

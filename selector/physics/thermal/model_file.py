@@ -440,8 +440,10 @@ def _of_names(file: ModelFile) -> Iterator[Contradiction]:
 
 
 FAMILY: ModelFamily[ModelFile] = ModelFamily(
-    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal"
-)
+    "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal",
+    columns_needed=columns_needed,
+    column_roles={"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"},
+)  # fmt: skip
 #: The model file at a path, of a text, and of plain values; see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 

@@ -10,6 +10,7 @@ from selector.errors import InputError, OptionError
 from selector.physics.model_text import Column
 from selector.physics.thermal.model_file import ConditionsSection, InputsSection, Sine, SpeedOnly
 from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.physics.thermal.modes.thermal_test import held
 from selector.physics.thermal.network.laws import Conditions
 from selector.recording import Recording
 from selector.types import Vector
@@ -126,7 +127,7 @@ def driven(recording: Recording, run: str, inputs: InputsSection, otherwise: Con
             continue
         if name == "spindle_speed":
             course = np.abs(course)
-        values[name] = _without_gaps(course)
+        values[name] = held(course)
         channels[channel] = name
         _within_limits(name, values[name], f"channel {channel!r} of run {run!r}")
     absent = tuple(name for name in CONDITIONS if name not in channels.values())
@@ -202,11 +203,6 @@ def _sine(course: Sine, time_s: Vector) -> Vector:
 def _held(start_s: Vector, values: Vector, time_s: Vector) -> Vector:
     """Each value from its start to the next; before the first one, the first."""
     return values[np.clip(np.searchsorted(start_s, time_s, side="right") - 1, 0, None)]
-
-
-def _without_gaps(values: Vector) -> Vector:
-    there = np.flatnonzero(np.isfinite(values))
-    return values[there[np.clip(np.searchsorted(there, np.arange(len(values)), side="right") - 1, 0, None)]]
 
 
 def _within_limits(name: str, values: Vector, where: str) -> None:

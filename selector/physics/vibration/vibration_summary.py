@@ -24,12 +24,7 @@ from selector.physics.vibration.motion.periodic_error import (
     section_times,
 )
 from selector.physics.vibration.structure.source import Excitation, excitation
-from selector.physics.vibration.structure.structure import (
-    Structure,
-    StructureModes,
-    strained_joint,
-    structure_modes,
-)
+from selector.physics.vibration.structure.structure import Structure, StructureModes, strained_joint, structure_modes
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel, VibrationSimulation
 from selector.types import Complex
 

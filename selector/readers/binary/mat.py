@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError, ReadError
-from selector.readers.binary.optional import optional_module, quiet
+from selector.errors import ReadError
+from selector.readers.binary.optional import optional_module, read_whole
 from selector.readers.binary.tdms import column_values
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import (
@@ -200,23 +200,15 @@ _UNIT_FIELDS = ("units", "unit")
 
 def read_mat(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     """Vectors, matrices and structures of a MAT or HDF5 file: one table, or one per structure with its own length."""
-    where = path.name
-    try:
-        with quiet():
-            if b"\x89HDF\r\n\x1a\n" in data[:2048]:
-                content, opaque, form = _hdf(path, data)
-            else:
-                content, opaque, form = _mat5(data, where)
-            return _tables(content, opaque, form, path, overrides)
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:
-        raise ReadError(
-            f"a MAT or HDF5 file that cannot be read ({type(error).__name__}: {str(error)[:120]})",
-            expected="a complete MAT file with vectors or structures of vectors",
-            where=where,
-            advice="load it in MATLAB and save it again with save(..., '-v7'), or export a CSV with writetable",
-        ) from error
+    expected = "a complete MAT file with vectors or structures of vectors"
+    advice = "load it in MATLAB and save it again with save(..., '-v7'), or export a CSV with writetable"
+
+    def read() -> list[Table]:
+        is_hdf = b"\x89HDF\r\n\x1a\n" in data[:2048]
+        content, opaque, form = _hdf(path, data) if is_hdf else _mat5(data, path.name)
+        return _tables(content, opaque, form, path, overrides)
+
+    return read_whole(read, "a MAT or HDF5 file", path.name, expected, advice)
 
 
 def _mat5(data: bytes, where: str) -> tuple[dict[str, Any], list[str], str]:

@@ -7,11 +7,12 @@ import logging
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from typing import Any
 
-from selector.errors import ReadError
+from selector.errors import InputError, ReadError
+from selector.readers.tables import Table
 
 
 def optional_module(name: str, what: str, where: str) -> Any:
@@ -70,7 +71,20 @@ def silent() -> Iterator[None]:
         yield
 
 
-def collect_quietly() -> None:
+def read_whole(read: Callable[[], list[Table]], what: str, where: str, expected: str, advice: str) -> list[Table]:
+    """What `read` gives; whatever another package raises of a damaged file is a ReadError."""
+    try:
+        with quiet():
+            return read()
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        said = f"{type(error).__name__}: {str(error)[:120]}"
+    _collect_quietly()
+    raise ReadError(f"{what} that cannot be read ({said})", expected=expected, where=where, advice=advice)
+
+
+def _collect_quietly() -> None:
     """Let go of half-made objects of other packages whose finalisers fail on damaged files."""
     hook = sys.unraisablehook
     sys.unraisablehook = lambda _: None

@@ -35,6 +35,11 @@ def _table(path: Path, data: bytes) -> Table:
     else:
         table, form = feather.read_table(path, memory_map=False), "feather"
     checked_width(table.num_columns, path.name)
+    return table_of(path, table, form)
+
+
+def table_of(path: Path, table: pa.Table, form: str) -> Table:
+    """The columns of numbers, times and texts; what else there is is told."""
     headers, findings = unique_headers([str(n) for n in table.column_names], path.name)
     columns: list[Column] = []
     left: list[str] = []
@@ -50,7 +55,7 @@ def _table(path: Path, data: bytes) -> Table:
             continue
         if pa.types.is_timestamp(field.type) and field.type.tz is not None:
             utc.append(header)
-        columns.append(Column(header, values, field_unit(field)))
+        columns.append(Column(header, values, _unit(field)))
     if left:
         told = f"Columns {', '.join(left[:8])} of {path.name} hold no plain numbers, times or texts; "
         told += "they were left out."
@@ -69,7 +74,7 @@ def damaged(where: str, error: Exception) -> ReadError:
     )
 
 
-def field_unit(field: pa.Field) -> str | None:
+def _unit(field: pa.Field) -> str | None:
     """The unit in the metadata of a column."""
     metadata = field.metadata or {}
     for key in (b"unit", b"units", b"unit_string"):

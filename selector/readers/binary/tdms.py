@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from selector.errors import InputError, ReadError
+from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.binary.optional import collect_quietly, optional_module, quiet, silent
+from selector.readers.binary.optional import optional_module, read_whole, silent
 from selector.readers.cells import numbers_or_text
 from selector.readers.clock.ticking import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
@@ -21,18 +21,12 @@ from selector.readers.tables import Column, Overrides, Table, checked_size, chec
 def read_tdms(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     """The groups of a TDMS file."""
     nptdms = optional_module("nptdms", "a TDMS file", path.name)
-    try:
-        with quiet():
-            return _tables(nptdms.TdmsFile.read(io.BytesIO(data)), path, overrides)
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:
-        raise ReadError(
-            f"a TDMS file that cannot be read ({type(error).__name__}: {str(error)[:120]})",
-            expected="a complete TDMS file",
-            where=path.name,
-            advice="check whether the recording was closed properly, or export it as CSV",
-        ) from error
+    advice = "check whether the recording was closed properly, or export it as CSV"
+
+    def read() -> list[Table]:
+        return _tables(nptdms.TdmsFile.read(io.BytesIO(data)), path, overrides)
+
+    return read_whole(read, "a TDMS file", path.name, "a complete TDMS file", advice)
 
 
 def _tables(file: Any, path: Path, overrides: Overrides) -> list[Table]:
@@ -141,20 +135,13 @@ def _text(value: Any) -> str | None:
 def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     """The channels of all groups on one clock."""
     asammdf = optional_module("asammdf", "an MDF file", path.name)
-    try:
-        with quiet(), silent(), asammdf.MDF(io.BytesIO(data)) as file:
+    advice = "check whether the measurement was closed properly, or export it as CSV"
+
+    def read() -> list[Table]:
+        with silent(), asammdf.MDF(io.BytesIO(data)) as file:
             return [_mdf_table(file, path)]
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:
-        reason = f"{type(error).__name__}: {str(error)[:120]}"
-    collect_quietly()
-    raise ReadError(
-        f"an MDF file that cannot be read ({reason})",
-        expected="a complete MDF 3 or MDF 4 file",
-        where=path.name,
-        advice="check whether the measurement was closed properly, or export it as CSV",
-    )
+
+    return read_whole(read, "an MDF file", path.name, "a complete MDF 3 or MDF 4 file", advice)
 
 
 def _mdf_table(file: Any, path: Path) -> Table:

@@ -25,12 +25,8 @@ def account_of(result: SimulationResult, *, drawn: bool = False) -> Account:
 def register(kind: SimulationKind, teller: Teller) -> None:
     """Makes a kind of simulation known: it has its command, report, parameters, refit and reference page from now on.
 
-    Parameters
-    ----------
-    kind : SimulationKind
-        What can be done with its model files.
-    teller : callable
-        Result, and whether drawings are wanted → its account.
+    `kind` is what can be done with its model files; `teller` makes an account of a result, knowing whether drawings are
+    wanted.
     """
     register_kind(kind)
     _tellers[kind.name] = teller

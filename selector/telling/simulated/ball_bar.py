@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
 from selector.physics.drive.ball_bar.circle import BallBarTrace
@@ -173,8 +174,7 @@ def _roundness_data(one: Roundness) -> dict[str, Any]:
         "circular_deviation_um": one.circular_deviation_um,
         "radial_max": _extreme_data(one.radial_max),
         "radial_min": _extreme_data(one.radial_min),
-        "mean_radial_um": one.mean_radial_um,
-        "centre_um": list(one.centre_um),
+        **fields_of(one, "mean_radial_um", "centre_um"),
     }
 
 
@@ -186,17 +186,13 @@ def _causes_data(causes: CircleCauses, wind_up_m: Mapping[str, float] | None) ->
     return {
         "feeds": [
             {
-                "feed_mm_per_min": feed.feed_mm_per_min,
-                "remaining_rms_um": feed.remaining_rms_um,
-                "remaining_share": feed.remaining_share,
+                **fields_of(feed, "feed_mm_per_min", "remaining_rms_um", "remaining_share"),
                 "causes": [
                     {
                         "cause": cause.kind,
                         "axis": cause.axis,
                         **_lost_motion_data(cause, wind_up_m),
-                        "found": cause.found,
-                        "range_um": cause.range_um,
-                        "share": cause.share,
+                        **fields_of(cause, "found", "range_um", "share"),
                         "amounts": {name: dict(vars(one)) for name, one in cause.amounts.items()},
                     }
                     for cause in feed.causes

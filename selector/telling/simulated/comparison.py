@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.channel_differences import ChannelDifference
 from selector.telling.account import Captioned, Drawing, Note, Section, Table, section, table
@@ -122,11 +123,7 @@ def comparison_data(differences: Sequence[ChannelDifference] | None) -> list[dic
             **({"axis": one.axis} if one.axis else {}),
             "channel": one.channel,
             **({"kind": one.kind} if one.kind else {}),
-            "unit": one.unit,
-            "rms": one.rms,
-            "largest": one.largest,
-            "largest_at_s": one.largest_at_s,
-            "relative": one.relative,
+            **fields_of(one, "unit", "rms", "largest", "largest_at_s", "relative"),
             "samples": len(one.time_s),
         }
         for one in differences

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.drive.drive_model import DriveModel
 from selector.physics.drive.drive_summary import (
@@ -354,12 +355,11 @@ def _loop_data(loop: LoopSummary | None) -> dict[str, Any] | None:
     if loop is None:
         return None
     found, figures = loop.stability, loop.figures
-    told = ("bandwidth_hz", "peak", "peak_hz", "gain_margin_db", "phase_margin_deg")
     return {
         "stable": found.stable,
         "margin_per_s": found.margin_per_s,
         "poles_per_s": [[pole.real, pole.imag] for pole in found.poles.tolist()],
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
-        **{name: getattr(figures, name) for name in told},
+        **fields_of(figures, "bandwidth_hz", "peak", "peak_hz", "gain_margin_db", "phase_margin_deg"),
     }

@@ -92,7 +92,7 @@ def _varying(one: AxisInRun, moved: AxisRun, course: ParameterCourse, response: 
             damping = np.full(len(time_s), mechanics.guide_damping_ns_per_m)
         marks = () if response is None else response[2]
         drawn.append(Drawing(stiffness_and_damping(time_s, stiffness, damping, marks), _VARYING))
-    # the same axis with the stiffness unloaded at position 0 and the damping at rest, as in `time_variation`
+    # the same axis with the stiffness unloaded at position 0 and the damping at rest
     constant = replace(moved.axis, compliance=None)
     error_m = simulate_axis(constant, moved.reference, step_s=moved.step_s).tracking_error_m
     compared = varying_against_constant(time_s, one.motion.tracking_error_m, error_m, one.measures)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, UNCORRECTED, Setting
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
@@ -307,12 +308,7 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
         "gauge": {**vars(summary.gauge), **within},
         "characteristic": None
         if curve is None
-        else {
-            "allowance_um": curve.allowance_um,
-            "voltage_v": curve.voltage_v,
-            "monotone_um": list(curve.monotone_um),
-            "free_amplitude_um": curve.free_amplitude_um,
-        },
+        else fields_of(curve, "allowance_um", "voltage_v", "monotone_um", "free_amplitude_um"),
         "stages": [dict(vars(stage)) for stage in summary.stages],
         "wanted_um": model.setup.wanted_um,
         "parts": None if simulation.sizes is None else _parts_data(simulation.sizes),
@@ -327,15 +323,10 @@ def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSu
                 {
                     "setting": setting.name,
                     "by": "Monte Carlo",
-                    "parts": setting.parts,
-                    "time_constant_s": setting.time_constant_s,
-                    "threshold_v": setting.threshold_v,
-                    "thresholds_v": list(setting.thresholds_v),
-                    "at_limit": setting.at_limit,
+                    **fields_of(setting, "parts", "time_constant_s", "threshold_v", "thresholds_v", "at_limit"),
                     "bias_um": setting.bias_um,
                     "bias_standard_error_um": setting.bias_error_um,
-                    "sd_um": setting.sd_um,
-                    "rms_um": setting.rms_um,
+                    **fields_of(setting, "sd_um", "rms_um"),
                 }
                 for setting in summary.settings
             ],

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.physics.model_text import plain_values
 from selector.physics.simulation_kind import Simulated
 from selector.recording import Recording
@@ -181,18 +182,8 @@ def simulation_document(
         )
     channels = []
     for channel in recording.channels:
-        values = recording.frame[channel.name]
-        channels.append(
-            {
-                "name": channel.name,
-                "role": channel.role,
-                "unit": channel.unit,
-                "place": channel.place,
-                "axis": channel.axis,
-                "min": float(values.min()),
-                "max": float(values.max()),
-            }
-        )
+        values, told = recording.frame[channel.name], fields_of(channel, "name", "role", "unit", "place", "axis")
+        channels.append({**told, "min": float(values.min()), "max": float(values.max())})
     return {
         "schema": "selector.simulation/1",
         "kind": result.kind,

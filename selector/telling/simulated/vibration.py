@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
@@ -446,7 +447,7 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "periodic_errors": [dict(vars(one)) for one in summary.errors],
         "heights": {
             kind: {
-                **{name: getattr(one, name) for name in ("kinematic_um", "rms_um", "published_um")},
+                **fields_of(one, "kinematic_um", "rms_um", "published_um"),
                 "frequencies": one.lines,
             }
             for kind, one in summary.heights.items()
@@ -496,7 +497,7 @@ def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:
 def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:
     agreements = {name: dict(vars(getattr(one, name))) for name in ("published", "one_way", "cut_out")}
     return {
-        **{name: getattr(one, name) for name in ("chain", "source", "final")},
+        **fields_of(one, "chain", "source", "final"),
         "from_hz": float(one.frequency_hz[0]),
         "to_hz": float(one.frequency_hz[-1]),
         **{name: {key: found[key] for key in found if key != "ratio"} for name, found in agreements.items()},

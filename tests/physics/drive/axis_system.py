@@ -252,9 +252,6 @@ def linearise(system: Any, x: ArrayLike, u: ArrayLike, *, t_s: float = 0.0) -> S
         B=_jacobian(lambda value: system.derivative(t_s, state, value), held, len(system.states)),
         C=_jacobian(lambda value: system.output(t_s, value, held), state, len(system.outputs)),
         D=_jacobian(lambda value: system.output(t_s, state, value), held, len(system.outputs)),
-        states=tuple(system.states),
-        inputs=tuple(system.inputs),
-        outputs=tuple(system.outputs),
     )
 
 

@@ -156,7 +156,7 @@ def test_linear_axis_is_linearised_exactly():
     moved = system.derivative(0.0, x, np.zeros(2)) - system.derivative(0.0, np.zeros(7), np.zeros(2))
     # central differences of linear functions: rounding of 1e8·1e-3 over steps of 6e-6
     assert linear.A @ x == pytest.approx(moved, rel=1e-6, abs=1e-6)
-    assert linear.states == ("motor", "motor_speed", "screw", "screw_speed", "table", "table_speed", "integral")
+    assert system.states == ("motor", "motor_speed", "screw", "screw_speed", "table", "table_speed", "integral")
 
 
 @pytest.mark.parametrize("name", AXES)

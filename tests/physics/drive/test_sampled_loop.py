@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.drive.loop.closed_loop import closed_loop, plant, sampled_closed_loop
+from selector.physics.drive.loop.closed_loop import loop_poles, plant, sampled_closed_loop
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Sensing
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
@@ -22,7 +22,7 @@ def by_hand(axis: Axis, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     system, radius = plant(axis.mechanics), axis.mechanics.travel_per_motion
     decay, load = system.step_matrices(servo.sample_s / pieces)
     late = round(servo.delay_s / servo.sample_s * pieces)
-    x, integral, table, command = np.zeros(len(system.states)), 0.0, [], []
+    x, integral, table, command = np.zeros(len(system.A)), 0.0, [], []
     past, given = [0.0] * axis.sensing.speed_samples, [0.0] * late
     for position, speed, acceleration in reference:
         motor, motor_speed, at, _ = system.C @ x
@@ -82,11 +82,11 @@ def test_states_do_what_control_and_mechanics_do(mechanics, delay, speed_samples
 
 def test_fast_sampling_tends_to_the_continuous_loop():
     axis = Axis(MECHANICS, thc6350_servo())
-    slowest = closed_loop(axis).poles[0]
+    slowest = loop_poles(axis)[0]
     errors = []
     for sample_s in (4e-4, 2e-4, 1e-4):
-        loop = sampled_closed_loop(replace(axis, servo=replace(thc6350_servo(), sample_s=sample_s)))
-        errors.append(abs(np.log(loop.poles[0]) / sample_s - slowest))
+        sampled = replace(axis, servo=replace(thc6350_servo(), sample_s=sample_s))
+        errors.append(abs(loop_poles(sampled)[0] - slowest))
     # the integral is a sum of rectangles and commands are held: first order
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
     assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.2)

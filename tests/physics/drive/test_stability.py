@@ -63,7 +63,7 @@ def test_too_little_velocity_gain_has_a_floor():
 
 def test_poles_of_the_continuous_loop_and_of_fast_samples():
     found = stability(AXIS)
-    np.testing.assert_array_equal(found.poles, closed_loop(AXIS).poles)
+    np.testing.assert_array_equal(np.sort(found.poles), np.sort(closed_loop(AXIS).poles))
     assert found.margin_per_s == -found.poles[0].real
     quick = stability(replace(AXIS, servo=replace(thc6350_servo(), sample_s=1e-5)))
     # first order in the sample time
@@ -79,7 +79,7 @@ def test_an_unstable_loop_is_told_with_its_poles_and_limits():
     servo = replace(thc6350_servo(), position_gain_per_s=800.0)
     (finding,) = stability_findings(Axis(MECHANICS, servo), "X")
     assert (finding.id, finding.level, finding.where.channel) == ("unstable-loop", "error", "X")
-    growing = closed_loop(Axis(MECHANICS, servo)).poles[0]
+    growing = max(closed_loop(Axis(MECHANICS, servo)).poles, key=np.real)
     hz = abs(growing.imag) / (2 * math.pi)
     assert f"an oscillation at {hz:.3g} Hz" in finding.statement
     assert finding.evidence["frequency_hz"] == [pytest.approx(hz)]

@@ -10,7 +10,7 @@ from selector.physics.drive.loop.stability import frequency_response, frozen, lo
 from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.parts.catalogue import Guide, Nut, Parts, Screw, thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import three_mass_mechanics
-from selector.physics.drive.time_variation import TimeVariation, published_sine, time_variation
+from tests.physics.drive.time_variations import TimeVariation, published_sine, time_variation
 
 PARTS, SERVO = thc6350_x_axis(), thc6350_servo()
 AHEAD = replace(SERVO, velocity_feedforward=1.0)

@@ -65,7 +65,7 @@ def courses(draw, quiet=False):
     def each(values):
         return np.array([draw(values) for _ in time])
 
-    return Conditions.held(
+    return Conditions(
         time,
         spindle_speed=0.0 if quiet else each(st.sampled_from([0.0, 500.0, 1500.0, 3000.0])),
         torque=0.0 if quiet else each(st.floats(0, 50)),

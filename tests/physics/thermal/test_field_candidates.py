@@ -45,7 +45,7 @@ def test_a_simulation_has_a_channel_for_every_candidate_and_the_nearer_to_the_be
     expected = sensor_candidates(surfaces=("headstock",))
     thermometers = [channel for channel in model.outputs if channel.role == "temperature"]
     assert {c.name: (c.place, c.xyz_m) for c in thermometers} == {n: (s.place, s.xyz_m) for n, s in expected.items()}
-    hour = Conditions.held(np.array([0.0, 3600.0]), spindle_speed=2000.0, ambient_degc=20.0)
+    hour = Conditions(np.array([0.0, 3600.0]), spindle_speed=2000.0, ambient_degc=20.0)
     recording = model.simulate(hour, instruments=False)
     last = recording.frame.iloc[-1]
     side = [c for c in thermometers if c.place.startswith("headstock, left") and c.xyz_m[1] > 0.5]

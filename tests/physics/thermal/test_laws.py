@@ -16,7 +16,7 @@ from selector.physics.thermal.network.laws import (
     heat_parts,
 )
 
-STAGES = Conditions.held(
+STAGES = Conditions(
     [0.0, 10.0, 20.0, 30.0],
     spindle_speed=[0.0, 1000.0, 2000.0, -2000.0],
     torque=[5.0, 0.0, 30.0, 30.0],
@@ -113,7 +113,7 @@ def test_lubricants_settle_wherever_they_start(data):
 
 def test_conditions_are_read_only_copies():
     speed = np.array([1.0, 2.0])
-    conditions = Conditions.held([0.0, 1.0], spindle_speed=speed)
+    conditions = Conditions([0.0, 1.0], spindle_speed=speed)
     speed[0] = 99.0
     assert conditions.spindle_speed[0] == 1.0
     with pytest.raises(ValueError, match="read-only"):

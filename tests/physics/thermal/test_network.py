@@ -20,7 +20,7 @@ PAIR = Network(
     {"friction": {"spindle": 0.7, "column": 0.3}},
     {"spindle": {"Z": 2.0, "Y": 0.5}, "column": {"Y": 4}},
 )
-HELD = Conditions.held([0.0, 1.0], spindle_speed=1000.0)
+HELD = Conditions([0.0, 1.0], spindle_speed=1000.0)
 
 
 def test_a_network_as_matrices():
@@ -96,10 +96,10 @@ def test_steady_state_is_where_a_long_run_ends(data):
     laws = data.draw(laws_of(network, softening=data.draw(st.booleans())))
     system = network.heat_system()
     course = data.draw(courses())
-    held = Conditions.held([0.0, 1.0], **{k: v[0] for k, v in vars(course).items() if k != "time_s"})
+    held = Conditions([0.0, 1.0], **{k: v[0] for k, v in vars(course).items() if k != "time_s"})
     settled = steady_state(system, laws, held)
     for method in ("exact", "implicit"):
-        day = Conditions.held([0.0, 86400.0], **{k: v[0] for k, v in vars(course).items() if k != "time_s"})
+        day = Conditions([0.0, 86400.0], **{k: v[0] for k, v in vars(course).items() if k != "time_s"})
         found = simulate_heat(system, laws, day, time_s=[], step_s=3600.0, start_state=settled, method=method)
         # a Newton tolerance of 1e-7 and its square; implicit sums of some hundred K round
         np.testing.assert_allclose(found.end_state, settled, atol=1e-8 * (1 + np.abs(settled).max()), err_msg=method)

@@ -21,9 +21,7 @@ FLOOD = FilmLaw("flood", still_w_per_m2_k=60.0, while_coolant=True, fluid="coola
 
 
 def test_one_body_has_the_time_constant_of_its_films():
-    conditions = Conditions.held(
-        np.array([0.0, 10.0, 20.0]), spindle_speed=[0.0, 500.0, 0.0], coolant_on=[0.0, 1.0, 0.0]
-    )
+    conditions = Conditions(np.array([0.0, 10.0, 20.0]), spindle_speed=[0.0, 500.0, 0.0], coolant_on=[0.0, 1.0, 0.0])
     found = slowest_time_constants(block(AIR, FLOOD), conditions)
     expected = {"standing": 1e4 / 10, "at 500 r/min": 1e4 / 25, "at 500 r/min with coolant": 1e4 / 85}
     assert list(found) == list(expected)
@@ -33,12 +31,12 @@ def test_one_body_has_the_time_constant_of_its_films():
 
 def test_states_with_the_same_films_are_told_once():
     still = FilmLaw("air", still_w_per_m2_k=10.0)
-    conditions = Conditions.held(np.array([0.0, 10.0]), spindle_speed=[500.0, 500.0])
+    conditions = Conditions(np.array([0.0, 10.0]), spindle_speed=[500.0, 500.0])
     assert list(slowest_time_constants(block(still), conditions)) == ["standing"]
 
 
 def test_a_body_that_no_fluid_reaches_never_forgets():
-    conditions = Conditions.held(np.array([0.0, 10.0]), spindle_speed=[0.0, 0.0])
+    conditions = Conditions(np.array([0.0, 10.0]), spindle_speed=[0.0, 0.0])
     closed = FilmLaw("air", still_w_per_m2_k=0.0)
     assert np.isinf(slowest_time_constants(block(closed), conditions)["standing"][0])
 
@@ -47,5 +45,5 @@ def test_modes_say_theirs_slowest_first():
     modes = ModalModel(
         ("Z",), np.array([60.0, 600.0]), np.ones((1, 2, 1)), SpeedLaw((1.0,), 1000.0), 1000.0, np.zeros(2)
     )
-    conditions = Conditions.held(np.array([0.0, 10.0]), spindle_speed=[0.0, 0.0])
+    conditions = Conditions(np.array([0.0, 10.0]), spindle_speed=[0.0, 0.0])
     assert slowest_time_constants(modes, conditions)["standing"].tolist() == [600.0, 60.0]

@@ -28,7 +28,7 @@ HEADSTOCK = Network(
 FRICTION = HeatLaw("friction", speed_w=100.0, exponent=1.5)
 SOFTENING = dataclasses.replace(FRICTION, softening_per_k=0.02, at="bearing")
 WALLS = FilmLaw("walls", 10.0, 2.0, exponent=0.7)
-SHIFT = Conditions.held([0.0, 3600.0, 7200.0, 10800.0], spindle_speed=[1000.0, 3000.0, 0.0, 0.0], ambient_degc=21.0)
+SHIFT = Conditions([0.0, 3600.0, 7200.0, 10800.0], spindle_speed=[1000.0, 3000.0, 0.0, 0.0], ambient_degc=21.0)
 
 
 def history(heat, conditions=SHIFT, *, time_s=(0.0, 1800.0, 3600.0, 3700.0, 10800.0), step_s=10.0, **options):
@@ -45,7 +45,7 @@ def test_one_node_warms_with_one_exponential():
     laws = Laws((HeatLaw("heater", on_w=100.0),), (FilmLaw("air", 20.0),))
     at = np.array([0.0, 1.0, 60.0, 500.0, 5000.0])
     found = simulate_heat(
-        one_node().heat_system(), laws, Conditions.held([0.0, 5000.0]), time_s=at, step_s=1e9, start_degc=20.0
+        one_node().heat_system(), laws, Conditions([0.0, 5000.0]), time_s=at, step_s=1e9, start_degc=20.0
     )
     tau_s, steady_k = 5000.0 / (20.0 * 0.5), 100.0 / (20.0 * 0.5)
     # closed form; a few roundings of 30 °C
@@ -58,7 +58,7 @@ def test_two_nodes_follow_their_closed_form():
     laws = Laws((HeatLaw("q", on_w=50.0),), (FilmLaw("air", h),))
     at = np.linspace(0, 20000, 41)
     found = simulate_heat(
-        network.heat_system(), laws, Conditions.held([0.0, 20000.0]), time_s=at, step_s=10.0, start_degc=20.0
+        network.heat_system(), laws, Conditions([0.0, 20000.0]), time_s=at, step_s=10.0, start_degc=20.0
     )
     # λ² − (g/c1 + (g + h)/c2)·λ + g·h/(c1·c2) = 0, then the amplitudes of both exponentials from start and first slope
     total, product = g / c1 + (g + h) / c2, g * h / (c1 * c2)
@@ -161,7 +161,7 @@ def test_reciprocity_at_every_instant(data):
         simulate_heat(
             system,
             Laws((HeatLaw(f"in {k}", on_w=1.0),), films),
-            Conditions.held([0.0, 50000.0]),
+            Conditions([0.0, 50000.0]),
             time_s=at,
             step_s=10.0,
             start_degc=20.0,
@@ -178,7 +178,7 @@ def test_agrees_with_the_general_solver_that_shares_no_code_with_the_steppers(me
     system, laws = HEADSTOCK.heat_system(), Laws((SOFTENING,), (WALLS,))
     expected = [np.full(3, 22.0)]
     for begin, end, speed in zip(SHIFT.time_s[:-1], SHIFT.time_s[1:], SHIFT.spindle_speed[:-1], strict=True):
-        held = Conditions.held([0.0, 1.0], spindle_speed=speed, ambient_degc=21.0)
+        held = Conditions([0.0, 1.0], spindle_speed=speed, ambient_degc=21.0)
         rate = partial(rates, system, laws, held)
         course = solve_ivp(lambda t, x, rate=rate: rate(x), (begin, end), expected[-1], "LSODA", rtol=1e-10, atol=1e-10)
         expected.append(course.y[:, -1])
@@ -191,7 +191,7 @@ def test_agrees_with_the_general_solver_that_shares_no_code_with_the_steppers(me
 def test_agrees_with_the_matrix_exponential():
     system, laws = HEADSTOCK.heat_system(), Laws((FRICTION,), (WALLS,))
     at, start = np.linspace(0, 7200, 25), np.full(3, 22.0)
-    conditions = Conditions.held([0.0, 7200.0], spindle_speed=1500.0, ambient_degc=21.0)
+    conditions = Conditions([0.0, 7200.0], spindle_speed=1500.0, ambient_degc=21.0)
     found = simulate_heat(system, laws, conditions, time_s=at, step_s=10.0, start_degc=22.0)
     rate = rates(system, laws, conditions, start)
     # without softening the rates are linear, and differences of them exact
@@ -246,7 +246,7 @@ def test_between_implicit_steps_the_readings_stay_of_second_order():
 def test_steps_far_longer_than_the_quickest_time_constant_do_not_ring():
     network = Network({"tip": 1.0, "body": 1e5}, [("tip", "body", 50.0)], {"air": {"body": 1.0}})
     found = simulate_heat(
-        network.heat_system(), Laws((), (FilmLaw("air", 10.0),)), Conditions.held([0.0, 6000.0]),
+        network.heat_system(), Laws((), (FilmLaw("air", 10.0),)), Conditions([0.0, 6000.0]),
         time_s=np.arange(0.0, 6001.0, 100.0), step_s=100.0, start_state=[80.0, 20.0], method="implicit",
     )  # fmt: skip
     # 5000 time constants a step: what is left of 60 K after a step of an L-stable method is of the order of 1/5000
@@ -255,7 +255,7 @@ def test_steps_far_longer_than_the_quickest_time_constant_do_not_ring():
 
 def test_a_run_goes_on_where_the_run_before_ended():
     whole = history(SOFTENING, time_s=[7200.0, 10800.0])
-    first = history(SOFTENING, Conditions.held([0.0, 3600.0], spindle_speed=1000.0, ambient_degc=21.0), time_s=[])
+    first = history(SOFTENING, Conditions([0.0, 3600.0], spindle_speed=1000.0, ambient_degc=21.0), time_s=[])
     rest = dataclasses.replace(SHIFT, **{name: getattr(SHIFT, name)[1:] for name in vars(SHIFT)})
     second = history(SOFTENING, rest, time_s=[7200.0, 10800.0], start_degc=None, start_state=first.end_state)
     np.testing.assert_allclose(second.probe_degc, whole.probe_degc, rtol=1e-12)  # another datum: rounding
@@ -264,15 +264,15 @@ def test_a_run_goes_on_where_the_run_before_ended():
 def test_rows_that_change_nothing_change_nothing():
     fine = np.arange(0.0, 10801.0, 60.0)
     speed = SHIFT.spindle_speed[np.clip(np.searchsorted(SHIFT.time_s, fine, "right") - 1, 0, 2)]
-    same = Conditions.held(fine, spindle_speed=speed, ambient_degc=21.0)
+    same = Conditions(fine, spindle_speed=speed, ambient_degc=21.0)
     np.testing.assert_array_equal(history(SOFTENING, same).probe_degc, history(SOFTENING).probe_degc)
 
 
 def test_displacement_counts_from_the_reference_temperature():
-    cold = history(FRICTION, Conditions.held([0.0, 10.0], ambient_degc=25.0), time_s=[0.0, 10.0], start_degc=25.0)
+    cold = history(FRICTION, Conditions([0.0, 10.0], ambient_degc=25.0), time_s=[0.0, 10.0], start_degc=25.0)
     np.testing.assert_allclose(cold.displacement_um[:, 0], 5.0 * (1 + 3 - 1), rtol=1e-13)  # rounding
     zero = history(
-        FRICTION, Conditions.held([0.0, 10.0], ambient_degc=25.0), time_s=[0.0], start_degc=25.0, reference_degc=25.0
+        FRICTION, Conditions([0.0, 10.0], ambient_degc=25.0), time_s=[0.0], start_degc=25.0, reference_degc=25.0
     )
     assert zero.displacement_um[0, 0] == 0.0
 
@@ -309,7 +309,7 @@ def test_a_film_may_meet_another_fluid_while_coolant_runs():
     both = Laws((), (FilmLaw("walls", 10.0), FilmLaw("walls", 300.0, while_coolant=True, fluid="coolant")))
     on = simulate_heat(
         HEADSTOCK.heat_system(), both,
-        Conditions.held([0.0, 1e7], coolant_on=1.0, coolant_degc=15.0, ambient_degc=25.0),
+        Conditions([0.0, 1e7], coolant_on=1.0, coolant_degc=15.0, ambient_degc=25.0),
         time_s=[1e7], step_s=10.0, start_degc=20.0,
     )  # fmt: skip
     expected = (10 * 25 + 300 * 15) / 310
@@ -340,7 +340,7 @@ def bar(nodes):
 def test_large_sparse_bodies_are_stepped_implicitly_and_rightly():
     large, twin = bar(400)
     laws = Laws((HeatLaw("end", speed_w=50.0),), (FilmLaw("air", 10.0, 5.0),))
-    conditions = Conditions.held([0.0, 1800.0, 3600.0, 5400.0], spindle_speed=[1000.0, 0.0, 2000.0, 0.0])
+    conditions = Conditions([0.0, 1800.0, 3600.0, 5400.0], spindle_speed=[1000.0, 0.0, 2000.0, 0.0])
     at = np.arange(0.0, 5401.0, 60.0)
     found = simulate_heat(large, laws, conditions, time_s=at, step_s=10.0, start_degc=20.0)
     exact = simulate_heat(twin, laws, conditions, time_s=at, step_s=10.0, start_degc=20.0)
@@ -365,12 +365,12 @@ def test_films_that_never_repeat_are_stepped_implicitly():
         {"q": np.eye(n)[0]}, {"T": np.eye(n)[0]}, {}, np.ones(n),
     )  # fmt: skip
     at = np.arange(0.0, 3601.0, 1.0)
-    conditions = Conditions.held(at, spindle_speed=at)
+    conditions = Conditions(at, spindle_speed=at)
     laws = Laws((HeatLaw("q", speed_w=100.0),), (FilmLaw("air", 10.0, 10.0),))
     found = simulate_heat(system, laws, conditions, time_s=at[::60], step_s=10.0, start_degc=20.0)
     assert found.method == "implicit"
     exact = simulate_heat(
-        system, laws, Conditions.held(at[:301], spindle_speed=at[:301]), time_s=at[:301:60], step_s=10.0,
+        system, laws, Conditions(at[:301], spindle_speed=at[:301]), time_s=at[:301:60], step_s=10.0,
         start_degc=20.0, method="exact",
     )  # fmt: skip
     np.testing.assert_allclose(found.probe_degc[:6], exact.probe_degc, atol=1e-4)  # 1 s steps of second order
@@ -387,7 +387,7 @@ def test_a_shift_of_a_reduced_model_is_stepped_exactly_at_every_sample():
         {"q": np.eye(n)[0]}, {f"T{k}": np.eye(n)[k] for k in range(37)}, {"Z": np.ones(n)}, np.ones(n),
     )  # fmt: skip
     changes = np.arange(0.0, 28801.0, 900.0)
-    conditions = Conditions.held(changes, spindle_speed=rng.choice([0.0, 1000.0, 2000.0, 3000.0], len(changes)))
+    conditions = Conditions(changes, spindle_speed=rng.choice([0.0, 1000.0, 2000.0, 3000.0], len(changes)))
     laws = Laws((HeatLaw("q", speed_w=100.0, softening_per_k=0.02, at="T0"),), (FilmLaw("air", 10.0, 10.0),))
     # two seconds are promised for it: benchmarks/bench_promises.py
     found = simulate_heat(system, laws, conditions, time_s=np.arange(0.0, 28801.0, 10.0), step_s=10.0, start_degc=20.0)

@@ -30,5 +30,4 @@ def state_space(structure: Structure, at_hz: float, *, inputs=None, outputs=None
         b[n:, column] = unit_force(structure, name) / mass
     for row, name in enumerate(outputs):
         c[row, known_place(structure, name, "outputs")] = 1.0
-    states = tuple(f"{kind} of {name}" for kind in ("displacement", "speed") for name in names)
-    return StateSpace(a, b, c, np.zeros((len(outputs), len(inputs))), states, inputs, outputs)
+    return StateSpace(a, b, c, np.zeros((len(outputs), len(inputs))))

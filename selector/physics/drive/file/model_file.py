@@ -203,12 +203,8 @@ def _force(force: Force, time_s: Vector, columns: Columns) -> Vector | None:
     return np.asarray(values[np.maximum(held, 0)], dtype=np.float64)
 
 
-#: Key of a column of `columns_needed` → role of its values, which are in the unit of that role.
-COLUMN_ROLES = {"motion": "position_command", "motion.force_n": "force"}
-
-
 def columns_needed(file: DriveFile) -> dict[str, Column | ColumnMotion]:
-    """Key of the file → column of a recording beside it that its values are read from, see `COLUMN_ROLES`."""
+    """Key of the file → column of a recording beside it that its values are read from, in the unit of its role."""
     found: dict[str, Column | ColumnMotion] = {}
     if isinstance(file.motion, CircleMotion):
         return found
@@ -302,8 +298,9 @@ def _of_length(file: DriveFile) -> Iterator[Contradiction]:
 
 
 FAMILY: ModelFamily[DriveFile] = ModelFamily(
-    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive"
-)
+    "drive", KINDS, contradictions, page="docs/reference/drive-model.md", examples="fixtures/drive",
+    columns_needed=columns_needed, column_roles={"motion": "position_command", "motion.force_n": "force"},
+)  # fmt: skip
 #: The model file at a path, with this content, and with these sections as plain values, see `ModelFamily`.
 read_model_file, parsed_model_file, checked_model_file = FAMILY.read, FAMILY.parsed, FAMILY.checked
 

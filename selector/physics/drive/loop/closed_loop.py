@@ -6,6 +6,7 @@ Linear: sliding, without dry friction, backlash, limits and pitch errors; an axi
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,40 +16,19 @@ from selector.errors import InputError
 from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics, Servo
 from selector.types import Matrix, Vector
 
-INTEGRAL = "speed_error_integral"
 
+class StateSpace(NamedTuple):
+    """x' = A·x + B·u, or x[k+1] = A·x[k] + B·u[k], with y = C·x + D·u."""
 
-@dataclass(frozen=True)
-class StateSpace:
-    """The linear system x' = A·x + B·u, y = C·x + D·u.
-
-    Raises ValueError if the shapes do not fit together.
-    """
-
-    #: A, B, C and D: (n, n): Its matrices
     A: Matrix
     B: Matrix
     C: Matrix
     D: Matrix
-    #: states, inputs and outputs: Its names
-    states: tuple[str, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
-        for name, shape in {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}.items():
-            matrix = np.array(getattr(self, name), dtype=np.float64)
-            if matrix.shape != shape:
-                raise ValueError(f"{name} has the shape {matrix.shape}, the names ask for {shape}")
-            matrix.setflags(write=False)
-            object.__setattr__(self, name, matrix)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A [1/s], the slowest (real part nearest to 0 from below, or above it) first."""
-        poles = np.asarray(linalg.eigvals(self.A), dtype=np.complex128)
-        return poles[np.argsort(-poles.real, kind="stable")]
+        """Eigenvalues of A [1/s, or per sample]."""
+        return np.asarray(linalg.eigvals(self.A), dtype=np.complex128)
 
     def step_matrices(self, step_s: float) -> tuple[Matrix, Matrix]:
         """E and F of x(t + step) = E·x(t) + F·u for inputs held over the step; no approximation (`expm`)."""
@@ -80,8 +60,10 @@ def inertia_at_motor(mechanics: Mechanics) -> float:
 
 
 def plant(mechanics: Mechanics) -> StateSpace:
-    """The mechanics alone: actuator's torque or force, and a force on the table, to positions and speeds."""
-    inputs, outputs = ("actuator_force", "force_n"), ("motor", "motor_speed", "table_m", "table_speed_m_per_s")
+    """The mechanics alone: actuator's torque or force, and a force on the table, to motor and table, places and speeds.
+
+    States: the places of motor, screw and table, then their speeds; of a rigid axis those of the table.
+    """
     if isinstance(mechanics, RigidMechanics):
         mass = mechanics.mass_kg
         return StateSpace(
@@ -89,9 +71,6 @@ def plant(mechanics: Mechanics) -> StateSpace:
             B=np.array([[0.0, 0.0], [1.0 / mass, 1.0 / mass]]),
             C=np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]),
             D=np.zeros((4, 2)),
-            states=("table_m", "table_speed_m_per_s"),
-            inputs=inputs,
-            outputs=outputs,
         )
     radius = mechanics.travel_per_motion
     masses = np.array([mechanics.motor_inertia_kg_m2, mechanics.screw_inertia_kg_m2, mechanics.table_mass_kg])
@@ -108,19 +87,20 @@ def plant(mechanics: Mechanics) -> StateSpace:
     B[3, 0], B[5, 1] = 1.0 / masses[0], 1.0 / masses[2]
     C = np.zeros((4, 6))
     C[[0, 1, 2, 3], [0, 3, 2, 5]] = 1.0
-    states = ("motor", "screw", "table_m", "motor_speed", "screw_speed", "table_speed_m_per_s")
-    return StateSpace(A=A, B=B, C=C, D=np.zeros((4, 2)), states=states, inputs=inputs, outputs=outputs)
+    return StateSpace(A, B, C, np.zeros((4, 2)))
 
 
 def closed_loop(axis: Axis) -> StateSpace:
     """Reference, its speed and acceleration, and a force on the table, to table position and command.
+
+    States: those of the mechanics and the integral of the speed error, if the servo has one.
 
     InputError if the axis has no servo.
     """
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
     system, radius = plant(mechanics), mechanics.travel_per_motion
     position, speed = measurement(axis)
-    order = len(system.states)
+    order = len(system.A)
     has_integral = servo.velocity_integral_gain > 0
     gain = servo.position_gain_per_s / radius
     inertia = inertia_at_motor(mechanics) / (radius * servo.actuator_gain)
@@ -144,15 +124,7 @@ def closed_loop(axis: Axis) -> StateSpace:
         A[:order, order] = torque * servo.velocity_integral_gain
         A[order, :order], B[order] = error_by_state, error_by_input
         C[1, order] = servo.velocity_integral_gain
-    return StateSpace(
-        A=A,
-        B=B,
-        C=C,
-        D=D,
-        states=system.states + ((INTEGRAL,) if has_integral else ()),
-        inputs=("reference_m", "reference_speed_m_per_s", "reference_acceleration_m_per_s2", "force_n"),
-        outputs=("table_m", "command"),
-    )
+    return StateSpace(A, B, C, D)
 
 
 def servo_of(axis: Axis) -> Servo:
@@ -175,27 +147,11 @@ def measurement(axis: Axis) -> tuple[Vector, Vector]:
     return axis.mechanics.travel_per_motion * system.C[0], system.C[1]
 
 
-@dataclass(frozen=True)
-class SampledLoop:
-    """x[k+1] = A·x[k] + B·u[k], y[k] = C·x[k] + D·u[k]."""
-
-    #: A, B, C and D: (n, n): Its matrices. States: those of the mechanics, commands that wait, past motor positions if
-    #: the speed is a difference of two, the integral of the speed error.
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
-    step_s: float  #: Period of the control [s]
-
-    @property
-    def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues z of A, the largest first."""
-        z = np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
-        return z[np.argsort(-np.abs(z), kind="stable")]
-
-
-def sampled_closed_loop(axis: Axis) -> SampledLoop:
+def sampled_closed_loop(axis: Axis) -> StateSpace:
     """Reference, its speed and acceleration at the samples to table position and command.
+
+    States: those of the mechanics, commands that wait, past motor positions if the speed is a difference of two, the
+    integral of the speed error.
 
     InputError if the axis has no servo, or one that is not sampled.
     """
@@ -209,7 +165,7 @@ def sampled_closed_loop(axis: Axis) -> SampledLoop:
         )
     system, radius, step_s = plant(mechanics), mechanics.travel_per_motion, servo.sample_s
     position, speed = measurement(axis)
-    order = len(system.states)
+    order = len(system.A)
     waiting, rest_s = waiting_commands(servo)
     partly = rest_s > 0.0
     n_waiting = waiting + partly
@@ -257,7 +213,7 @@ def sampled_closed_loop(axis: Axis) -> SampledLoop:
         A[integral, integral] += 1.0
     C, D = np.zeros((2, size)), np.zeros((2, 3))
     C[0, :order], C[1], D[1] = system.C[2], command_by_state, command_by_input
-    return SampledLoop(A, B, C, D, step_s)
+    return StateSpace(A, B, C, D)
 
 
 def waiting_commands(servo: Servo) -> tuple[int, float]:
@@ -423,7 +379,8 @@ def fastest_rate_per_s(axis: Axis) -> float:
     if lugre is not None and any(most > 0 for direction in axis.friction.directions for most in direction):
         mechanics = axis.mechanics
         mass = mechanics.mass_kg if isinstance(mechanics, RigidMechanics) else mechanics.table_mass_kg
-        place, speed = (system.states.index(name) for name in ("table_m", "table_speed_m_per_s"))
+        speed = len(plant(mechanics).A) - 1
+        place = speed // 2
         A[speed, place] -= lugre.stiffness_n_per_m / mass
         A[speed, speed] -= lugre.damping_ns_per_m / mass
     return float(np.abs(np.linalg.eigvals(A)).max())

@@ -394,7 +394,7 @@ def virtual_machining_centre(
 
 def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:
     """Film coefficients [W/(m²·K)] at rest and at full speed, each dry and with coolant."""
-    corners = Conditions.held(np.arange(4.0), spindle_speed=[0.0, MAX_RPM] * 2, coolant_on=[0.0, 0.0, 1.0, 1.0])
+    corners = Conditions(np.arange(4.0), np.array([0.0, MAX_RPM] * 2), coolant_on=np.array([0.0, 0.0, 1.0, 1.0]))
     sets = []
     for row in film_coefficients(laws, corners):
         total = summed([law.film for law in laws.films], row)

@@ -489,12 +489,11 @@ def _finished(
     folds = speed_folds(data)
     errors = law_errors(fit, data, folds) if folds else _scores(fit, data)
     heldout = np.sqrt(np.mean(errors**2, axis=0))
-    squares = data.counts * fit.solution.left_out_um**2
     return ModalFit(
         model=fit.model(data, responses),
         tau_low_s=low,
         tau_high_s=high,
-        residual_um=np.sqrt(squares.sum(axis=0) / data.counts.sum(axis=0)),
+        residual_um=np.sqrt(_mean_square(fit, data)),
         heldout_um=heldout,
         warm=tuple(tests[run].run for run in fit.spec.free_starts),
         findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),

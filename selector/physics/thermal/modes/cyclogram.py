@@ -5,6 +5,7 @@ from typing import Literal
 
 import numpy as np
 
+from selector.physics.checks import keep_arrays
 from selector.types import Vector
 
 
@@ -18,16 +19,17 @@ class Cyclogram:
     end_s: float  #: End of the last segment [s]
 
     def __post_init__(self) -> None:
-        for name in ("start_s", "speed_rpm"):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
+        keep_arrays(self, "start_s", "speed_rpm")
 
     @classmethod
     def of_segments(cls, *segments: tuple[float, float]) -> "Cyclogram":
         """From (minutes, r/min) pairs, as a process plan is written."""
         ends = np.cumsum([minutes * 60.0 for minutes, _ in segments])
         return cls(np.r_[0.0, ends[:-1]], np.array([speed for _, speed in segments], dtype=np.float64), float(ends[-1]))
+
+    def within(self, fastest_rpm: float) -> "Cyclogram":
+        """The duty cycle with what is faster held there."""
+        return Cyclogram(self.start_s, np.minimum(self.speed_rpm, fastest_rpm), self.end_s)
 
     def speed_at(self, time_s: Vector) -> Vector:
         """Speed [r/min] held at each time [s]; a time at which the speed changes has the new speed."""

@@ -127,6 +127,15 @@ def _spreads(values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, t
     return np.asarray(minimize(lost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}).x)
 
 
+def _lost(spec: ModeSpec, data: ModeData, theta: Vector, spreads: Vector, there: Rows) -> float:
+    """The loss of a fit with these time constants, exponents and spreads in rows that may be seen."""
+    phi, kinds = design(spec, data, theta)
+    far = _expectations(spec, theta)
+    rows = (np.column_stack([phi, course]) for course in data.displacement_um.T)
+    losses = (_loss(values, kinds, spreads[r], data, r, there)[0] for r, values in enumerate(rows))
+    return sum(losses) + 0.5 * float(far @ far)
+
+
 def fitted(
     spec: ModeSpec,
     data: ModeData,
@@ -146,16 +155,12 @@ def fitted(
         phi, kinds = design(spec, data, at)
         return [np.column_stack([phi, data.displacement_um[:, r]]) for r in responses], kinds
 
-    def lost(at: Vector) -> float:
-        values, kinds = filled(at)
-        far = _expectations(spec, at)
-        return sum(_loss(values[r], kinds, known[r], data, r, seen)[0] for r in responses) + 0.5 * float(far @ far)
-
     theta = np.clip(theta, low + 1e-6, high - 1e-6)
     for _ in range(rounds):
         values, kinds = filled(theta)
         known = np.array([_spreads(values[r], kinds, data, r, seen, known[r]) for r in responses])
         bounds = list(zip(low, high, strict=True))
+        lost = partial(_lost, spec, data, spreads=known, there=seen)
         theta = minimize(lost, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-4}).x
     values, kinds = filled(theta)
     coefficients, covariance = [], []
@@ -164,7 +169,9 @@ def fitted(
         inverse = np.linalg.inv(root) * np.exp(known[r][kinds])
         coefficients.append(inverse.T @ half)
         covariance.append(inverse.T @ inverse)
-    return DrivenFit(spec, theta, known, np.column_stack(coefficients), np.array(covariance), lost(theta))
+    return DrivenFit(
+        spec, theta, known, np.column_stack(coefficients), np.array(covariance), _lost(spec, data, theta, known, seen)
+    )
 
 
 def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
@@ -222,18 +229,8 @@ def _of_size(spec: ModeSpec, data: ModeData) -> DrivenFit:
 def tau_intervals(fit: DrivenFit, data: ModeData) -> tuple[Vector, Vector]:
     """95 % intervals of the time constants [s] by the curvature of the likelihood; NaN where there is no bound."""
     modes, n = fit.spec.n_modes, len(fit.theta)
-    phi_rows = range(data.displacement_um.shape[1])
     seen = np.ones(len(data.speed_rpm), np.bool_)
-
-    def lost(theta: Vector) -> float:
-        phi, kinds = design(fit.spec, data, theta)
-        far = _expectations(fit.spec, theta)
-        losses = [
-            _loss(np.column_stack([phi, data.displacement_um[:, r]]), kinds, fit.spreads[r], data, r, seen)[0]
-            for r in phi_rows
-        ]
-        return sum(losses) + 0.5 * float(far @ far)
-
+    lost = partial(_lost, fit.spec, data, spreads=fit.spreads, there=seen)
     steps = _STEP * np.eye(n)
     curvature = np.empty((n, n))
     for i in range(n):

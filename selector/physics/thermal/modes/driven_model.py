@@ -164,11 +164,7 @@ class DrivenModel:
 
     def cyclogram_of(self, run: int) -> Cyclogram:
         """The speeds of a run."""
-        blocks = slice(*self.data.bounds[run])
-        ends = np.cumsum(self.data.before_s[blocks] + self.data.after_s[blocks])
-        speed = np.minimum(self.data.speed_rpm[blocks], self.data.fastest_rpm)
-        speed = np.where(speed < 0.01 * self.data.fastest_rpm, 0.0, speed)
-        return Cyclogram(np.r_[0.0, ends[:-1]], speed, float(ends[-1]))
+        return self.data.cyclogram(run).within(self.data.fastest_rpm)
 
     def _hall(self, run: int) -> AmbientCourse | None:
         """The recorded hall, block by block."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError
+from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.recording import Recording
 from selector.types import Vector
 
@@ -58,7 +59,7 @@ def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[Therm
         ThermalTest(
             run=run,
             time_s=recording.time_s(run),
-            speed_rpm=_held(np.abs(recording.values(run, speeds)[:, 0])),
+            speed_rpm=held(np.abs(recording.values(run, speeds)[:, 0])),
             displacement_um=recording.values(run, responses),
             ambient_degc=recording.values(run, halls) if halls else None,
             ambients=tuple(halls),
@@ -67,7 +68,7 @@ def thermal_tests(recording: Recording, responses: Sequence[str]) -> tuple[Therm
     )
 
 
-def _held(values: Vector) -> Vector:
+def held(values: Vector) -> Vector:
     """Missing values take the one before them, at the beginning the first that is there; all missing means 0."""
     there = np.isfinite(values)
     if there.all() or not there.any():
@@ -127,6 +128,14 @@ class ModeData:
         length = self.before_s + self.after_s
         ends = np.concatenate([np.cumsum(length[begin:end]) for begin, end in self.bounds])
         return np.asarray(ends - self.after_s)
+
+    def cyclogram(self, run: int) -> Cyclogram:
+        """The speeds of a run's blocks, standing where it is near 0."""
+        blocks = slice(*self.bounds[run])
+        ends = np.cumsum(self.before_s[blocks] + self.after_s[blocks])
+        speed = np.where(self.speed_rpm[blocks] < 0.01 * self.fastest_rpm, 0.0, self.speed_rpm[blocks])
+        # the last sample counts for as long as the one before it, so this is beyond it
+        return Cyclogram(np.r_[0.0, ends[:-1]], speed, float(ends[-1]))
 
 
 def mode_data(tests: Sequence[ThermalTest]) -> ModeData:

@@ -1,52 +1,36 @@
 """How heat and cooling depend on what the machine does: laws of sources and films, and what they give."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from selector.errors import InputError
+from selector.physics.checks import keep_arrays
 from selector.types import Array, Matrix, Vector
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What is done to the machine: values at `time_s`, each held until the next time (C: stepwise load)."""
+    """What is done to the machine: values at `time_s`, each held until the next time (C: stepwise load).
+
+    What is given as one number stays the same for all times.
+    """
 
     time_s: Vector  #: (n_samples,): Increasing [s]; the last is the end
     #: spindle_speed, torque, ambient_degc, coolant_on, coolant_degc and machine_on: (n_samples,): [r/min], [N·m], [°C],
     #: 0 or 1, [°C], 0 or 1
-    spindle_speed: Vector
-    torque: Vector
-    ambient_degc: Vector
-    coolant_on: Vector
-    coolant_degc: Vector
-    machine_on: Vector
+    spindle_speed: Vector = field(default_factory=lambda: np.array(0.0))
+    torque: Vector = field(default_factory=lambda: np.array(0.0))
+    ambient_degc: Vector = field(default_factory=lambda: np.array(20.0))
+    coolant_on: Vector = field(default_factory=lambda: np.array(0.0))
+    coolant_degc: Vector = field(default_factory=lambda: np.array(20.0))
+    machine_on: Vector = field(default_factory=lambda: np.array(1.0))
 
     def __post_init__(self) -> None:
         for name, given in vars(self).items():
-            values = np.array(given, dtype=np.float64)
-            values.setflags(write=False)
-            object.__setattr__(self, name, values)
-
-    @classmethod
-    def held(
-        cls,
-        time_s: ArrayLike,
-        *,
-        spindle_speed: ArrayLike = 0.0,
-        torque: ArrayLike = 0.0,
-        ambient_degc: ArrayLike = 20.0,
-        coolant_on: ArrayLike = 0.0,
-        coolant_degc: ArrayLike = 20.0,
-        machine_on: ArrayLike = 1.0,
-    ) -> "Conditions":
-        """Conditions in which what is given as one number stays the same for all times."""
-        time = np.array(time_s, dtype=np.float64)
-
-        columns = (spindle_speed, torque, ambient_degc, coolant_on, coolant_degc, machine_on)
-        return cls(time, *(np.broadcast_to(np.asarray(one, dtype=np.float64), time.shape) for one in columns))
+            object.__setattr__(self, name, np.broadcast_to(given, np.shape(self.time_s)))
+        keep_arrays(self, *vars(self))
 
 
 @dataclass(frozen=True)

@@ -10,20 +10,8 @@ from scipy import sparse
 
 from selector.errors import InputError
 from selector.physics.thermal.network.heat_system import HeatSystem
-from selector.physics.thermal.network.laws import (
-    Conditions,
-    Laws,
-    film_coefficients,
-    fluid_degc,
-    heat_parts,
-    summed,
-)
-from selector.physics.thermal.network.stepping import (
-    Body,
-    ExactStepper,
-    ImplicitStepper,
-    Interval,
-)
+from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, fluid_degc, heat_parts, summed
+from selector.physics.thermal.network.stepping import Body, ExactStepper, ImplicitStepper, Interval
 from selector.types import Array, Vector
 
 Method = Literal["auto", "exact", "implicit"]

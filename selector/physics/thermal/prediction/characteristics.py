@@ -50,10 +50,7 @@ class Characteristics:
         Between tested speeds, δ(n, t)/n^exponent is interpolated in n at each t, by monotone cubics; below the slowest
         it is constant.
 
-        Raises
-        ------
-        InputError
-            If the speed is negative, or faster than the fastest tested one.
+        Raises InputError if the speed is negative, or faster than the fastest tested one.
         """
         fastest = float(self.speeds_rpm[-1])
         if not 0.0 <= speed_rpm <= fastest * (1.0 + _BEYOND):
@@ -100,10 +97,7 @@ def characteristics(tests: Sequence[ThermalTest], responses: Sequence[str]) -> t
     the kind share, as many as the data support (Bayesian information criterion); noise does not get through, and a
     curve may turn back, as those of other axes than the spindle's do.
 
-    Raises
-    ------
-    InputError
-        If no run heats continuously from rest for long enough.
+    Raises InputError if no run heats continuously from rest for long enough.
     """
     data = mode_data(tests)
     heating = heating_from_rest(data)

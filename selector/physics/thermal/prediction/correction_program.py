@@ -71,10 +71,7 @@ class CorrectionProgram:
         time appears twice, with the drift before and after. Drift beyond the tolerance is the prediction's error, not
         the program's.
 
-        Raises
-        ------
-        InputError
-            If the curve cannot be used or ends before the operations do.
+        Raises InputError if the curve cannot be used or ends before the operations do.
         """
         time, displacement = _checked_curve(time_s, displacement_um, self.operations[-1].end_s)
         times: list[Vector] = []
@@ -108,11 +105,8 @@ def correction_program(
     only at whole multiples of this time [s] after the start of the operation, before the tolerance is reached and never
     after; they take off the drift that there is at that time.
 
-    Raises
-    ------
-    InputError
-        If the curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift grows by more than the
-        tolerance within `resolution_s`.
+    Raises InputError if the curve cannot be used, more than `MOST_CORRECTIONS` would be needed, or the drift grows by
+    more than the tolerance within `resolution_s`.
     """
     ends = np.cumsum(operations_s)
     time, displacement = _checked_curve(time_s, displacement_um, float(ends[-1]))

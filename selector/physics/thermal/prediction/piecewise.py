@@ -35,10 +35,7 @@ def piecewise_displacement_um(
     beyond, the one that begins nearest. Where the present displacement is beyond all of the characteristic, as after a
     fall of the speed, the additional operation: the steady level is approached along a cooling curve.
 
-    Raises
-    ------
-    InputError
-        If a speed is outside the tests.
+    Raises InputError if a speed is outside the tests.
     """
     time = np.asarray(time_s, dtype=np.float64)
     columns: list[Vector] = []

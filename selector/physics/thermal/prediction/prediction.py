@@ -125,10 +125,8 @@ def cyclogram_of_rows(
 
     The last row is the end; if the operations reach further, its speed is held to their end.
 
-    Raises
-    ------
-    InputError
-        If the rows make no duty cycle, there is one row without operations, or it lasts longer than `LONGEST_S`.
+    Raises InputError if the rows make no duty cycle, there is one row without operations, or it lasts longer than
+    `LONGEST_S`.
     """
     time, speed = np.asarray(time_s, dtype=np.float64), np.asarray(speed_rpm, dtype=np.float64)
     wanted = 0.0 if operations_s is None else float(np.sum(operations_s))
@@ -194,10 +192,8 @@ def predict(
     order of the operations that needs the fewest corrections is found, too. What was `told` before stands first among
     the findings.
 
-    Raises
-    ------
-    InputError
-        If the tests are too few or too short, a speed is outside of them, or the program's options cannot be used.
+    Raises InputError if the tests are too few or too short, a speed is outside of them, or the program's options cannot
+    be used.
     """
     if isinstance(tolerance_um, Mapping) and (unknown := sorted(set(tolerance_um) - set(responses))):
         raise OptionError(

@@ -46,15 +46,15 @@ def modal_repeats(
     The state at the start of runs that were `warm` (their names) is fitted here again, with the modes as they are.
     """
     data = mode_data(tests)
-    cyclograms = [_cyclogram(data, run) for run in range(len(tests))]
+    cyclograms = [data.cyclogram(run) for run in range(len(tests))]
     taken = [samples(test) for test in tests]
     plain = [
-        model.displacement_um(_within(cyclogram, model.fastest_rpm), time)
+        model.displacement_um(cyclogram.within(model.fastest_rpm), time)
         for cyclogram, (time, _) in zip(cyclograms, taken, strict=True)
     ]
     columns = []
     for test, cyclogram, (time, _) in zip(tests, cyclograms, taken, strict=True):
-        fading = [_fading(model, _within(cyclogram, model.fastest_rpm), time)] if test.run in warm else []
+        fading = [_fading(model, cyclogram.within(model.fastest_rpm), time)] if test.run in warm else []
         columns.append(np.hstack([np.ones((len(time), 1)), *fading]))
     fitted = [fitted_um(m - p, own) for (_, m), p, own in zip(taken, plain, columns, strict=True)]
     return tuple(
@@ -71,7 +71,7 @@ def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteris
     data = mode_data(tests)
     repeats = []
     for run, test in enumerate(tests):
-        cyclogram = _at_levels(_cyclogram(data, run), data)
+        cyclogram = _at_levels(data.cyclogram(run), data)
         time, measured = samples(test)
         if not (cyclogram.speed_rpm > 0).any():
             continue
@@ -89,20 +89,6 @@ def samples(test: ThermalTest) -> tuple[Vector, Vector]:
     read = np.flatnonzero(np.isfinite(test.displacement_um).any(axis=1))
     read = read[:: max(1, -(-len(read) // MOST_SAMPLES))]
     return test.time_s[read] - test.time_s[0], test.displacement_um[read]
-
-
-def _cyclogram(data: ModeData, run: int) -> Cyclogram:
-    """The speeds of a run's blocks, standing where it is near 0."""
-    blocks = slice(*data.bounds[run])
-    ends = np.cumsum(data.before_s[blocks] + data.after_s[blocks])
-    speed = np.where(data.speed_rpm[blocks] < 0.01 * data.fastest_rpm, 0.0, data.speed_rpm[blocks])
-    # the last sample counts for as long as the one before it, so this is beyond it
-    return Cyclogram(np.r_[0.0, ends[:-1]], speed, float(ends[-1]))
-
-
-def _within(cyclogram: Cyclogram, fastest_rpm: float) -> Cyclogram:
-    """The duty cycle with what overshoots the fastest level held there."""
-    return Cyclogram(cyclogram.start_s, np.minimum(cyclogram.speed_rpm, fastest_rpm), cyclogram.end_s)
 
 
 def _at_levels(cyclogram: Cyclogram, data: ModeData) -> Cyclogram:
@@ -164,10 +150,7 @@ FAR_BEYOND = 4.0  #: A run whose residual is this many times the median of the o
 def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Iterator[Finding]:
     """A warning for every response in which slow movement cannot be told from the noise.
 
-    Raises
-    ------
-    InputError
-        If a response does not move at all in any of the tests.
+    Raises InputError if a response does not move at all in any of the tests.
     """
     for r, name in enumerate(responses):
         courses = [_read(test, r)[1] for test in tests]
@@ -220,10 +203,7 @@ def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) 
 def speed_findings(tests: Sequence[ThermalTest], cyclogram: Cyclogram) -> Iterator[Finding]:
     """What the tested speeds do not say about those of the duty cycle.
 
-    Raises
-    ------
-    InputError
-        If the tests cannot be used.
+    Raises InputError if the tests cannot be used.
     """
     levels = np.array(mode_data(tests).levels_rpm)
     speeds = np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0])

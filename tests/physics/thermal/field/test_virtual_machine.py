@@ -33,7 +33,7 @@ def machine():
 def patent_shift(machine):
     """1500 to 3000 r/min in steps of two hours."""
     speed = np.array([1500.0, 2000.0, 2500.0, 3000.0])[np.minimum(SHIFT_S // 7200, 3).astype(int)]
-    return run(machine, Conditions.held(SHIFT_S, spindle_speed=speed), time_s=SHIFT_S)
+    return run(machine, Conditions(SHIFT_S, spindle_speed=speed), time_s=SHIFT_S)
 
 
 def run(machine, conditions, *, start_degc=20.0, **more):
@@ -45,9 +45,7 @@ def random_shift(seed):
     speed = draw.choice([0.0, 500.0, 1250.0, 2000.0, 3000.0], 32)[np.minimum(SHIFT_S // 900, 31).astype(int)]
     wet = (draw.rand(8) < 0.5)[np.minimum(SHIFT_S // 3600, 7).astype(int)]
     hall = 20.0 + 1.5 * np.sin(SHIFT_S / 6000.0 + seed)
-    return Conditions.held(
-        SHIFT_S, spindle_speed=speed, ambient_degc=hall, coolant_on=wet.astype(float), coolant_degc=19.0
-    )
+    return Conditions(SHIFT_S, spindle_speed=speed, ambient_degc=hall, coolant_on=wet.astype(float), coolant_degc=19.0)
 
 
 def column(history, name):
@@ -101,7 +99,7 @@ def test_energy_closes(patent_shift):
 
 
 def test_a_machine_that_is_off_takes_the_temperature_of_the_hall_and_keeps_it(machine):
-    off = Conditions.held([0.0, 7200.0], machine_on=0.0, ambient_degc=17.0, coolant_degc=17.0, coolant_on=1.0)
+    off = Conditions([0.0, 7200.0], machine_on=0.0, ambient_degc=17.0, coolant_degc=17.0, coolant_on=1.0)
     history = run(machine, off, time_s=[0.0, 7200.0], start_degc=17.0)
     # round-off of 17 °C through 200 states
     np.testing.assert_allclose(history.probe_degc, 17.0, atol=1e-9)
@@ -113,7 +111,7 @@ def test_a_machine_that_is_off_takes_the_temperature_of_the_hall_and_keeps_it(ma
 def test_one_temperature_goes_with_different_displacements(machine):
     """Thermal memory (C): while it warms and while it cools, the bearing seat passes the same temperature."""
     speed = np.where(SHIFT_S < 4 * 3600, MAX_RPM, 0.0)
-    history = run(machine, Conditions.held(SHIFT_S, spindle_speed=speed), time_s=SHIFT_S)
+    history = run(machine, Conditions(SHIFT_S, spindle_speed=speed), time_s=SHIFT_S)
     seat, z = column(history, "T01"), column(history, "Z")
     top = int(np.argmax(seat))
     level = seat[0] + 0.5 * (seat[top] - seat[0])
@@ -126,7 +124,7 @@ def warmer_hall(machine, physics, speed_rpm):
     """What 5 K more in the hall and the coolant change at the nose after 4 hours [K]."""
     runs = []
     for degc in (20.0, 25.0):
-        conditions = Conditions.held([0.0, 14400.0], spindle_speed=speed_rpm, ambient_degc=degc, coolant_degc=degc)
+        conditions = Conditions([0.0, 14400.0], spindle_speed=speed_rpm, ambient_degc=degc, coolant_degc=degc)
         history = run(replace(machine, laws=machine_laws(physics)), conditions, time_s=[14400.0], start_degc=20.0)
         runs.append(history.probe_degc[0])
     return runs[1] - runs[0]
@@ -145,7 +143,7 @@ def test_what_each_physics_adds(machine):
 
 def test_coolant_and_hydraulics_are_felt(machine):
     def after(**changes):
-        history = run(machine, Conditions.held([0.0, 14400.0], **changes), time_s=[14400.0], start_degc=20.0)
+        history = run(machine, Conditions([0.0, 14400.0], **changes), time_s=[14400.0], start_degc=20.0)
         return dict(zip(history.probes, history.probe_degc[0], strict=True)), history.displacement_um[0]
 
     dry, dry_um = after(spindle_speed=2000.0)
