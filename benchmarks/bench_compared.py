@@ -22,9 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
+from proving_ground.real.identification import identified_axis_of_servo
 from selector.models.best_subsets.problem import cross_products
 from selector.models.best_subsets.subsets import best_subsets
-from selector.physics.drive.identification import identified_axis_of_servo
 from selector.physics.drive.parts.axis import Servo
 from selector.readers import read
 from selector.recording import Recording

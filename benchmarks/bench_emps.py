@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 from scipy.io import loadmat
 
-from selector.physics.drive.identification import identified_axis_of_servo, identified_rigid_axis
+from proving_ground.real.identification import identified_axis_of_servo, identified_rigid_axis
 from selector.physics.drive.parts.axis import Axis, AxisState, Friction, RigidMechanics, Sensing, Servo
 from selector.physics.drive.simulation import simulate_axis
 from selector.physics.drive.trajectory import Motion, Reference, recorded

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from proving_ground.real.emps import AxisLaw, Record, identified, record, simulated
-from selector.physics.drive.identification import filtered_motion
+from proving_ground.real.identification import filtered_motion
 
 Vector = NDArray[np.float64]
 

@@ -31,7 +31,7 @@ PARTS = {
         "How its axes follow",
         "physics.drive.parts.catalogue physics.drive.parts.stiffness physics.drive.parts.axis"
         " physics.drive.trajectory physics.drive.simulation physics.drive.loop.closed_loop"
-        " physics.drive.loop.stability physics.drive.identification physics.drive.ball_bar.circle"
+        " physics.drive.loop.stability physics.drive.ball_bar.circle"
         " physics.drive.ball_bar.quantities physics.drive.ball_bar.causes physics.drive.file.model_file"
         " physics.drive.drive_model physics.drive.driving",
     ),

@@ -17,10 +17,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
     The new file is made beside the old one and then takes its name, in one step. Folders that are missing are made.
 
-    Raises
-    ------
-    OptionError
-        Nothing can be written there; the old file is untouched.
+    Raises OptionError: nothing can be written there; the old file is untouched.
     """
     draft = path.with_name(f".{path.name[:60]}.{secrets.token_hex(8)}.part")
     try:
@@ -141,10 +138,7 @@ def _moved_together(moves: Iterable[tuple[Path | None, Path]], aside: Callable[[
 def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
     """Ends with an error when the file exists and the user did not say ``--force``.
 
-    Raises
-    ------
-    OptionError
-        The file exists.
+    Raises OptionError: the file exists.
     """
     if path.exists() and not force:
         raise OptionError(
@@ -158,10 +152,7 @@ def refuse_to_overwrite(path: Path, *, force: bool, option: str) -> None:
 def refuse_to_replace_input(path: Path, inputs: Iterable[str | Path], option: str) -> None:
     """Ends with an error when the file to be written is one of those that were read, whatever its name there was.
 
-    Raises
-    ------
-    OptionError
-        It is.
+    Raises OptionError: it is.
     """
     if path.exists() and any(Path(file).exists() and path.samefile(file) for file in inputs):
         raise OptionError(
@@ -190,10 +181,7 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
 
     `marks`: name of the file → what it has near its beginning if an earlier run of the same command wrote it.
 
-    Raises
-    ------
-    OptionError
-        There is such a file.
+    Raises OptionError: there is such a file.
     """
     foreign = [
         name for name, mark in marks.items() if (folder / name).exists() and not begins_with(folder / name, mark)
@@ -218,11 +206,8 @@ def require_replaceable(folder: Path, marks: Mapping[str, str], option: str = "-
 def require_writable_folder(folder: Path, option: str, results: Iterable[str] = ()) -> None:
     """Finds out before long work whether `folder` can be made or written to; leaves nothing behind.
 
-    Raises
-    ------
-    OptionError
-        It is a file, or its place cannot be written to; or a file that is not of this program stands in the place of
-        one of the `results` (names with the endings ``.json`` and ``.html``).
+    Raises OptionError: it is a file, or its place cannot be written to; or a file that is not of this program stands in
+    the place of one of the `results` (names with the endings ``.json`` and ``.html``).
     """
     if folder.is_symlink() and not folder.exists():
         raise OptionError(

@@ -64,10 +64,7 @@ class FuzzyClusterSelector(SelectorMixin, BaseEstimator):  # type: ignore[misc]
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Group the columns of X, shape (n_samples, n_features), and choose by y, shape (n_samples,).
 
-        Raises
-        ------
-        ValueError
-            Missing values, fewer than three samples, a λ outside [-1, 1], or no column that moves.
+        Raises ValueError: missing values, fewer than three samples, a λ outside [-1, 1], or no column that moves.
         """
         readings, response = _checked(self, X, y, at_least=3)
         n_features = readings.shape[1]
@@ -137,10 +134,7 @@ class BestSubsetRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Search the subsets of the columns of X, shape (n_samples, n_features), for y, shape (n_samples,).
 
-        Raises
-        ------
-        ValueError
-            Missing values, too few samples, an unknown criterion, or a `max_size` below 1.
+        Raises ValueError: missing values, too few samples, an unknown criterion, or a `max_size` below 1.
         """
         readings, response = _checked(self, X, y, at_least=3)
         n_samples, n_features = readings.shape
@@ -231,10 +225,8 @@ class ThermalRegressor(RegressorMixin, BaseEstimator):  # type: ignore[misc]
         runs : array of shape (n_samples,), optional
             Which run each row belongs to; whole runs are left out to prove the model. Without it there is one run.
 
-        Raises
-        ------
-        ValueError
-            Missing values, or data and parameters that cannot support a model; the message says what to change.
+        Raises ValueError: missing values, or data and parameters that cannot support a model; the message says what to
+        change.
         """
         readings, displacement = _checked(self, X, y, at_least=5)
         levels = _levels(self.level, self.rounds)

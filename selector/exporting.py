@@ -94,16 +94,9 @@ def export_model(
     `target` is a key of `selector.controllers.writers.targets.TARGETS`: ``"c"``, ``"st"``, ``"sinumerik"`` … `progress`
     is called with runs done, runs in all, and what is being done, before each replayed run.
 
-    Raises
-    ------
-    OptionError
-        An unknown target or output, a limit that is none, an untested program, or a folder that cannot be written.
-    ModelFileError
-        The model file contradicts itself.
-    ExportRefusedError
-        The control cannot take this model.
-    InputError
-        Recordings cannot be read, or lack what the model needs.
+    Raises OptionError: an unknown target or output, a limit that is none, an untested program, or a folder that cannot
+    be written. ModelFileError: The model file contradicts itself. ExportRefusedError: The control cannot take this
+    model. InputError: Recordings cannot be read, or lack what the model needs.
     """
     model, folder, options = Path(model), Path(folder), options or ExportOptions()
     if target not in TARGETS:

@@ -73,10 +73,7 @@ def no_channel(name: str, names: Iterable[str]) -> RecordingError:
 class Recording:
     """One or more runs on a common set of channels.
 
-    Raises
-    ------
-    RecordingError
-        If the frame and the channels do not make a recording.
+    Raises RecordingError if the frame and the channels do not make a recording.
     """
 
     #: (n_samples, n_channels): Index (`run`, `time_s`): the rows of a run stand together, time [s] from the start of

@@ -11,10 +11,7 @@ _ROOTS = (_PACKAGE / "_fixtures", _PACKAGE.parent / "fixtures")
 def shipped(name: str) -> Path:
     """The folder of a shipped recording, e.g. ``"patent8"``: packaged in a wheel, or `fixtures/` of a checkout.
 
-    Raises
-    ------
-    InputError
-        There is no such folder in either place; the message lists those that there are.
+    Raises InputError: there is no such folder in either place; the message lists those that there are.
     """
     known = sorted({m.parent.name for root in _ROOTS if root.is_dir() for m in root.glob("*/machine.toml")})
     for root in _ROOTS:

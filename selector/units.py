@@ -90,10 +90,7 @@ def parse_unit(text: str) -> str | None:
 def unit_for_role(unit: str, role: str, *, where: str) -> str:
     """The pint name of `unit`, checked to have the dimension that `role` needs.
 
-    Raises
-    ------
-    UnitError
-        The unit is unknown, or cannot be converted to the canonical unit of the role.
+    Raises UnitError: the unit is unknown, or cannot be converted to the canonical unit of the role.
     """
     canonical = CANONICAL_UNITS[role]
     known = parse_unit(unit)
@@ -129,10 +126,7 @@ def same_dimension(unit: str, other: str) -> bool:
 def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
     """Values in another unit [pint names], float64; temperatures are readings, not differences.
 
-    Raises
-    ------
-    UnitError
-        The two units have different dimensions.
+    Raises UnitError: the two units have different dimensions.
     """
     array = np.asarray(values, dtype=np.float64)
     if unit == to:

@@ -16,8 +16,8 @@ from plotly.subplots import make_subplots
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.bench_emps import PERIOD_S, PULSE_V, RECORDED, axis_of, records
+from proving_ground.real.identification import identified_axis_of_servo
 from selector.figures import style
-from selector.physics.drive.identification import identified_axis_of_servo
 from selector.physics.drive.simulation import simulate_axis
 
 NOTE = (

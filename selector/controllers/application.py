@@ -364,10 +364,7 @@ def write_predictions(application: Application, path: str | Path) -> None:
 
     Names are those of `selector.csv_text.defused`. Numbers are the shortest text that reads back to the same float64.
 
-    Raises
-    ------
-    OptionError
-        Nothing can be written at this path.
+    Raises OptionError: nothing can be written at this path.
     """
     table = application.predictions.rename(columns=defused)
     table["run"] = table["run"].map({run: defused(run) for run in table["run"].unique()})

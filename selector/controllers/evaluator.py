@@ -111,10 +111,7 @@ def evaluate(
     reading that is not finite is missing. Default of the start readings: the first finite ones; of the positions: the
     reference.
 
-    Raises
-    ------
-    RecordingError
-        An input has no readings, lengths differ or time does not increase.
+    Raises RecordingError: an input has no readings, lengths differ or time does not increase.
     """
     time = np.asarray(time_s, dtype=np.float64)
     table = {item.name: _series(item.name, readings, time) for item in model.inputs}

@@ -404,11 +404,8 @@ _EXPORT_AGAIN = "correct this place, or export the model again"
 def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
     """The model in a file; `is_changed`: somebody changed it on purpose, and its digest is not looked at.
 
-    Raises
-    ------
-    ModelFileError
-        The file cannot be read, is too large, is cut off, is of another version, does not follow the schema or is not
-        what its digest says; the message has the JSON path and the value.
+    Raises ModelFileError: the file cannot be read, is too large, is cut off, is of another version, does not follow the
+    schema or is not what its digest says; the message has the JSON path and the value.
     """
     place = Path(path)
 
@@ -428,10 +425,7 @@ def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
 def parsed_model(text: str, *, where: str = "model", is_changed: bool = False) -> ModelFile:
     """The model in a JSON text; `where` names the text in messages.
 
-    Raises
-    ------
-    ModelFileError
-        As `read_model`.
+    Raises ModelFileError: as `read_model`.
     """
     value = parsed_json(text, where=where)
     if not isinstance(value, dict):
@@ -489,10 +483,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 def write_model(model: ModelFile, path: str | Path) -> None:
     """Write a model file, whole or not at all.
 
-    Raises
-    ------
-    OptionError
-        Nothing can be written at this path.
+    Raises OptionError: nothing can be written at this path.
     """
     write_whole(Path(path), model_text(model).encode("utf-8"))
 

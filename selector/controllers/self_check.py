@@ -118,11 +118,8 @@ _READING_DECIMALS = 6
 def usable_model(path: str | Path) -> tuple[ModelFile, tuple[Finding, ...]]:
     """The model in a file that keeps its word, and what was found.
 
-    Raises
-    ------
-    ModelFileError
-        The file cannot be read, does not follow the schema, is not what its digest says, or a finding is of level
-        ``error``.
+    Raises ModelFileError: the file cannot be read, does not follow the schema, is not what its digest says, or a
+    finding is of level ``error``.
     """
     model = read_model(path)
     findings = model_findings(model)

@@ -92,10 +92,7 @@ class FittedModel:
         It takes the samples that this model was fitted to, as `fit` does. With `robust`, errors allow for
         autocorrelation within runs (``hac-panel``), as those of `physical`; else they are classical.
 
-        Raises
-        ------
-        OptionError
-            A ridge fit, or terms that ordinary least squares on physical variables does not have.
+        Raises OptionError: a ridge fit, or terms that ordinary least squares on physical variables does not have.
         """
         from statsmodels.regression.linear_model import OLS
 
@@ -143,10 +140,7 @@ def fit(
     ridge : float
         Penalty λ: minimises ‖y − Xb‖²/n + λ‖b‖² over the scaled coefficients, intercept free.
 
-    Raises
-    ------
-    OptionError
-        Fewer samples than coefficients.
+    Raises OptionError: fewer samples than coefficients.
     """
     terms = tuple(terms)
     n, k = len(response), len(terms) + int(intercept)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from selector.physics.drive.identification import (
+from proving_ground.real.identification import (
     filtered_motion,
     identified_axis_of_servo,
     identified_rigid_axis,

@@ -20,10 +20,7 @@ def cross_products(X: ArrayLike, y: ArrayLike, *, intercept: bool = True) -> Mat
 
     A column that is constant up to rounding gets an exact zero. Without an intercept the mean stays in.
 
-    Raises
-    ------
-    InputError
-        The shapes do not fit, or a value is missing or infinite.
+    Raises InputError: the shapes do not fit, or a value is missing or infinite.
     """
     rows = _rows(X, y, intercept)
     return rows.T @ rows

@@ -105,10 +105,7 @@ class SubsetSearch:
     def best(self, criterion: Criterion = "adjusted_r2") -> Subset:
         """The best subset over all sizes: largest adjusted R², or smallest AICc, BIC or Cp; ties to the smaller set.
 
-        Raises
-        ------
-        InputError
-            The criterion is unknown, or not available at any size.
+        Raises InputError: the criterion is unknown, or not available at any size.
         """
         return best_of([subset for _, sets in sorted(self.by_size.items()) for subset in sets], criterion)
 

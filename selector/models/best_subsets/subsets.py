@@ -69,10 +69,7 @@ def best_subsets(
         After it the best so far is returned with its gap. The clock is looked at about every 0.02 s; between, no Python
         runs. KeyboardInterrupt passes through.
 
-    Raises
-    ------
-    InputError
-        The matrix or a column number cannot be used.
+    Raises InputError: the matrix or a column number cannot be used.
     """
     problem = Problem.of(cross, n_samples, must, intercept, n_best, max_size)
     started = time.perf_counter()
@@ -219,10 +216,7 @@ def best_sensor_sets(
     time_limit_s
         As in `best_subsets`.
 
-    Raises
-    ------
-    InputError
-        The matrix, an owner or a sensor number cannot be used.
+    Raises InputError: the matrix, an owner or a sensor number cannot be used.
     """
     started = time.perf_counter()
     fixed = set(always)

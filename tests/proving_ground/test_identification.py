@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.errors import InputError
-from selector.physics.drive.identification import (
+from proving_ground.real.identification import (
     filtered_motion,
     identified_axis_of_servo,
     identified_rigid_axis,
     servo_bandwidth_hz,
 )
+from selector.errors import InputError
 from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.physics.drive.trajectory import moves
 
