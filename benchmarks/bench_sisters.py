@@ -88,28 +88,32 @@ def fleet(kind: str, seed: int, machines: int, new: int) -> list[dict[str, float
         recordings[f"m{k + 1}"], truths[f"m{k + 1}"] = Machine(kind, seed, k).recording(n_runs)
     names = list(recordings)[machines:]
     pool = Pool.of(recordings, names[0], Options())
-    found = Sisters.of(pool, names, (1, 2, 3), lambda _doing, _share: None)
-    shared = found.shared
-    assert shared is not None
     rows = []
-    for name in names:
-        unseen = pool.runs[name][3 + LEARNT :]
-        true = np.concatenate(truths[name][3 + LEARNT :])
-        seen = rows_of(pool.source, shared.recipe.design, unseen).variables
-        best = shared.evidence(pool.runs[name][3 : 3 + LEARNT], "Z")
-        columns = np.column_stack([np.ones(len(seen)), shared.columns.matrix(seen)])
-        for count in (1, 2, 3):
-            known, answer = pool.runs[name][:count], found.answer(name, count, {})
-            z = answer.responses["Z"]
-            told = z.errors.get(str(count), {"sisters_um": float("nan")})
-            ways = {way: of[:, 0] for way, of in shared.predicted(known, seen).items()}
-            ways |= {"none": np.zeros(len(true)), "best": columns @ np.linalg.solve(best.normal, best.right)}
-            ways["alone"] = alone(pool, known, unseen, len(true))
-            squares = {way: float(np.mean((of - true) ** 2)) for way, of in ways.items()}
-            shown = {"helps": float(answer.verdict == "sisters"), "two": float(len(z.types) > 1)}
-            far = {"unlike": float(z.distance > z.limit), "told": told["sisters_um"] ** 2}
-            rows.append({"runs": float(count), **squares, **shown, **far})
+    for count in (1, 2, 3):
+        found = Sisters.of(pool, names, count, lambda _doing, _share: None)
+        rows += [row(pool, found, name, np.concatenate(truths[name][3 + LEARNT :])) for name in names]
     return rows
+
+
+def row(pool: Pool, found: Sisters, name: str, true: np.ndarray) -> dict[str, float]:
+    """Squares of the errors of a new machine in its unseen runs, and what was told of it."""
+    shared, runs, answer = found.shared, pool.runs[name], found.answer(name, {})
+    assert shared is not None
+    known, unseen, z = runs[: found.count], runs[3 + LEARNT :], answer.responses["Z"]
+    seen = rows_of(pool.source, shared.recipe.design, unseen).variables
+    best = shared.evidence(runs[3 : 3 + LEARNT], "Z")
+    columns = np.column_stack([np.ones(len(seen)), shared.columns.matrix(seen)])
+    ways = {way: of[:, 0] for way, of in shared.predicted(known, seen).items()}
+    ways |= {"none": np.zeros(len(true)), "best": columns @ np.linalg.solve(best.normal, best.right)}
+    ways["alone"] = alone(pool, known, unseen, len(true))
+    return {
+        "runs": found.count,
+        **{way: float(np.mean((of - true) ** 2)) for way, of in ways.items()},
+        "told": z.errors.get("sisters_um", float("nan")) ** 2,
+        "helps": float(answer.verdict == "sisters"),
+        "two": float(len(z.types) > 1),
+        "unlike": float(z.distance > z.limit),
+    }
 
 
 def alone(pool: Pool, known: tuple[str, ...], unseen: tuple[str, ...], n: int) -> np.ndarray:

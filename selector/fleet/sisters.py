@@ -47,7 +47,6 @@ from selector.study.material import material_of
 from selector.study.study_file import Study
 from selector.types import Array
 
-COUNTS = (1, 2, 3)  #: Runs of a new machine for which errors are told.
 MOST_SAMPLES = 20_000  #: Of a machine; more are thinned to these.
 MOST_PROVED = 30  #: Machines that are left out in turn.
 #: No compensation, what `select` makes of a machine's own runs, one regression on all runs, or sisters.
@@ -219,28 +218,27 @@ class Shared:
         return {"pooled": columns @ pooled, "sisters": columns @ np.array(shared).T}
 
 
-#: Number of runs → machine → way → error in each of its other runs, one an output.
-Errors = dict[int, dict[str, dict[str, tuple[RunProof, ...]]]]
+#: Machine → way → error in its later runs, one an output.
+Errors = dict[str, dict[str, tuple[RunProof, ...]]]
 
 
-def left_out_errors(pool: Pool, choices: Choices, counts: Sequence[int], say: Say) -> Errors:
+def left_out_errors(pool: Pool, choices: Choices, count: int, say: Say) -> Errors:
     """Every machine predicted from its first runs and its sisters; all is chosen and learnt anew without it.
 
     One that is then found to be unlike the others is not there, as it would get no model.
     """
-    found: Errors = {count: {} for count in counts}
+    found: Errors = {}
     judged = [choices.machines[k] for k in evenly(len(choices.machines), MOST_PROVED)]
     for i, name in enumerate(judged):
         say(f"predicting {name} by its sisters", 0.1 + 0.9 * i / len(judged))
         others = [one for one in choices.machines if one != name]
         shared = Shared.of(pool, choices.recipe(others), others)
-        for count in counts:
-            first, later = pool.runs[name][:count], pool.runs[name][count:]
-            if later and shared.is_like(first):
-                rows = rows_of(pool.source, shared.recipe.design, later)
-                told = {"none": np.zeros_like(rows.responses), **shared.predicted(first, rows.variables)}
-                proofs = {way: _proofs(name, rows, one, shared.recipe) for way, one in told.items()}
-                found[count][name] = {**proofs, "own": _own(pool, name, first, later) or proofs["none"]}
+        first, later = pool.runs[name][:count], pool.runs[name][count:]
+        if later and shared.is_like(first):
+            rows = rows_of(pool.source, shared.recipe.design, later)
+            told = {"none": np.zeros_like(rows.responses), **shared.predicted(first, rows.variables)}
+            proofs = {way: _proofs(name, rows, one, shared.recipe) for way, one in told.items()}
+            found[name] = {**proofs, "own": _own(pool, name, first, later) or proofs["none"]}
     return found
 
 
@@ -268,9 +266,9 @@ class SharedResponse(Document):
     alone: tuple[str, ...]  #: Machines unlike all others, from which nothing is learnt
     distance: float  #: Of the new machine from the others: about 1, or less, of a machine like them
     limit: float  #: Beyond which it is unlike them
-    #: Number of known runs → number of `machines` that were left out in turn and are like the others, root mean square
-    #: errors in their other runs (`none_um` …), and `least_fall`: the share of `own_um` that sisters take at least
-    errors: dict[str, dict[str, float]]
+    #: Number of `machines` that were left out in turn and are like the others, root mean square errors in their later
+    #: runs (`none_um` …), the share of `own_um` that sisters take away at least (`least_fall`); empty where none was
+    errors: dict[str, float]
 
 
 class SistersAnswer(Document):
@@ -294,30 +292,32 @@ class Sisters:
     pool: Pool
     machines: tuple[str, ...]
     shared: Shared | None  #: None: there are too few
+    count: int  #: Runs of a machine that is left out, or is new, that are known
     errors: Errors
 
     @classmethod
-    def of(cls, pool: Pool, new: Iterable[str], counts: Sequence[int], say: Say) -> "Sisters":
+    def of(cls, pool: Pool, new: Iterable[str], count: int, say: Say) -> "Sisters":
         """All machines of a pool but new ones, proved with so many runs of each that is left out."""
         machines = tuple(name for name, runs in pool.runs.items() if name not in new and len(runs) > 1)
         if len(machines) < FEWEST:
-            return cls(pool, machines, None, {})
+            return cls(pool, machines, None, count, {})
         say("comparing sets", 0.0)
         choices = Choices.of(pool, machines)
-        errors = left_out_errors(pool, choices, counts, say)
-        return cls(pool, machines, Shared.of(pool, choices.recipe(machines), machines), errors)
+        errors = left_out_errors(pool, choices, count, say)
+        return cls(pool, machines, Shared.of(pool, choices.recipe(machines), machines), count, errors)
 
-    def answer(self, new: str, count: int, left_out: Mapping[str, str]) -> SistersAnswer:
+    def answer(self, new: str, left_out: Mapping[str, str]) -> SistersAnswer:
         """Whether they are sisters to a machine of which the first runs are known."""
-        runs, shared = self.pool.runs[new][:count], self.shared
+        runs, shared = self.pool.runs[new][: self.count], self.shared
         responses = {} if shared is None else {name: self._response(shared, runs, name) for name in shared.names}
-        none = self._none_because(count, responses)
+        none = self._none_because(responses)
         few = [name for name, known in self.pool.runs.items() if len(known) < 2 and name != new]
         return SistersAnswer(
             machine=new,
             runs=tuple(run.removeprefix(f"{new}/") for run in runs),
             verdict="none" if none else "sisters",
-            because=none or f"left out in turn, its sisters are predicted better than by {_runs(count)} of their own",
+            because=none
+            or f"left out in turn, its sisters are predicted better than by {_runs(self.count)} of their own",
             sensors=() if shared is None else shared.recipe.sensors,
             shape=None if shared is None else str(shared.recipe.shape),
             left_out={**left_out, **dict.fromkeys(few, "fewer than two runs with all sensors and displacements")},
@@ -326,12 +326,11 @@ class Sisters:
 
     def _response(self, shared: Shared, runs: Sequence[str], name: str) -> SharedResponse:
         (population, types), j = shared.populations[name], shared.names.index(name)
-        errors: dict[str, dict[str, float]] = {}
-        for count in (count for count, machines in self.errors.items() if len(machines) > 1):
-            squares = {way: of[j] for way, of in self._squares(count).items()}
+        errors: dict[str, float] = {}
+        if len(self.errors) > 1:
+            squares = {way: of[j] for way, of in self._squares().items()}
             rms = {f"{way}_um": float(np.sqrt(of.mean())) for way, of in squares.items()}
-            least = least_fall(squares["own"], squares["sisters"])
-            errors[str(count)] = {"machines": len(self.errors[count]), **rms, "least_fall": least}
+            errors = {"machines": len(self.errors), **rms, "least_fall": least_fall(squares["own"], squares["sisters"])}
         return SharedResponse(
             types=tuple(tuple(self.machines[i] for i in one) for one in types),
             alone=tuple(one for i, one in enumerate(self.machines) if i not in population.members),
@@ -340,20 +339,19 @@ class Sisters:
             errors=errors,
         )
 
-    def _squares(self, count: int) -> dict[str, Array]:
+    def _squares(self) -> dict[str, Array]:
         """Mean squared errors [µm²] of each way, shape (n_responses, n_machines)."""
-        machines = self.errors.get(count, {}).values()
-        return {way: np.array([[part.rmse_um**2 for part in of[way]] for of in machines]).T for way in WAYS}
+        return {way: np.array([[part.rmse_um**2 for part in of[way]] for of in self.errors.values()]).T for way in WAYS}
 
-    def _none_because(self, count: int, responses: Mapping[str, SharedResponse]) -> str | None:
-        judged, known = len(self.errors.get(count, ())), _runs(count)
+    def _none_because(self, responses: Mapping[str, SharedResponse]) -> str | None:
+        judged, known = len(self.errors), _runs(self.count)
         if self.shared is None:
             return f"{len(self.machines)} other machines have two usable runs or more, and {FEWEST} are needed"
         if judged < FEWEST:
             return (
                 f"{judged} others have more than {known} and are like each other, and {FEWEST} are needed for the proof"
             )
-        squares = self._squares(count)
+        squares = self._squares()
         sisters = squares["sisters"]
         others = ((squares["own"], f"what {known} of their own tell"), (squares["none"], "no correction at all"))
         for other, words in others:
@@ -367,11 +365,11 @@ class Sisters:
         """The model file of the new machine, from all that is known of machines of its type."""
         pool, shared = self.pool, self.shared
         assert shared is not None
-        recipe, runs = shared.recipe, pool.runs[answer.machine][: len(answer.runs)]
+        recipe, runs = shared.recipe, pool.runs[answer.machine][: self.count]
         like = dict.fromkeys(name for one in answer.responses.values() for type_ in one.types for name in type_)
         source = RunsOf(pool.source, [*runs, *(run for name in like for run in pool.runs[name])])
         models, rows = _models(shared, runs, source), rows_of(source, recipe.design, runs)
-        proofs = zip(*(of["sisters"] for of in self.errors[len(runs)].values()), strict=True)
+        proofs = zip(*(of["sisters"] for of in self.errors.values()), strict=True)
         origins, rests = pool.source.provenance["runs"], []
         for one in recipe.design.inputs:
             rest = recipe_without(pool.question, recipe, one)
@@ -453,9 +451,8 @@ def sisters_in(
             where=f"machine {machine}",
             advice="record one more, or look with `selector describe` why a run cannot be used",
         )
-    count = n_runs or usable
-    found = Sisters.of(pool, [machine], sorted({*COUNTS, count}), say)
-    answer = found.answer(machine, count, left_out)
+    found = Sisters.of(pool, [machine], n_runs or usable, say)
+    answer = found.answer(machine, left_out)
     return answer, None if answer.verdict == "none" else found.model(answer)
 
 

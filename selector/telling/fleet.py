@@ -70,11 +70,10 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
             sentences.append(f"{name}: the others fall into two groups, {groups}: try a fleet file for each.")
         if one.alone:
             sentences.append(f"{name}: unlike all others, and not learnt from: {', '.join(one.alone)}.")
-        for count, of in one.errors.items():
-            errors = (_error(of[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
-            rows.append((name, count, f"{of['machines']:.0f}", *errors))
+        if one.errors:
+            errors = (_error(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
+            rows.append((name, f"{one.errors['machines']:.0f}", *errors))
     head = (
-        ">runs known",
         ">machines",
         ">no correction [µm]",
         ">these runs alone [µm]",
@@ -82,8 +81,8 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
         ">sisters [µm]",
     )
     note = (
-        "Root mean square error in the other runs of machines that were left out in turn. Alone: what `select` "
-        "makes of the known runs. All as one: one regression on the runs of all machines."
+        "Root mean square error in the later runs of machines that were left out in turn, with as many known runs. "
+        "Alone: what `select` makes of these. All as one: one regression on the runs of all machines."
     )
     others = table(("machine", "reason"), list(answer.left_out.items()))
     return Account(

@@ -17,12 +17,6 @@ from tests.fleet.machines import changed, fleet_file, machine, sister
 SISTERS = 7
 
 
-@pytest.fixture
-def one_count(monkeypatch):
-    """Errors for as many runs as the new machine has, and for no other number: a third of the time."""
-    monkeypatch.setattr("selector.fleet.sisters.COUNTS", ())
-
-
 @pytest.fixture(scope="module")
 def plant(tmp_path_factory):
     """Seven sisters, a new machine with one run and more that nobody sees, and machines that are none in some way."""
@@ -72,7 +66,7 @@ def test_sisters_help_with_one_run_and_what_is_no_sister_is_told(plant, tmp_path
     assert "millimetres" in z["alone"]
     assert set(z["alone"]) <= {"millimetres", "broken-run"}
     assert z["distance"] < z["limit"]
-    one = z["errors"]["1"]
+    one = z["errors"]
     # the one in another unit is unlike the others, too, when it is left out
     assert one["machines"] in (SISTERS, SISTERS + 1)
     assert one["sisters_um"] < one["own_um"]
@@ -88,7 +82,7 @@ def test_sisters_help_with_one_run_and_what_is_no_sister_is_told(plant, tmp_path
     assert {one.without[0] for one in model.fallbacks} == {item.name for item in model.inputs}
 
 
-def test_machines_that_share_nothing_are_no_sisters(tmp_path, one_count, capsys):
+def test_machines_that_share_nothing_are_no_sisters(tmp_path, capsys):
     for number in range(6):
         machine(tmp_path / f"m{number}", number)
     path = fleet_of(tmp_path, [f"m{number}" for number in range(6)], tmp_path)
@@ -100,7 +94,7 @@ def test_machines_that_share_nothing_are_no_sisters(tmp_path, one_count, capsys)
     assert not out.exists()
 
 
-def test_a_machine_that_is_nothing_like_the_others_gets_no_model(plant, tmp_path, one_count):
+def test_a_machine_that_is_nothing_like_the_others_gets_no_model(plant, tmp_path):
     sister(tmp_path / "mirrored", 50, n_runs=2, gain=(-30.0, 20.0))
     path = fleet_of(plant, [f"s{number}" for number in range(SISTERS)], tmp_path)
     path.write_text(path.read_text() + f'mirrored = "{tmp_path / "mirrored"}"\n')
@@ -110,14 +104,14 @@ def test_a_machine_that_is_nothing_like_the_others_gets_no_model(plant, tmp_path
 
 
 @pytest.mark.parametrize("n_others", [0, 1, 2])
-def test_too_few_others_are_told(plant, tmp_path, one_count, n_others):
+def test_too_few_others_are_told(plant, tmp_path, n_others):
     path = fleet_of(plant, ["new", *(f"s{number}" for number in range(n_others))], tmp_path)
     answer, model = sisters_in(read_fleet(path), "new")
     assert (answer.verdict, answer.responses, model) == ("none", {}, None)
     assert str(n_others) in answer.because
 
 
-def test_sisters_with_no_run_to_spare_prove_nothing(plant, tmp_path, one_count):
+def test_sisters_with_no_run_to_spare_prove_nothing(plant, tmp_path):
     sister(tmp_path / "long", 60, n_runs=4)
     path = fleet_of(plant, [f"s{number}" for number in range(3)], tmp_path)
     path.write_text(path.read_text() + f'long = "{tmp_path / "long"}"\n')
@@ -142,15 +136,14 @@ def test_what_cannot_be_done_ends_with_2(plant, tmp_path, capsys, arguments, whe
     assert not out.exists()
 
 
-def test_memory_is_shared(plant, tmp_path, one_count):
+def test_memory_is_shared(plant, tmp_path):
     path = fleet_of(plant, [*(f"s{number}" for number in range(4)), "new"], tmp_path, "max_sensors = 2\nmemory = true")
     answer, _ = sisters_in(read_fleet(path), "new")
     assert answer.shape is not None
-    assert set(answer.responses["Z"].errors) == {"1"}
-    assert np.isfinite(answer.responses["Z"].errors["1"]["sisters_um"])
+    assert np.isfinite(answer.responses["Z"].errors["sisters_um"])
 
 
-def test_the_table_of_a_sister_keeps_its_order_of_runs_by_clock(plant, tmp_path, one_count):
+def test_the_table_of_a_sister_keeps_its_order_of_runs_by_clock(plant, tmp_path):
     """The first run is the oldest one by the clock, not by name."""
     folder = sister(tmp_path / "clocked", 70, n_runs=2)
     for number, day in ((1, 2), (2, 1)):
