@@ -1,6 +1,6 @@
 """What sisters are worth to a new machine: error with one, two and three runs, against own runs and one model of all.
 
-    python benchmarks/bench_sisters.py [--seeds 5] [--machines 20] [--new 4] [--proved 10] [--kinds alike,two-types]
+    python benchmarks/bench_sisters.py [--seeds 5] [--machines 20] [--new 3] [--proved 20] [--kinds alike,two-types]
 
 Fleets of machines with eight runs of four hours, twelve thermometers that are mixtures of three sources of heat, and a
 displacement that follows these, a gauge (0.2 µm) and in every run a slow drift that no thermometer sees (0.6 µm). The
@@ -132,8 +132,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--machines", type=int, default=20)
-    parser.add_argument("--new", type=int, default=4)
-    parser.add_argument("--proved", type=int, default=10)
+    parser.add_argument("--new", type=int, default=3)
+    parser.add_argument("--proved", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="seed of the first fleet")
     parser.add_argument("--rows", type=Path, help="table of all new machines")
     parser.add_argument("--kinds", default=",".join(SCATTER))

@@ -9,7 +9,7 @@ from scipy.stats import f
 from selector.types import Array, Mask
 
 FEWEST = 3  #: Machines of a type; fewer stand alone.
-UNLIKE = 1e-3  #: Probability with which a machine like the others is taken for one that is not.
+UNLIKE = 0.01  #: Probability with which a machine like the others is taken for one that is not.
 MUCH_MORE_LIKELY = 10.0  #: Difference of the Bayesian information criterion (Kass & Raftery 1995).
 _STEPS, _STILL = 300, 1e-3  #: Of the search for the covariance, and the relative change that ends it.
 _RANK = 1e-10
