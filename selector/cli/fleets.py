@@ -1,4 +1,4 @@
-"""`fleet run`, `report` and `watch`: the same question to many machines, a page about all, and are they still true."""
+"""`fleet run`, `report`, `watch` and `sisters`: the same question to many machines, and what these tell of another."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from selector.cli.shared import showing
-from selector.cli.shared.progress import fleet_progress
+from selector.cli.shared.progress import fleet_progress, progress_bar
 from selector.cli.shared.showing import AsJson
 from selector.errors import CancelledError, OptionError
 
@@ -120,6 +120,41 @@ def report(
     else:
         showing.show_account(showing.screen(), account)
     showing.show_written(showing.screen(as_json), page)
+
+
+def sisters(
+    fleet: FleetPath,
+    machine: Annotated[str, typer.Option("--machine", metavar="NAME", help="The new machine, one of the fleet file.")],
+    runs: Annotated[
+        int | None, typer.Option("--runs", metavar="N", min=1, help="Use its first N runs. Default: all.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", metavar="MODEL.json", help="Write its model, where sisters help.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Makes a model for a machine with one to three runs from what the other machines of its type share.
+
+    Each of the others is left out in turn, and predicted from as many runs of its own and from the rest. Where that is
+    no better than what these runs tell alone, sisters are none: this is said, and no model is made.
+    """
+    from selector.controllers.model_file import write_model
+    from selector.fleet import read_fleet, sisters_in
+    from selector.telling.fleet import sisters_account
+
+    asked = read_fleet(fleet)
+    with progress_bar(spoken=True) as say:
+        answer, model = sisters_in(asked, machine, runs, say)
+    account = sisters_account(answer, title=_title(asked))
+    if as_json:
+        showing.print_json(account.data)
+    else:
+        showing.show_account(showing.screen(), account)
+    if out is not None and model is not None:
+        write_model(model, out)
+        showing.show_written(showing.screen(as_json), out)
+    elif out is not None:
+        showing.screen(as_json).print(f"{out} was not written: there is no model", markup=False)
 
 
 def _title(asked: Fleet) -> str:

@@ -24,9 +24,9 @@ from selector.controllers.self_check import sealed
 from selector.models.design import Scaling
 from selector.models.least_squares import FittedModel
 from selector.recording import Channel, RunSource
-from selector.selection import Selection
 from selector.selection import fitting as selection_fallbacks
 from selector.selection.fitting import Recipe
+from selector.selection.result import ProvenModel
 
 RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
@@ -35,7 +35,7 @@ READING_MARGIN_K = 15.0
 
 
 def model_file_of(
-    selection: Selection, channels: tuple[Channel, ...], *, source: RunSource | None = None, date: str | None = None
+    selection: ProvenModel, channels: tuple[Channel, ...], *, source: RunSource | None = None, date: str | None = None
 ) -> ModelFile:
     """The model file of a selection: all responses, with ranges, rate limits, validation and test vectors.
 
@@ -179,13 +179,14 @@ def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *,
     return tuple(outputs)
 
 
-def _limits(selection: Selection, name: str) -> OutputLimits:
+def _limits(selection: ProvenModel, name: str) -> OutputLimits:
     """The correction is held within what the machine was seen to do: the largest recorded displacement."""
-    largest = max((part.before_max_um for part in selection.proof.per_response[name]), default=0.0)
+    proved = (part.before_max_um for part in selection.proof.per_response[name])
+    largest = max((*proved, selection.largest_um.get(name, 0.0)))
     return OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
 
 
-def _validation(selection: Selection, name: str) -> Validation:
+def _validation(selection: ProvenModel, name: str) -> Validation:
     model, proof = selection.models[name], selection.proof
     return Validation(
         method=f"leave-one-{proof.left_out}-out, sensors and terms chosen inside each fold",

@@ -3,6 +3,7 @@
 from selector.fleet.fleet_file import Fleet, read_fleet
 from selector.fleet.machine_study import Answer, Refit, answered, key_of
 from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
+from selector.fleet.sisters import SistersAnswer, sisters_in
 from selector.fleet.watching import FleetWatch, WatchedMachine, watch_fleet
 from selector.fleet.workers import Cluster, Processes, Workers
 
@@ -15,6 +16,7 @@ __all__ = [
     "FleetWatch",
     "Processes",
     "Refit",
+    "SistersAnswer",
     "WatchedMachine",
     "Workers",
     "answered",
@@ -22,5 +24,6 @@ __all__ = [
     "read_answer",
     "read_fleet",
     "run_fleet",
+    "sisters_in",
     "watch_fleet",
 ]

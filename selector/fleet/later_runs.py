@@ -6,6 +6,7 @@ from pathlib import Path
 
 from selector.findings import Finding
 from selector.readers import Reading
+from selector.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -20,20 +21,20 @@ def by_age(reading: Reading, seen: Collection[str]) -> ByAge:
     """The recordings before and after the newest of those that were seen (SHA-256); a copy is no further recording."""
     of = {run.name: run for run in reading.runs}
     files: dict[str, Path] = {}
-    for name in runs_by_age(reading):
+    for name in runs_by_age(reading.recording):
         files.setdefault(of[name].sha256, Path(of[name].file))
     first = 1 + max((number for number, sha256 in enumerate(files) if sha256 in seen), default=-1)
     pairs = list(files.items())
     return ByAge(dict(pairs[:first]), dict(pairs[first:]))
 
 
-def runs_by_age(reading: Reading) -> list[str]:
+def runs_by_age(recording: Recording) -> list[str]:
     """Runs as they were recorded, by their clock where each has one; else as they are named."""
-    starts = {run.name: run.start for run in reading.runs}
-    names = list(reading.recording.runs)
-    if any(starts.get(name) is None for name in names):
-        return names
-    return sorted(names, key=lambda name: str(starts[name]))
+    known = recording.provenance.get("runs", {})
+    starts = {name: known.get(name, {}).get("start") for name in recording.runs}
+    if None in starts.values():
+        return list(starts)
+    return sorted(starts, key=lambda name: str(starts[name]))
 
 
 def part_of(reading: Reading, files: Collection[Path]) -> Reading:

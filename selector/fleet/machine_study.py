@@ -38,11 +38,13 @@ from selector.study.study_file import Study
 DONE_FILE = "done.json"  #: Stands in the folder of an answer when all others do; without it the study is done again.
 
 
-class _Document(BaseModel):
+class Document(BaseModel):
+    """A part of what a command of a fleet prints, or keeps."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
-class Refit(_Document):
+class Refit(Document):
     """Whether a new model took the place of the one in use."""
 
     promoted: bool
@@ -56,7 +58,7 @@ class Refit(_Document):
     least_fall: float | None = None
 
 
-class Answer(_Document):
+class Answer(Document):
     """What came of one machine."""
 
     status: Literal["done", "reused", "failed", "missing"]
@@ -89,7 +91,7 @@ class Answer(_Document):
         return "promoted" if self.refit.promoted else "anew" if self.refit.challenger == self.key else "kept"
 
 
-class Done(_Document):
+class Done(Document):
     """``done.json``: what an answer is in short, and the SHA-256 of its files."""
 
     schema_: Annotated[Literal["selector.fleet-study/1"], Field(alias="schema")] = "selector.fleet-study/1"

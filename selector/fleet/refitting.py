@@ -141,8 +141,8 @@ def _compared(
     if len(runs) < FEWEST_JUDGED:
         return kept(champion, f"{len(runs)} of the newest runs have the displacement, and {FEWEST_JUDGED} are needed")
     old, new = (np.array([[of[name][run] for run in runs] for name in before]) for of in (before, after))
-    worse = [name for name, was, now in zip(before, old, new, strict=True) if _least_fall(now, was) > 0.0]
-    least = _least_fall(old.sum(axis=0), new.sum(axis=0))
+    worse = [name for name, was, now in zip(before, old, new, strict=True) if least_fall(now, was) > 0.0]
+    least = least_fall(old.sum(axis=0), new.sum(axis=0))
     promoted = least > 0.0 and not worse and bool(new.sum() < old.sum())
     how = f"worse in {', '.join(worse)}" if worse else "better" if promoted else "not better beyond chance"
     refit = Refit(
@@ -160,10 +160,10 @@ def _compared(
     return in_use.model_copy(update={"refit": refit, "judged": {**earlier, **judged}})
 
 
-def _least_fall(old: Vector, new: Vector) -> float:
-    """Share of the error that falls away at least: the mean over runs, less what so few leave open (Student's t).
+def least_fall(old: Vector, new: Vector) -> float:
+    """Share of the error that falls away at least: the mean over all, less what so few leave open (Student's t).
 
-    `old` and `new` are mean squares of the runs; their ratio counts, as one wild day is many times a quiet one.
+    `old` and `new` are mean squares, of a run each; their ratio counts, as one wild day is many times a quiet one.
     """
     gain = 0.5 * np.log(np.maximum(old, _LEAST_UM2) / np.maximum(new, _LEAST_UM2))
     margin = stats.t.ppf(CONFIDENCE, len(gain) - 1) * gain.std(ddof=1) / math.sqrt(len(gain))

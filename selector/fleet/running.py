@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer
 
 from selector.atomic_file import write_whole
 from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
-from selector.fleet.machine_study import Answer, Refit, Task, known_answer, overdue_words
+from selector.fleet.machine_study import Answer, Document, Refit, Task, known_answer, overdue_words
 from selector.fleet.refitting import Challenge, anew_because, challenge_of, kept, settled, without_use
 from selector.fleet.workers import Workers
 from selector.json_text import json_text
@@ -30,10 +30,8 @@ Kind = TypeVar("Kind")
 Told = Callable[[str, Answer, int, int], None]
 
 
-class FleetAnswer(BaseModel):
+class FleetAnswer(Document):
     """What came of a fleet, as `selector fleet run --json` prints it."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
     schema_: Annotated[Literal["selector.fleet/1"], Field(alias="schema")] = "selector.fleet/1"
     done: int

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from selector.adaptation.still_true import FEWEST_KNOWN, Chart, charted
 from selector.controllers.application import Accuracy
@@ -16,7 +16,7 @@ from selector.controllers.model_file import read_model
 from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, part_of, runs_by_age
-from selector.fleet.machine_study import DONE_FILE, Answer, known_answer
+from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer
 from selector.fleet.places import local_paths
 from selector.fleet.running import has_model, read_answer
 from selector.readers import read
@@ -30,11 +30,7 @@ from selector.study.study_file import Study
 RUNS_BETWEEN_ALARMS = 3000.0
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-
-class Watched(_Part):
+class Watched(Document):
     """One response of a machine in the runs that came after its model."""
 
     runs: int  #: That have the displacement and a prediction
@@ -47,7 +43,7 @@ class Watched(_Part):
     limit: float | None  #: Beyond which there is an alarm
 
 
-class WatchedMachine(_Part):
+class WatchedMachine(Document):
     """One machine."""
 
     status: Literal["quiet", "alarm", "nothing-new", "not-judged", "no-model", "failed"]
@@ -63,7 +59,7 @@ class WatchedMachine(_Part):
         return f"{self.status}: {self.error or f'{len(self.runs)} new runs'}"
 
 
-class FleetWatch(_Part):
+class FleetWatch(Document):
     """What `selector fleet watch --json` prints."""
 
     schema_: Annotated[Literal["selector.fleet-watch/1"], Field(alias="schema")] = "selector.fleet-watch/1"
@@ -119,7 +115,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
             return nothing
         reading = part_of(whole, later.values())
         application, _ = applied(model, reading)
-    runs = runs_by_age(reading)
+    runs = runs_by_age(reading.recording)
     proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
     responses = {}
     for output in model.outputs:

@@ -2,7 +2,7 @@
 
 from selector.selection.exploration import Exploration
 from selector.selection.options import Options
-from selector.selection.result import Selection
+from selector.selection.result import ProvenModel, Selection
 from selector.selection.workflow import select
 
-__all__ = ["Exploration", "Options", "Selection", "select"]
+__all__ = ["Exploration", "Options", "ProvenModel", "Selection", "select"]

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
 from selector.models.design import ListedTerms, Term, hierarchical
@@ -17,6 +16,7 @@ from selector.sensors.fuzzy import FuzzyGroups, cut_beside, fuzzy_groups
 from selector.sensors.groups import FStatistic, LambdaAxis, LambdaStep, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound, fuzzy_round, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
+from selector.types import Array
 
 Origin = Literal["representatives", "all sensors", "formula"]
 PER_SIZE = 3
@@ -145,7 +145,7 @@ def sets_with_terms(
     return list(sets)
 
 
-def _side_by_side(bench: Bench, pool: Sequence[str], shape: Shape, responses: Sequence[int]) -> NDArray[np.float64]:
+def _side_by_side(bench: Bench, pool: Sequence[str], shape: Shape, responses: Sequence[int]) -> Array:
     """Cross-products of a regression of all responses at once: each has the terms for itself, and its spread for unit.
 
     Its residual sum of squares is the sum over the responses of the share that each leaves.
@@ -182,7 +182,7 @@ def sparse_forms(bench: Bench, sensors: Sequence[str], shape: Shape) -> list[Lis
     return [ListedTerms(terms) for terms in found]
 
 
-def _relevance(bench: Bench, sensors: Sequence[str]) -> NDArray[np.float64]:
+def _relevance(bench: Bench, sensors: Sequence[str]) -> Array:
     """Mean over the responses of the squared correlation of each sensor with the displacement."""
     total = np.zeros(len(sensors))
     for j in range(len(bench.library.responses)):
@@ -192,7 +192,7 @@ def _relevance(bench: Bench, sensors: Sequence[str]) -> NDArray[np.float64]:
     return total / len(bench.library.responses)
 
 
-def _by_cost(question: Question, relevance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _by_cost(question: Question, relevance: Array) -> Array:
     """Relevance by which representatives are taken: of those within a hundredth in r², the cheapest comes first."""
     cost = np.array([question.options.cost.get(name, 1.0) for name in question.sensors])
     if np.ptp(cost) == 0:
@@ -201,9 +201,7 @@ def _by_cost(question: Question, relevance: NDArray[np.float64]) -> NDArray[np.f
     return np.asarray(steps - 0.5 * cost / cost.max() + 0.4 * (relevance / AS_RELEVANT - steps) / len(cost))
 
 
-def _screenings(
-    question: Question, similarity: Similarity, axis: LambdaAxis, relevance: NDArray[np.float64]
-) -> list[Screening]:
+def _screenings(question: Question, similarity: Similarity, axis: LambdaAxis, relevance: Array) -> list[Screening]:
     options = question.options
     must = tuple(question.sensors.index(name) for name in options.must)
     # an axis cuts its partitions anew whenever it is asked
@@ -231,7 +229,7 @@ def _screenings(
 
 
 def _fuzzy_screenings(
-    question: Question, similarity: Similarity, axis: LambdaAxis, relevance: NDArray[np.float64], must: tuple[int, ...]
+    question: Question, similarity: Similarity, axis: LambdaAxis, relevance: Array, must: tuple[int, ...]
 ) -> list[Screening]:
     """Fuzzy groups of every number from two to √n (Pal & Bezdek): towards n the coefficient says nothing any more."""
     n = len(question.sensors)
@@ -314,7 +312,7 @@ def _moving_responses(bench: Bench) -> list[int]:
 
 
 def _chosen_screening(
-    question: Question, scored: Sequence[tuple[Screening, NDArray[np.float64], float]], weights: NDArray[np.float64]
+    question: Question, scored: Sequence[tuple[Screening, Array, float]], weights: Array
 ) -> tuple[Screening, str]:
     if len(scored) == 1:
         given = question.options.level is not None
@@ -322,7 +320,7 @@ def _chosen_screening(
     as_good = within_one_standard_error(np.array([errors for _, errors, _ in scored]), weights)
     eligible = [entry for entry, good in zip(scored, as_good, strict=True) if good]
 
-    def rank(entry: tuple[Screening, NDArray[np.float64], float]) -> tuple[float, float]:
+    def rank(entry: tuple[Screening, Array, float]) -> tuple[float, float]:
         screening, _, error = entry
         # groups of exact duplicates have no scatter, and an infinite F says nothing about the rest
         f = screening.f.value if screening.f is not None and math.isfinite(screening.f.value) else -1.0

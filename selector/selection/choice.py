@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.models.design import Form, time_constant_grid
 from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, HeldOut, within_one_standard_error
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms, sparse_forms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
+from selector.types import Array
 
 LEAST_TAU_RATIO = 4.0
 #: Beyond this a lag says nothing that another term does not, and their difference explodes on another day.
@@ -31,9 +31,9 @@ class Trial:
     shape: Shape
     n_terms: int
     #: (n_groups,): Held-out mean squared error of each inner group, relative to the variance of the displacement
-    errors: NDArray[np.float64]
+    errors: Array
     error: float  #: The same over all groups, as a root
-    rmse_um: NDArray[np.float64]  #: (n_responses,): Held-out error over all groups
+    rmse_um: Array  #: (n_responses,): Held-out error over all groups
     adjusted_r2: float  #: In sample, mean over the responses; NaN unless sets are ranked by it
 
 
@@ -248,7 +248,7 @@ def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:
     return [trial for trial, risk in zip(equal, risks, strict=True) if risk <= SAFER * min(risks)]
 
 
-def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.float64]) -> list[Trial]:
+def _as_good(question: Question, trials: Sequence[Trial], samples: Array) -> list[Trial]:
     """The trials among which only the cost decides; where no one reaches the target, the best one alone."""
     options = question.options
     best = min(trials, key=lambda t: t.error)
@@ -264,7 +264,7 @@ def _as_good(question: Question, trials: Sequence[Trial], samples: NDArray[np.fl
     ]
 
 
-def _margin_um(question: Question, best_um: NDArray[np.float64]) -> NDArray[np.float64]:
+def _margin_um(question: Question, best_um: Array) -> Array:
     """How much more than the best a set may err and count as equal [µm], one per response.
 
     What was asked for, or the measured noise of the gauge, but never more than `MOST_ABOVE_BEST` of the error.

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding, Where
 from selector.models.design import Datum, Rows
@@ -21,6 +20,7 @@ from selector.sensors.finding_table import ROUND_WITHOUT_EFFECT
 from selector.sensors.fuzzy import between_finding
 from selector.sensors.groups import chaining_findings
 from selector.sensors.similarity import similarity_findings
+from selector.types import Array, Indices
 
 PROMISED_FACTOR = 1.5  #: An error that is known better than to this factor is told without a doubt.
 #: Standard deviation of the logarithm of true ÷ reported error, of a proof by one run: simulated machines whose runs
@@ -75,7 +75,7 @@ def regime_findings(selection: Selection) -> Iterator[Finding]:
         )
 
 
-def regimes(means: NDArray[np.float64], seed: int) -> tuple[list[tuple[int, int]], float, float]:
+def regimes(means: Array, seed: int) -> tuple[list[tuple[int, int]], float, float]:
     """Consecutive (start, stop) stretches of alike values, p-value of one split or more, share of variance explained.
 
     The best segmentation into k = 2…5 stretches is found exactly (dynamic programming), k by BIC with `PENALTY`
@@ -100,7 +100,7 @@ def regimes(means: NDArray[np.float64], seed: int) -> tuple[list[tuple[int, int]
     return bounds, p_value, 1.0 - within / total
 
 
-def _best_segmentation(values: NDArray[np.float64], total: float) -> tuple[float, list[tuple[int, int]], float]:
+def _best_segmentation(values: Array, total: float) -> tuple[float, list[tuple[int, int]], float]:
     """(BIC gain over one stretch, stretches, squared error within them) of the best segmentation."""
     n = len(values)
     sums = np.r_[0.0, np.cumsum(values)]
@@ -110,7 +110,7 @@ def _best_segmentation(values: NDArray[np.float64], total: float) -> tuple[float
     cost = squares[None, :] - squares[:, None] - (sums[None, :] - sums[:, None]) ** 2 / length
     cost = np.where(stop - start >= MIN_LENGTH, cost, np.inf)
     error = cost[0]
-    origins: list[NDArray[np.int64]] = []
+    origins: list[Indices] = []
     best = (0.0, [(0, n)], total)
     for k in range(2, min(MAX_REGIMES, n // MIN_LENGTH) + 1):
         candidates = error[:, None] + cost

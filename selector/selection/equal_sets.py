@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.models.moments import WORTH_OF_A_SENSOR, LeaveOneOut
 from selector.selection.library import Bench, Shape
 from selector.selection.options import Question
+from selector.types import Array, Indices, Mask
 
 MOST_SETS = 500_000  #: Sets that are looked at, one by one; a second for 37 sensors by four, six for more.
 MOST_LISTED = 500
@@ -68,7 +68,7 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     in_sample = LeaveOneOut(whole, whole, folds.n_columns)
     power, margin = bench.power, question.options.within
 
-    def limit(best: NDArray[np.float64]) -> NDArray[np.float64]:
+    def limit(best: Array) -> Array:
         """Mean squares that a set may have, of the best one's; what rounding leaves of exact fits is alike."""
         best = np.maximum(best, ROUNDING**2 * power)
         share = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best
@@ -76,7 +76,7 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
 
     best = bench.held_out(known, shape).rmse_um ** 2
     least = float((best / power).mean())
-    near: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
+    near: list[tuple[Indices, Array]] = []
     for chosen in _chunks(sensors, must, others, size):
         at = np.concatenate([own[chosen].reshape(len(chosen), -1), np.tile(always, (len(chosen), 1))], axis=1)
         seen = in_sample.errors_of(at, n_responses)[0] / n * (1.0 - ROUNDING)
@@ -101,18 +101,14 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     return EqualSets(tuple(found), len(chosen), n_sets, margin)
 
 
-def _within(
-    error: NDArray[np.float64], most: NDArray[np.float64], power: NDArray[np.float64], margin: float | None
-) -> NDArray[np.bool_]:
+def _within(error: Array, most: Array, power: Array, margin: float | None) -> Mask:
     """A share is one of the error over all responses; micrometres are those of every response."""
     if margin is None:
         return np.asarray((error / power).mean(axis=1) <= (most / power).mean())
     return np.asarray((error <= most).all(axis=1))
 
 
-def _chunks(
-    sensors: Sequence[str], must: Sequence[str], others: Sequence[str], size: int
-) -> Iterator[NDArray[np.int64]]:
+def _chunks(sensors: Sequence[str], must: Sequence[str], others: Sequence[str], size: int) -> Iterator[Indices]:
     """Positions of the sensors of all sets of a size, (n_sets, size) at a time."""
     position = {name: i for i, name in enumerate(sensors)}
     fixed = [position[name] for name in must]

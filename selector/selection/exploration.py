@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding
@@ -21,6 +20,7 @@ from selector.selection.options import Options, Progress, Question, allowed_sens
 from selector.selection.proving import Folds, blocks_per_run
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
+from selector.types import Array
 
 NORMAL_95 = 1.96
 #: Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares.
@@ -141,7 +141,7 @@ def fixed_set(
     return FixedSet(tuple(sensors), models, tuple(faults), n)
 
 
-def _vif(cross: NDArray[np.float64]) -> NDArray[np.float64]:
+def _vif(cross: Array) -> Array:
     """Variance inflation, from centred cross-products; infinite where other sensors make one up."""
     size = np.sqrt(np.maximum(np.diag(cross), 1e-300))
     eigenvalues, axes = np.linalg.eigh(cross / size[:, None] / size)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from selector.models.design import Datum, Design, Rows, Scaling, Term, design_matrix, rows_of
@@ -14,6 +13,7 @@ from selector.recording import RunSource
 from selector.selection.choice import Trial
 from selector.selection.library import Shape
 from selector.selection.options import Question
+from selector.types import Array, Indices, Mask
 
 #: Samples of the final fit. A warming machine says nothing new between neighbours; 10⁷ samples are thinned to these.
 MAX_ROWS = 200_000
@@ -31,12 +31,12 @@ class Part:
     n_blocks: int = 1
     told_by_run: bool = False  #: Errors are told run by run: these are left out together only because there are many
 
-    def unseen(self, rows: Rows) -> NDArray[np.bool_]:
+    def unseen(self, rows: Rows) -> Mask:
         """Which samples are left out."""
         mine = np.isin(rows.run, [i for i, run in enumerate(rows.runs) if run in self.runs])
         return mine if self.block is None else mine & (rows.blocks(self.n_blocks) == self.block)
 
-    def training(self, rows: Rows) -> NDArray[np.bool_]:
+    def training(self, rows: Rows) -> Mask:
         """Which samples may be learnt from: all others, but for the purged edges of blocks."""
         others = ~self.unseen(rows)
         return others if self.block is None else others & (rows.blocks(self.n_blocks) >= 0)
@@ -71,7 +71,7 @@ def refined(
     source: RunSource,
     datum: Datum,
     trial: Trial,
-    training: Callable[[Rows], NDArray[np.bool_]] | None = None,
+    training: Callable[[Rows], Mask] | None = None,
 ) -> Recipe:
     """The recipe of a trial, its time constants moved off the grid to where they fit the training samples best."""
     recipe = Recipe.of(question, datum, trial.set.sensors, trial.shape)
@@ -80,12 +80,12 @@ def refined(
     n_sensor = len(trial.shape.sensor_taus_s)
     start = np.log([*trial.shape.sensor_taus_s, *trial.shape.speed_taus_s])
 
-    def with_taus(log_taus: NDArray[np.float64]) -> Recipe:
+    def with_taus(log_taus: Array) -> Recipe:
         taus = [float(f"{tau:.4g}") for tau in np.exp(log_taus)]
         shape = Shape(trial.shape.form, tuple(taus[:n_sensor]), tuple(taus[n_sensor:]))
         return Recipe.of(question, datum, trial.set.sensors, shape)
 
-    def misfit(log_taus: NDArray[np.float64]) -> float:
+    def misfit(log_taus: Array) -> float:
         bounded = np.clip(log_taus, start - TAU_REACH, start + TAU_REACH)
         trial_recipe = with_taus(bounded)
         rows = rows_of(source, trial_recipe.design, source.runs)
@@ -118,7 +118,7 @@ def final_models(recipe: Recipe, rows: Rows, *, ridge: float = 0.0) -> dict[str,
     }
 
 
-def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 0.0) -> NDArray[np.float64]:
+def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 0.0) -> Array:
     """Displacements [µm] of unseen samples from a fit on others, shape (n_unseen, n_responses)."""
     scaling = recipe.scaling(training)
     columns, responses = _columns(recipe, training, scaling), training.responses
@@ -131,7 +131,7 @@ def predictions(recipe: Recipe, training: Rows, unseen: Rows, *, ridge: float = 
     return np.asarray(_columns(recipe, unseen, scaling) @ beta)
 
 
-def _unseen_errors(recipe: Recipe, rows: Rows, parts: Sequence[Part], ridge: float) -> Iterator[NDArray[np.float64]]:
+def _unseen_errors(recipe: Recipe, rows: Rows, parts: Sequence[Part], ridge: float) -> Iterator[Array]:
     """Measured minus predicted displacements [µm] of each part, from a fit on the others."""
     for part in parts:
         unseen, training = rows.only(part.unseen(rows)), rows.only(part.training(rows))
@@ -155,7 +155,7 @@ def ridge_penalty(recipe: Recipe, rows: Rows, parts: Sequence[Part]) -> tuple[fl
     return best[0], best[1], plain
 
 
-def _columns(recipe: Recipe, rows: Rows, scaling: Scaling | None = None) -> NDArray[np.float64]:
+def _columns(recipe: Recipe, rows: Rows, scaling: Scaling | None = None) -> Array:
     scaling = scaling or recipe.scaling(rows)
     columns = design_matrix(scaling.scaled(rows.variables), scaling.variables, recipe.terms)
     return np.column_stack([np.ones(len(columns)), columns])
@@ -178,7 +178,7 @@ def fallbacks_of(
     """One fallback per input of a model, on the same time constants; none for an input without which none is left."""
     found = []
     for name in recipe.design.inputs:
-        rest = _without(question, recipe, name)
+        rest = recipe_without(question, recipe, name)
         if rest is None:
             continue
         rows = rows_of(source, rest.design, runs)
@@ -198,7 +198,8 @@ def fallbacks_of(
     return tuple(found)
 
 
-def _without(question: Question, recipe: Recipe, name: str) -> Recipe | None:
+def recipe_without(question: Question, recipe: Recipe, name: str) -> Recipe | None:
+    """The recipe without one input; None where no term is left."""
     sensors = tuple(sensor for sensor in recipe.sensors if sensor != name)
     shape, speeds = recipe.shape, tuple(speed for speed in question.speeds if speed != name)
     if name in question.speeds and not speeds:
@@ -222,13 +223,13 @@ class Readings:
 
     run: str
     n_samples: int  #: Of the run, before thinning
-    time_s: NDArray[np.float64]  #: (n_kept,)
+    time_s: Array  #: (n_kept,)
     #: (n_kept, n_variables): Inputs and lags of the model, as its design has them (rises, or readings)
-    variables: NDArray[np.float64]
-    displacement_um: NDArray[np.float64]  #: (n_kept, n_responses)
+    variables: Array
+    displacement_um: Array  #: (n_kept, n_responses)
     #: (n_kept,): Distance to the hull of all that is not left out together with the sample, in standard deviations of
     #: the inputs; 0 inside, NaN where it was not computed
-    beyond_others: NDArray[np.float64]
+    beyond_others: Array
 
     def as_dict(self, variables: Sequence[str], responses: Sequence[str]) -> dict[str, Any]:
         """JSON form, with the names of the columns."""
@@ -262,21 +263,21 @@ def kept_readings(rows: Rows, parts: Sequence[Part]) -> tuple[Readings, ...]:
     )
 
 
-def telling_samples(columns: NDArray[np.float64], points: int) -> NDArray[np.int64]:
+def telling_samples(columns: Array, points: int) -> Indices:
     """Positions of samples, evenly spaced, with the lowest and the highest of every column beside them."""
     return np.union1d(evenly(len(columns), points), _extremes(columns))
 
 
-def evenly(n: int, most: int) -> NDArray[np.int64]:
+def evenly(n: int, most: int) -> Indices:
     """At most so many of `n` positions, the first and the last among them."""
     return np.unique(np.linspace(0, n - 1, min(max(most, 0), n)).astype(np.int64))
 
 
-def _extremes(columns: NDArray[np.float64]) -> NDArray[np.int64]:
+def _extremes(columns: Array) -> Indices:
     return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
 
 
-def _beyond_others(rows: Rows, parts: Sequence[Part], judged: NDArray[np.int64]) -> NDArray[np.float64]:
+def _beyond_others(rows: Rows, parts: Sequence[Part], judged: Indices) -> Array:
     distance = np.full(len(rows.run), np.nan)
     kept = {rows.runs[r] for r in np.unique(rows.run[judged]).tolist()}
     for part in parts:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Form, Lag, ListedTerms, Scaling, Term
@@ -22,6 +21,7 @@ from selector.models.moments import (
     squared_error,
 )
 from selector.recording import RunSource
+from selector.types import Array, Indices
 
 ROUNDING = 1e-10
 
@@ -102,9 +102,9 @@ class Bench:
     """A library restricted to the folds that a choice may see, ready to test sets on them."""
 
     library: Library
-    total: NDArray[np.float64]  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
+    total: Array  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
     leave_one_out: LeaveOneOut
-    power: NDArray[np.float64]  #: (n_responses,): Variance of each response [µm²]
+    power: Array  #: (n_responses,): Variance of each response [µm²]
 
     @classmethod
     def of(cls, library: Library, folds: Sequence[int]) -> "Bench":
@@ -113,18 +113,18 @@ class Bench:
         return cls(library, part.whole, LeaveOneOut.of(part, inner_grouping(part)), response_power(part))
 
     @property
-    def samples(self) -> NDArray[np.float64]:
+    def samples(self) -> Array:
         """Samples of each inner group, shape (n_groups,)."""
         return self.leave_one_out.left_out[:, 0, 0]
 
-    def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> NDArray[np.float64]:
+    def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> Array:
         """Centred cross-products of the terms of a set and one response, the response last."""
         at = [*self.library.columns(sensors, shape), self.library.moments.n_columns + response]
         index = np.array(at)
         return self._centred[index[:, None], index]
 
     @cached_property
-    def _centred(self) -> NDArray[np.float64]:
+    def _centred(self) -> Array:
         return centred(self.total)[0]
 
     @property
@@ -136,7 +136,7 @@ class Bench:
         """Errors on every inner group, fitted to the others."""
         return self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
 
-    def relative(self, held_out: HeldOut) -> NDArray[np.float64]:
+    def relative(self, held_out: HeldOut) -> Array:
         """Mean squared error per inner group, relative to each response's variance, mean over responses."""
         # differences below this are rounding of the cross-products, and no gauge would see them
         return np.asarray(np.maximum((held_out.mse / self.power).mean(axis=1), ROUNDING))
@@ -171,7 +171,7 @@ class Bench:
         """Variance inflation of the most redundant term; infinite for a term that the others make up."""
         return float(self.largest_vifs(np.array([self.library.columns(sensors, shape)]))[0])
 
-    def largest_vifs(self, sets: NDArray[np.int64]) -> NDArray[np.float64]:
+    def largest_vifs(self, sets: Indices) -> Array:
         """The same of many sets of as many columns, shape (n_sets,)."""
         cross = self._centred[sets[:, :, None], sets[:, None, :]]
         scale = np.sqrt(np.maximum(np.einsum("sii->si", cross), 1e-300))

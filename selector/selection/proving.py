@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.models.design import Datum, Design, rows_of
@@ -24,6 +23,7 @@ from selector.selection.fitting import Part, predictions, refined
 from selector.selection.library import Bench, Library, Shape, library_of
 from selector.selection.options import Question
 from selector.selection.result import Proof, RunProof, Trace
+from selector.types import Indices
 
 #: Of one part that was left out; with many parts fewer, so that all have `MOST_TRACE_POINTS` at most.
 TRACE_POINTS = 1500
@@ -51,24 +51,12 @@ def left_out_errors(
             continue
         predicted = predictions(recipe, rows.only(part.training(rows)), unseen, ridge=ridge)
         left_out = unseen.responses - predicted
-        told: list[tuple[str, slice | NDArray[np.int64]]] = [(part.name, slice(None))]
+        told: list[tuple[str, slice | Indices]] = [(part.name, slice(None))]
         if part.told_by_run:
             told = [(unseen.runs[r], np.flatnonzero(unseen.run == r)) for r in np.unique(unseen.run)]
         for label, mine in told:
             for j, name in enumerate(question.responses):
-                error, measured = left_out[mine, j], unseen.responses[mine, j]
-                proofs[name].append(
-                    RunProof(
-                        label,
-                        recipe.sensors,
-                        float(np.sqrt(np.mean(error**2))),
-                        float(np.abs(error).max()),
-                        float(error.mean()),
-                        float(np.sqrt(np.mean(measured**2))),
-                        float(np.abs(measured).max()),
-                        len(measured),
-                    )
-                )
+                proofs[name].append(RunProof.of(label, recipe.sensors, unseen.responses[mine, j], left_out[mine, j]))
         for r in np.unique(unseen.run):
             at = np.flatnonzero(unseen.run == r)
             at = at[:: max(1, -(-len(at) // points))]

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding
@@ -20,6 +19,7 @@ from selector.selection.candidates import Grouping
 from selector.selection.equal_sets import EqualSets
 from selector.selection.fitting import Fallback, Readings, Recipe
 from selector.selection.options import Options
+from selector.types import Array
 
 if TYPE_CHECKING:
     from statsmodels.regression.linear_model import RegressionResultsWrapper
@@ -55,16 +55,23 @@ class RunProof:
     before_max_um: float
     n_samples: int
 
+    @classmethod
+    def of(cls, name: str, sensors: tuple[str, ...], measured: Array, error: Array) -> RunProof:
+        """From the displacements of the samples and what is left of them [µm], shape (n_samples,)."""
+        rmse_um, before_rmse_um = (float(np.sqrt(np.mean(one**2))) for one in (error, measured))
+        max_um, before_max_um = (float(np.abs(one).max()) for one in (error, measured))
+        return cls(name, sensors, rmse_um, max_um, float(error.mean()), before_rmse_um, before_max_um, len(error))
+
 
 @dataclass(frozen=True)
 class Trace:
     """Measured and predicted displacement of one left-out part, for figures (thinned)."""
 
     run: str
-    time_s: NDArray[np.float64]  #: (n_samples,)
+    time_s: Array  #: (n_samples,)
     #: measured_um and predicted_um: (n_samples, n_responses)
-    measured_um: NDArray[np.float64]
-    predicted_um: NDArray[np.float64]
+    measured_um: Array
+    predicted_um: Array
 
 
 @dataclass(frozen=True)
@@ -93,29 +100,36 @@ class Proof:
         return max((part.max_um for part in self.per_response[response]), default=float("nan"))
 
 
-@dataclass(frozen=True)
-class Selection:
-    """Sensors kept, models, proof and reasons."""
+@dataclass(frozen=True, kw_only=True)
+class ProvenModel:
+    """What a model file says: models, how good they are, and where they come from."""
 
     options: Options
-    sensors: tuple[str, ...]  #: Every sensor that was considered
-    grouping: Grouping
-    combinations: tuple[Combination, ...]  #: Best first within each response
-    chosen: tuple[str, ...]
     because: str  #: Why these sensors
-    reasons: Mapping[str, str]  #: Why each sensor was kept or dropped
     recipe: Recipe  #: How the model's columns are computed
     models: Mapping[str, FittedModel]  #: One per response
     #: In-sample rmse and largest error [µm] of the final model, per response and run
     fit_per_run: Mapping[str, Mapping[str, tuple[float, float]]]
     proof: Proof
+    provenance: Mapping[str, Any]
+    fallbacks: tuple[Fallback, ...] = ()  #: The model without each of its inputs, for the time when that one is broken
+    largest_um: Mapping[str, float] = field(default_factory=dict)  #: Displacement in runs that proved nothing
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection(ProvenModel):
+    """Sensors kept, models, proof and reasons."""
+
+    sensors: tuple[str, ...]  #: Every sensor that was considered
+    grouping: Grouping
+    combinations: tuple[Combination, ...]  #: Best first within each response
+    chosen: tuple[str, ...]
+    reasons: Mapping[str, str]  #: Why each sensor was kept or dropped
     faults: tuple[FaultGain, ...]
     hull: ValidityHull  #: Of the model's inputs
     #: Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen
     stability: Mapping[str, float]
     findings: tuple[Finding, ...]
-    provenance: Mapping[str, Any]
-    fallbacks: tuple[Fallback, ...] = ()  #: The model without each of its inputs, for the time when that one is broken
     equal: EqualSets | None = None  #: All sets as large as the chosen one that are about as good as the best
     readings: tuple[Readings, ...] = ()  #: Some samples of some runs; none in a result of an earlier version
 

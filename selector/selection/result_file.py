@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, WrapValidator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WrapValidator
 
 from selector.findings import Finding
 from selector.models.design import Datum, Design, Form, Lag, ListedTerms, Scaling, Term
@@ -21,12 +20,15 @@ from selector.sensors.fuzzy import FuzzyGroups
 from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
 from selector.sensors.similarity import Similarity
+from selector.types import Array
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 #: A number; NaN where JSON, which has none, says null.
 NumberOrNaN = Annotated[Number, WrapValidator(lambda value, number: float("nan") if value is None else number(value))]
 Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
+#: What stands in the document under the names of its fields.
+OfNumbers = BeforeValidator(lambda of: {name: float("nan") if value is None else value for name, value in of.items()})
 ByName = dict[str, Number]
 
 
@@ -54,15 +56,6 @@ class _ScreeningPart(Part):
 
 class _FuzzyPart(Part):
     memberships: Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
-
-
-class _CombinationPart(Part):
-    sensors: Names
-    response: str
-    r2: NumberOrNaN
-    adjusted_r2: NumberOrNaN
-    heldout_rmse_um: NumberOrNaN
-    origin: str
 
 
 class _EqualSetPart(Part):
@@ -169,35 +162,9 @@ class _ProofPart(Part):
     not_covered: dict[str, Names] = {}
 
 
-class _FaultPart(Part):
-    sensor: str
-    response: str
-    per_kelvin_um: NumberOrNaN
-    stuck_um: NumberOrNaN
-    open_um: NumberOrNaN
-
-
-class _OptionsPart(Part):
-    responses: Names
-    level: Annotated[Literal["auto"] | tuple[Number, ...], Field(alias="lambda")]
-    rounds: int
-    max_sensors: int
-    degree: int
-    interactions: bool
-    memory: bool
-    reference: Literal["rise", "absolute"]
-    absolute_similarity: bool
-    grouping: Literal["closure", "cmeans"] = "closure"
-    must: Names
-    never: Names
-    cost: ByName
-    tolerance: Number | None
-    ridge: bool
-    conditions: dict[str, str]
-    seed: int
-    formula: str | None = None
-    within: Number | None = None
-    target: Number | None = None
+def _asked(options: dict[str, Any]) -> dict[str, Any]:
+    level = options["lambda"]
+    return {**options, "level": None if level == "auto" else level}
 
 
 class _SelectionDocument(Part):
@@ -208,7 +175,7 @@ class _SelectionDocument(Part):
     rounds: Annotated[tuple[_RoundPart, ...], Field(min_length=1)]
     screenings: tuple[_ScreeningPart, ...]
     fuzzy: _FuzzyPart | None = None
-    combinations: tuple[_CombinationPart, ...]
+    combinations: tuple[Annotated[Combination, OfNumbers], ...]
     equal_sets: _EqualSetsPart | None = None
     chosen: _ChosenPart
     valid_range: dict[str, tuple[Number, Number]]
@@ -216,9 +183,9 @@ class _SelectionDocument(Part):
     readings: tuple[_ReadingsPart, ...] = ()
     models: Annotated[dict[str, _ModelPart], Field(min_length=1)]
     proof: _ProofPart
-    faults: tuple[_FaultPart, ...]
+    faults: tuple[Annotated[FaultGain, OfNumbers], ...]
     stability: dict[str, NumberOrNaN]
-    options: _OptionsPart
+    options: Annotated[Options, BeforeValidator(_asked)]
     provenance: dict[str, Any]
     findings: tuple[Finding, ...]
 
@@ -236,12 +203,12 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
     models = {name: _model(name, one) for name, one in told.models.items()}
     recipe = _recipe(told)
     low, high = (np.array([told.valid_range[name][end] for name in recipe.design.variables]) for end in (0, 1))
-    names, asked = tuple(models), told.options.level
+    names = tuple(models)
     return Selection(
-        options=Options(**{**dict(told.options), "level": None if asked == "auto" else asked}),
+        options=told.options,
         sensors=told.sensors,
         grouping=_grouping(told),
-        combinations=tuple(Combination(**dict(one)) for one in told.combinations),
+        combinations=told.combinations,
         chosen=told.chosen.sensors,
         because=told.chosen.because,
         reasons=told.chosen.reasons,
@@ -259,7 +226,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
             {name: told.proof.baselines_um[name] for name in names},
             told.proof.not_covered,
         ),
-        faults=tuple(FaultGain(**dict(one)) for one in told.faults),
+        faults=told.faults,
         hull=_hull(told, low, high),
         stability=told.stability,
         findings=told.findings,
@@ -397,7 +364,7 @@ def _trace(told: _TracePart, names: Sequence[str]) -> Trace:
     return Trace(told.run, _array(told.time_s), measured, predicted)
 
 
-def _hull(told: _SelectionDocument, low: NDArray[np.float64], high: NDArray[np.float64]) -> ValidityHull:
+def _hull(told: _SelectionDocument, low: Array, high: Array) -> ValidityHull:
     points, scale = np.empty((0, len(low))), np.ones(len(low))
     if told.hull is not None:
         points, scale = _array(told.hull.points), _array(told.hull.scale)
@@ -417,5 +384,5 @@ def _readings(told: _ReadingsPart, variables: Sequence[str], names: Sequence[str
     return made
 
 
-def _array(values: Any) -> NDArray[np.float64]:
+def _array(values: Any) -> Array:
     return np.array(values, dtype=np.float64)

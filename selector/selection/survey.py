@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
@@ -17,6 +16,7 @@ from selector.recording import RunSource
 from selector.selection.finding_table import FINDINGS, SENSOR_MISSING
 from selector.selection.options import Question
 from selector.sensors.finding_table import CONSTANT_SENSOR
+from selector.types import Array
 
 FEW_MISSING = 0.01
 MOST_MISSING = 0.5
@@ -29,9 +29,9 @@ Reasons = dict[str, tuple[str, str, str]]  #: Sensor → (finding id, why it can
 def usable_sensors(
     source: RunSource,
     question: Question,
-    missing: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
+    missing: Array,
+    low: Array,
+    high: Array,
     found: Iterable[Finding] = (),
 ) -> tuple[list[str], list[Finding]]:
     """Sensors that can be candidates, and findings about those that cannot or that cost samples.
@@ -181,7 +181,7 @@ class Survey:
 FEWEST_FOR_NOISE = 20
 
 
-def gauge_noise(displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+def gauge_noise(displacements: Array) -> Array:
     """Standard deviation of what differs from sample to sample [µm], shape (n_responses,).
 
     `displacements`, shape (n_samples, n_responses), have no gaps. Third differences see noise (times √20) and hardly a
@@ -219,7 +219,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
     missing = np.zeros(len(names))
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
     total, runs, periods, durations = 0, [], [], []
-    noise: list[NDArray[np.float64]] = []
+    noise: list[Array] = []
     for run in source.runs:
         n, with_response, first_s, last_s, steps = 0, 0, np.nan, np.nan, []
         absent, measured = np.zeros(len(names)), [np.zeros((0, len(question.responses)))]

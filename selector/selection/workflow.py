@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
@@ -35,6 +34,7 @@ from selector.selection.reasons import because_of, combinations_of, reasons_of, 
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.finding_table import CONSTANT_SENSOR
+from selector.types import Array
 
 #: Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days.
 WORTH_A_RICHER_MODEL = 1.02
@@ -165,7 +165,7 @@ def select(
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
         models=models,
-        fit_per_run=_fit_per_run(recipe.design.responses, models, rows),
+        fit_per_run=fit_per_run(recipe.design.responses, models, rows),
         proof=proof,
         faults=gains,
         hull=hull,
@@ -195,12 +195,10 @@ def select(
 
 
 #: Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,).
-Errors = Mapping[Plan, NDArray[np.float64]]
+Errors = Mapping[Plan, Array]
 
 
-def _best_plan(
-    question: Question, unseen: Mapping[Plan, HeldOut], spread: NDArray[np.float64]
-) -> tuple[dict[Offer, Plan], Plan]:
+def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array) -> tuple[dict[Offer, Plan], Plan]:
     """The best plan of each offer, and of these the poorest that predicts unseen parts about as well as the best does.
 
     A richer offer has to be as good as the best poorer one for every response, and better over all by more than one
@@ -228,7 +226,7 @@ def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
     }
 
 
-def _is_clear(poorer: HeldOut, richer: HeldOut, spread: NDArray[np.float64]) -> bool:
+def _is_clear(poorer: HeldOut, richer: HeldOut, spread: Array) -> bool:
     """Whether the gain in squared error, part by part, is more than one standard error from zero."""
     gain = ((poorer.mse - richer.mse) / spread**2).mean(axis=1)
     share, n = poorer.n_samples / poorer.n_samples.sum(), len(gain)
@@ -236,7 +234,7 @@ def _is_clear(poorer: HeldOut, richer: HeldOut, spread: NDArray[np.float64]) -> 
     return n < 2 or mean > np.sqrt((gain - mean) ** 2 @ share / (n - 1))
 
 
-def _poorest_of(errors: Errors, offer: Offer, noise: NDArray[np.float64]) -> Plan:
+def _poorest_of(errors: Errors, offer: Offer, noise: Array) -> Plan:
     """The plan of an offer with the fewest sensors that is about as good as the best of them.
 
     A sensor that gains less than the noise of the gauge, and less than `WORTH_OF_A_SENSOR`, is not worth having.
@@ -258,7 +256,7 @@ def _of_larger_sets(plan: Plan, errors: Errors) -> dict[int, float]:
     return {other[1]: (_rms(errors[other]) + least) / (_rms(errors[plan]) + least) for other in larger}
 
 
-def _rms(errors: NDArray[np.float64]) -> float:
+def _rms(errors: Array) -> float:
     return float(np.sqrt((errors**2).mean()))
 
 
@@ -276,9 +274,10 @@ def _aimed(
     return AIMS[-1] * target
 
 
-def _fit_per_run(
+def fit_per_run(
     responses: Sequence[str], models: Mapping[str, Any], rows: Rows
 ) -> dict[str, dict[str, tuple[float, float]]]:
+    """Response → run → root mean square and largest error [µm] of its model in these samples."""
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for j, name in enumerate(responses):
         error = rows.responses[:, j] - models[name].predicted(rows.variables)
@@ -288,5 +287,5 @@ def _fit_per_run(
     return found
 
 
-def _rmse_and_max(error: NDArray[np.float64]) -> tuple[float, float]:
+def _rmse_and_max(error: Array) -> tuple[float, float]:
     return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())

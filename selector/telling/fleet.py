@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
-from selector.fleet import Answer, FleetAnswer, FleetWatch
+from selector.fleet import Answer, FleetAnswer, FleetWatch, SistersAnswer
 from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Table, section, sections, table
 from selector.telling.numbers import NONE
@@ -55,6 +55,45 @@ def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
             section("readings", "What else was found in them", *_readings(watch), link="Readings"),
         ),
         data=watch.model_dump(by_alias=True),
+    )
+
+
+def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
+    """All that is told of the sisters of a machine: whether they are any, and how far each way is off."""
+    sentences = [f"{'Sisters are none' if answer.verdict == 'none' else 'Its sisters help'}: {answer.because}."]
+    if answer.shape is not None:
+        sentences.append(f"All machines on {', '.join(answer.sensors)}, {answer.shape}.")
+    rows: list[tuple[str, ...]] = []
+    for name, one in answer.responses.items():
+        if len(one.types) > 1:
+            groups = " and ".join(f"[{', '.join(of)}]" for of in one.types)
+            sentences.append(f"{name}: the others fall into two groups, {groups}: try a fleet file for each.")
+        if one.alone:
+            sentences.append(f"{name}: unlike all others, and not learnt from: {', '.join(one.alone)}.")
+        if one.errors:
+            errors = (_error(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
+            rows.append((name, f"{one.errors['machines']:.0f}", *errors))
+    head = (
+        ">machines",
+        ">no correction [µm]",
+        ">these runs alone [µm]",
+        ">all as one [µm]",
+        ">sisters [µm]",
+    )
+    note = (
+        "Root mean square error in the later runs of machines that were left out in turn, with as many known runs. "
+        "Alone: what `select` makes of these. All as one: one regression on the runs of all machines."
+    )
+    others = table(("machine", "reason"), list(answer.left_out.items()))
+    return Account(
+        title=f"{title}: what its sisters tell of {answer.machine}",
+        verdict="plain" if answer.verdict == "none" else "good",
+        sentences=tuple(sentences),
+        sections=sections(
+            section("errors", "Errors", Captioned("", table(("response", *head), rows, note)), link="Errors"),
+            section("left-out", "Machines that are no sisters", Captioned("", others), link="Left out"),
+        ),
+        data=answer.model_dump(by_alias=True),
     )
 
 

@@ -39,3 +39,26 @@ def changed(folder: Path, runs: range, change: Callable[[pd.DataFrame], None]) -
         table = pd.read_csv(path)
         change(table)
         table.to_csv(path, index=False)
+
+
+def sister(
+    folder: Path, number: int, *, n_runs: int = 4, gain: tuple[float, float] = (3.0, -2.0), rows: int = 40
+) -> Path:
+    """A machine of one type: where its four thermometers sit, and what two sources of heat do, differs by a little."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng([number, 5])
+    mix = np.array([[1.0, 0.2, 0.6, 0.4], [0.1, 0.9, 0.5, -0.5]]) * (1.0 + 0.02 * rng.normal(size=(2, 4)))
+    own = np.array(gain) * (1.0 + 0.05 * rng.normal(size=2))
+    time_s = 60.0 * np.arange(rows)
+    for run in range(n_runs):
+        heat = rng.uniform(1, 6, 2) * (1 - np.exp(-time_s[:, None] / [600.0, 2400.0]))
+        unseen = 0.8 * rng.normal() * (1 - np.exp(-time_s / 1500.0))
+        table = [
+            time_s,
+            20 + heat @ mix + rng.normal(0, 0.05, (rows, 4)),
+            heat @ own + unseen + rng.normal(0, 0.2, rows),
+        ]
+        head = "t [s],T1 [degC],T2 [degC],T3 [degC],T4 [degC],Z [um]"
+        lines = [",".join(f"{value:.4f}" for value in row) for row in np.column_stack(table)]
+        (folder / f"r{run + 1}.csv").write_text("\n".join([head, *lines]) + "\n", encoding="utf-8")
+    return folder
