@@ -29,7 +29,7 @@ class Places:
 
 
 def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root: str) -> Places:
-    """Layers by the number of links to `root`; within a layer in the order of what their parts are joined with.
+    """Layers by the number of links to `root`; within a layer each part near what it is joined with below.
 
     `names` are all parts but the root, each with a way to it by the `links`.
     """
@@ -43,42 +43,18 @@ def layered_places(names: Sequence[str], links: Sequence[tuple[str, str]], root:
         height |= dict.fromkeys(layer, len(layers) + 1)
         if layer:
             layers.append(layer)
-    for sweep in range(_SWEEPS):
-        layers = _sorted(layers, beside, upwards=sweep % 2 == 0)
     del height[root]
-    return Places(tuple(tuple(row) for row in layers), _across(layers, beside), height)
-
-
-def _sorted(layers: list[list[str]], beside: Mapping[str, list[str]], upwards: bool) -> list[list[str]]:
-    """Each layer in the order of the middles of what its parts are joined with, in the layers done before."""
-    place = {name: (k + 0.5) / len(layer) for layer in layers for k, name in enumerate(layer)}
-    made: dict[int, list[str]] = {}
-    order = range(len(layers)) if upwards else reversed(range(len(layers)))
-    done: set[str] = set()
-    for number in order:
-        middle = {}
-        for name in layers[number]:
-            near = [place[other] for other in beside[name] if other in done]
-            middle[name] = sum(near) / len(near) if near else place[name]
-        made[number] = [name for *_, name in sorted((middle[name], place[name], name) for name in layers[number])]
-        place |= {name: (k + 0.5) / len(made[number]) for k, name in enumerate(made[number])}
-        done |= set(layers[number])
-    return [made[number] for number in range(len(layers))]
-
-
-def _across(layers: list[list[str]], beside: Mapping[str, list[str]]) -> dict[str, float]:
-    """Places across: near what a part is joined with, but no closer together than the fullest layer allows."""
-    widest = max(len(layer) for layer in layers)
-    gap = 1.0 / widest
-    place = {name: (k + 0.5) / len(layer) for layer in layers for k, name in enumerate(layer)}
-    for _ in range(_SWEEPS):
+    gap = 1.0 / max(len(layer) for layer in layers)
+    across: dict[str, float] = {}
+    # each sweep brings the layers nearer to those above and below
+    for sweep in range(_SWEEPS):
         for layer in layers:
-            wanted = [
-                sum(near) / len(near) if (near := [place[o] for o in beside[name] if o in place]) else place[name]
-                for name in layer
-            ]
-            place |= dict(zip(layer, style.spaced(wanted, gap, 1.0), strict=True))
-    return place
+            wanted = {name: (k + 0.5) / len(layer) for k, name in enumerate(layer)} if sweep == 0 else across
+            near = {name: [across[other] for other in beside[name] if other in across] for name in layer}
+            middle = {name: sum(of) / len(of) if of else wanted[name] for name, of in near.items()}
+            layer.sort(key=middle.__getitem__)
+            across |= dict(zip(layer, style.spaced([middle[name] for name in layer], gap, 1.0), strict=True))
+    return Places(tuple(tuple(row) for row in layers), across, height)
 
 
 MOST_MEMBERS = 40
