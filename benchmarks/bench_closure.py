@@ -17,12 +17,7 @@ import skfuzzy
 from scipy.cluster.hierarchy import cophenet, linkage
 from scipy.spatial.distance import squareform
 
-from selector.sensors import (
-    lambda_axis,
-    lambda_cut,
-    similarity_from_cross_products,
-    transitive_closure,
-)
+from selector.sensors import lambda_axis, lambda_cut, similarity_from_cross_products, transitive_closure
 from tests.sensors.by_definition import max_min_composition, transitive_closure_by_squaring
 
 

@@ -104,12 +104,7 @@ def fitted_in_loop(axis: Axis, record: Record) -> tuple[Vector, Vector]:
     before = loop_errors(simulate_axis(axis, record.reference, step_s=PERIOD_S, start=record.start), record)
     smooth = replace(axis, sensing=replace(axis.sensing, motor_resolution=0.0))
     begin = np.array(
-        [
-            axis.mechanics.mass_kg,
-            axis.mechanics.guide_damping_ns_per_m,
-            axis.friction.coulomb_n,
-            axis.friction.offset_n,
-        ]
+        [axis.mechanics.mass_kg, axis.mechanics.guide_damping_ns_per_m, axis.friction.coulomb_n, axis.friction.offset_n]
     )
     size = np.abs(begin)
 

@@ -7,10 +7,7 @@ import inspect
 from types import ModuleType
 
 PARTS = {
-    "recordings": (
-        "Recordings and what is wrong with them",
-        "recording units findings errors readers quality shipped",
-    ),
+    "recordings": ("Recordings and what is wrong with them", "recording units findings errors readers quality shipped"),
     "sensors": ("Which sensors", "sensors"),
     "models": (
         "Which model",

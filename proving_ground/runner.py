@@ -12,14 +12,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from proving_ground.case import (
-    Case,
-    Scenario,
-    Truth,
-    sealed_sha256_of_case,
-    sealed_text,
-    sha256_of_text,
-)
+from proving_ground.case import Case, Scenario, Truth, sealed_sha256_of_case, sealed_text, sha256_of_text
 from proving_ground.judging import FAILED, Judged, Stated, judged, stated
 from selector.diagnosis.comparison import Comparison
 from selector.errors import OptionError

@@ -121,10 +121,7 @@ class Recording:
 
     @classmethod
     def from_runs(
-        cls,
-        runs: Mapping[str, pd.DataFrame],
-        channels: Iterable[Channel],
-        provenance: Mapping[str, Any] | None = None,
+        cls, runs: Mapping[str, pd.DataFrame], channels: Iterable[Channel], provenance: Mapping[str, Any] | None = None
     ) -> "Recording":
         """A recording from one table per run, each indexed by time [s]; a channel that a run lacks becomes NaN."""
         channels = tuple(channels)

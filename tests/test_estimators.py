@@ -37,13 +37,7 @@ def warming(n: int = 300, seed: int = 0) -> tuple[pd.DataFrame, pd.Series]:
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 5.0, n)
     spindle, column = 8.0 * (1 - np.exp(-t)), 4.0 * np.sin(1.3 * t) + t
-    sensors = {
-        "T1": spindle,
-        "T2": 0.9 * spindle,
-        "T3": column,
-        "T4": 1.1 * column,
-        "T5": 0.5 * column,
-    }
+    sensors = {"T1": spindle, "T2": 0.9 * spindle, "T3": column, "T4": 1.1 * column, "T5": 0.5 * column}
     noise = {"T1": 0.02, "T2": 0.2, "T3": 0.02, "T4": 0.2, "T5": 0.1}
     frame = pd.DataFrame({name: values + rng.normal(0, noise[name], n) for name, values in sensors.items()})
     return frame, pd.Series(6.0 * spindle + 2.5 * column + rng.normal(0, 0.3, n), name="Z")

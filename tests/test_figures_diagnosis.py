@@ -11,13 +11,7 @@ import plotly.graph_objects as go
 import pytest
 
 from selector.figures import style
-from selector.figures.diagnosis import (
-    RunAxis,
-    before_after,
-    evidence,
-    mismatch_map,
-    told_apart,
-)
+from selector.figures.diagnosis import RunAxis, before_after, evidence, mismatch_map, told_apart
 from selector.recording import Channel
 from tests.diagnosis.answers import END_S, N, answer, memory_effect
 from tests.report.studies import HOSTILE

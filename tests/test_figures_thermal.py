@@ -182,8 +182,7 @@ def test_a_field_that_does_not_move_can_be_drawn():
 
 
 @given(
-    values=arrays.arrays(np.float64, st.integers(2, 4000), elements=st.floats(-1e6, 1e6)),
-    points=st.integers(30, 300),
+    values=arrays.arrays(np.float64, st.integers(2, 4000), elements=st.floats(-1e6, 1e6)), points=st.integers(30, 300)
 )
 def test_thinning_keeps_ends_and_extremes(values, points):
     time_s = np.arange(float(len(values)))

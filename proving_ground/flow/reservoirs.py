@@ -103,11 +103,7 @@ def stores(generator: np.random.Generator) -> Stores:
 
 
 def _case(
-    store: int,
-    *,
-    responses: tuple[str, ...] = ("h1", "h2"),
-    colour: str = "white",
-    returned: float | None = None,
+    store: int, *, responses: tuple[str, ...] = ("h1", "h2"), colour: str = "white", returned: float | None = None
 ) -> Made:
     """`store` 0 or 1 spills at an edge that is size × 10 mV below the highest level of the fitted runs."""
 
@@ -201,10 +197,7 @@ _PLANS: tuple[tuple[Plan, Made], ...] = (
         _plan("flow.overflow/lost", hidden=("rare",), note="What spills is gone."),
         _case(0, returned=0.0, colour="quantised"),
     ),
-    (
-        _plan("hidden.flow/blocked", kind="out-of-catalogue", note="An outlet that is blocked at random."),
-        _blocked,
-    ),
+    (_plan("hidden.flow/blocked", kind="out-of-catalogue", note="An outlet that is blocked at random."), _blocked),
     (_plan("clean.flow/white", kind="clean"), _case(0)),
     (_plan("clean.flow/ar", kind="clean"), _case(0, colour="ar")),
 )

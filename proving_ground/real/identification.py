@@ -94,12 +94,7 @@ def filtered_motion(period_s: float, position_m: ArrayLike, cut_off_hz: float) -
 
 
 def identified_rigid_axis(
-    period_s: float,
-    position_m: ArrayLike,
-    force_n: ArrayLike,
-    *,
-    bandwidth_hz: float,
-    delay_s: float = 0.0,
+    period_s: float, position_m: ArrayLike, force_n: ArrayLike, *, bandwidth_hz: float, delay_s: float = 0.0
 ) -> IdentifiedAxis:
     """Mass, viscous and dry friction, offset from recorded position and force.
 
@@ -163,12 +158,7 @@ def identified_rigid_axis(
 
 
 def identified_axis_of_servo(
-    period_s: float,
-    position_m: ArrayLike,
-    command: ArrayLike,
-    servo: Servo,
-    *,
-    delay_s: float = 0.0,
+    period_s: float, position_m: ArrayLike, command: ArrayLike, servo: Servo, *, delay_s: float = 0.0
 ) -> IdentifiedAxis:
     """As `identified_rigid_axis`, from the control's output.
 

@@ -47,10 +47,7 @@ _CASES = (
     _clean("cycle", "A part of the noise is repeated with every machine cycle.", "unexplained", noise="cycle"),
     _clean("heavy", "Noise with the tails of Student's t, 3 degrees.", noise="heavy"),
     _clean(
-        "quantised",
-        "A probe that reads in steps of 0.5 µm.",
-        styles=("warm-up", "steps", "cooling"),
-        noise="quantised",
+        "quantised", "A probe that reads in steps of 0.5 µm.", styles=("warm-up", "steps", "cooling"), noise="quantised"
     ),
     _clean("distractors", "Four cabinets and a feed that wander with the duty.", gauges=(_N, of("f"), *CABINETS)),
     _clean(
@@ -89,11 +86,7 @@ _CASES = (
         hall=(30.0, 1.4, 1.5),
         hours=(3.0, 4.5),
     ),
-    _clean(
-        "one speed",
-        "All runs at one speed: hardly any excitation.",
-        styles=("one speed", "one speed", "warm-up"),
-    ),
+    _clean("one speed", "All runs at one speed: hardly any excitation.", styles=("one speed", "one speed", "warm-up")),
     _wrong("strong", "20 % too much heat.", gain=1.2),
     _wrong("weak", "20 % too little heat; zero was set elsewhere.", gain=0.8, offset_um=3.0),
     _wrong("late", "The simulation comes 18 s late, with 7 % too little heat.", noise="white", delay_s=18.0, gain=0.93),

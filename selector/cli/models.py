@@ -90,8 +90,7 @@ def check(
 
 
 def card(
-    model: Model,
-    out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write the card.")],
+    model: Model, out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write the card.")]
 ) -> None:
     """Writes the card of a model: machine, data, method, ranges, coefficients, limits, validation, identity."""
     from selector.atomic_file import refuse_to_replace_input

@@ -41,8 +41,7 @@ MethodName = Annotated[
     ),
 ]
 Operations = Annotated[
-    str | None,
-    _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes."),
+    str | None, _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.")
 ]
 Tolerances = Annotated[
     list[str] | None,
@@ -216,11 +215,7 @@ Out = Annotated[
 
 @with_source
 def predict(
-    source: Source,
-    asked: Asked,
-    out: Out = None,
-    everything: Everything = False,
-    as_json: AsJson = False,
+    source: Source, asked: Asked, out: Out = None, everything: Everything = False, as_json: AsJson = False
 ) -> None:
     """Predicts the displacement in a duty cycle from heating and cooling tests, and how to correct it.
 

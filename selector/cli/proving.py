@@ -27,29 +27,17 @@ if TYPE_CHECKING:
 _which = partial(typer.Option, rich_help_panel="Which cases")
 
 Families = Annotated[
-    list[str] | None,
-    _which("--families", metavar="NAME", help="Family of scenarios; repeat. Default: all."),
+    list[str] | None, _which("--families", metavar="NAME", help="Family of scenarios; repeat. Default: all.")
 ]
 Names = Annotated[
-    list[str] | None,
-    _which("--scenarios", metavar="PATTERN", help="Only scenarios such as 'thermal.*'; repeat."),
+    list[str] | None, _which("--scenarios", metavar="PATTERN", help="Only scenarios such as 'thermal.*'; repeat.")
 ]
-Strengths = Annotated[
-    str,
-    _which("--strengths", metavar="D,D,…", help="What an oracle could detect, d′."),
-]
+Strengths = Annotated[str, _which("--strengths", metavar="D,D,…", help="What an oracle could detect, d′.")]
 Seeds = Annotated[
     str | None,
-    _which(
-        "--seeds",
-        metavar="FROM:TO|N,N",
-        help="Seeds, TO not included. Default: 0:5, with --exam 10000:10005.",
-    ),
+    _which("--seeds", metavar="FROM:TO|N,N", help="Seeds, TO not included. Default: 0:5, with --exam 10000:10005."),
 ]
-Exam = Annotated[
-    bool,
-    _which("--exam", metavar="", help="Seeds from 10000 on, which nobody develops with."),
-]
+Exam = Annotated[bool, _which("--exam", metavar="", help="Seeds from 10000 on, which nobody develops with.")]
 Rivals = Annotated[
     list[str] | None,
     typer.Option("--rivals", metavar="NAME|all", help="Let other methods sit the same exam, too; repeat."),

@@ -34,9 +34,7 @@ if TYPE_CHECKING:
 Inputs = Annotated[
     list[Path] | None,
     typer.Option(
-        "--inputs",
-        metavar="RUN",
-        help="Recordings that drive the model, run by run, at their own time stamps; repeat.",
+        "--inputs", metavar="RUN", help="Recordings that drive the model, run by run, at their own time stamps; repeat."
     ),
 ]
 

@@ -15,13 +15,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
-from selector.controllers.model_file import (
-    Fallback,
-    Input,
-    ModelFile,
-    read_model,
-    with_digest,
-)
+from selector.controllers.model_file import Fallback, Input, ModelFile, read_model, with_digest
 from selector.errors import ModelFileError
 from selector.findings import Finding, Where
 from selector.types import Array

@@ -164,11 +164,7 @@ def set_error_changes(
 
 
 POINTS_PER_RUN = 400
-_WAYS = {
-    "none": "no compensation",
-    "mean": "a constant",
-    "all sensors": "linear regression on all sensors",
-}
+_WAYS = {"none": "no compensation", "mean": "a constant", "all sensors": "linear regression on all sensors"}
 _DASHES = {"none": "dash", "mean": "dot", "all sensors": "dot"}
 _OTHER_DASHES = ("dashdot", "longdash", "longdashdot")
 _UNSEEN = {"run": "unseen runs", "condition": "unseen conditions", "block": "unseen stretches"}

@@ -28,11 +28,7 @@ class Traced:
 
 
 def beside_each_other(
-    title: str,
-    runs: Sequence[Traced],
-    response: str,
-    value_range: Sequence[float],
-    residual_range: Sequence[float],
+    title: str, runs: Sequence[Traced], response: str, value_range: Sequence[float], residual_range: Sequence[float]
 ) -> go.Figure:
     """All runs in two columns, the same scales everywhere; samples are drawn as they come, see `telling_samples`."""
     columns = 1 if len(runs) == 1 else 2
@@ -111,11 +107,7 @@ _HOVER = "%{x:.4g} h: %{y:.4g} µm"
 
 
 def replayed_run(
-    run: str,
-    output: str,
-    time_s: np.ndarray,
-    correction_um: np.ndarray,
-    recorded_um: np.ndarray,
+    run: str, output: str, time_s: np.ndarray, correction_um: np.ndarray, recorded_um: np.ndarray
 ) -> go.Figure:
     """Recorded displacement of one run and what is left of it with the correction of the program.
 

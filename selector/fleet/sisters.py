@@ -100,12 +100,7 @@ class Pool:
         """Cross-products of all that these sets and shapes need."""
         question = self.question
         return library_of(
-            self.source,
-            requests,
-            responses=question.responses,
-            speeds=question.speeds,
-            datum=self.datum,
-            n_blocks=1,
+            self.source, requests, responses=question.responses, speeds=question.speeds, datum=self.datum, n_blocks=1
         )
 
     def folds(self, library: Library, machine: str) -> list[int]:

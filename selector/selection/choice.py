@@ -142,11 +142,7 @@ def library_requests(
 
 
 def tested(
-    question: Question,
-    found: Candidates,
-    bench: Bench,
-    static: Sequence[Shape],
-    lagged: Sequence[Shape],
+    question: Question, found: Candidates, bench: Bench, static: Sequence[Shape], lagged: Sequence[Shape]
 ) -> Tested:
     """Try candidates × shapes on the inner groups of these folds.
 

@@ -67,11 +67,7 @@ class Recipe:
 
 
 def refined(
-    question: Question,
-    source: RunSource,
-    datum: Datum,
-    trial: Trial,
-    training: Callable[[Rows], Mask] | None = None,
+    question: Question, source: RunSource, datum: Datum, trial: Trial, training: Callable[[Rows], Mask] | None = None
 ) -> Recipe:
     """The recipe of a trial, its time constants moved off the grid to where they fit the training samples best."""
     recipe = Recipe.of(question, datum, trial.set.sensors, trial.shape)

@@ -32,12 +32,7 @@ TRACE_DIGITS = 4  #: Decimals of traces [µm, s]: they are for pictures, and res
 
 
 def left_out_errors(
-    question: Question,
-    source: RunSource,
-    datum: Datum,
-    choices: Sequence[Choice],
-    parts: Sequence[Part],
-    ridge: float,
+    question: Question, source: RunSource, datum: Datum, choices: Sequence[Choice], parts: Sequence[Part], ridge: float
 ) -> tuple[dict[str, tuple[RunProof, ...]], tuple[Trace, ...]]:
     """Errors on each part, from the sensors, terms, time constants and coefficients that the others chose."""
     proofs: dict[str, list[RunProof]] = {name: [] for name in question.responses}

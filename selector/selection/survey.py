@@ -27,12 +27,7 @@ Reasons = dict[str, tuple[str, str, str]]  #: Sensor → (finding id, why it can
 
 
 def usable_sensors(
-    source: RunSource,
-    question: Question,
-    missing: Array,
-    low: Array,
-    high: Array,
-    found: Iterable[Finding] = (),
+    source: RunSource, question: Question, missing: Array, low: Array, high: Array, found: Iterable[Finding] = ()
 ) -> tuple[list[str], list[Finding]]:
     """Sensors that can be candidates, and findings about those that cannot or that cost samples.
 

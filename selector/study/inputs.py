@@ -53,10 +53,7 @@ def sha256_of(path: Path) -> str:
     try:
         if not path.is_file():
             raise ReadError(
-                "no file",
-                expected="a file that is read by a study",
-                where=str(path),
-                advice="correct the path",
+                "no file", expected="a file that is read by a study", where=str(path), advice="correct the path"
             )
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -321,10 +321,7 @@ def _invalid(error: ValidationError, kind: type[BaseModel], where: str, page: st
         )
     if first["type"] == "missing":
         return StudyError(
-            f"no {shown(key[-1])}{more}",
-            expected="this key",
-            where=place,
-            advice=f"add it; {page} explains every key",
+            f"no {shown(key[-1])}{more}", expected="this key", where=place, advice=f"add it; {page} explains every key"
         )
     return StudyError(
         f"{key_text(key[-1:]) or key_text(key)} = {shown(first['input'])}{more}",

@@ -6,17 +6,9 @@ if TYPE_CHECKING:
     from selector.telling.page import account_page, write_account
     from selector.telling.selected.account import write_report
 
-__all__ = [
-    "account_page",
-    "write_account",
-    "write_report",
-]
+__all__ = ["account_page", "write_account", "write_report"]
 
-_PLACES = {
-    "account_page": "page",
-    "write_account": "page",
-    "write_report": "selected.account",
-}
+_PLACES = {"account_page": "page", "write_account": "page", "write_report": "selected.account"}
 
 
 def __getattr__(name: str) -> Any:

@@ -73,13 +73,7 @@ def sisters_account(answer: SistersAnswer, *, title: str = "Fleet") -> Account:
         if one.errors:
             errors = (_error(one.errors[f"{way}_um"]) for way in ("none", "own", "pooled", "sisters"))
             rows.append((name, f"{one.errors['machines']:.0f}", *errors))
-    head = (
-        ">machines",
-        ">no correction [µm]",
-        ">these runs alone [µm]",
-        ">all as one [µm]",
-        ">sisters [µm]",
-    )
+    head = (">machines", ">no correction [µm]", ">these runs alone [µm]", ">all as one [µm]", ">sisters [µm]")
     note = (
         "Root mean square error in the later runs of machines that were left out in turn, with as many known runs. "
         "Alone: what `select` makes of these. All as one: one regression on the runs of all machines."

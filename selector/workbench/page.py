@@ -131,10 +131,7 @@ def _register(app: dash.Dash, bench: Bench) -> None:
         # an option is not broken at its hyphens
         return [part for word in command_words(command) for part in (html.Span(word), " ")][:-1], False
 
-    @app.callback(
-        Input({"type": "cancel", "job": dash.ALL}, "n_clicks"),
-        prevent_initial_call=True,
-    )
+    @app.callback(Input({"type": "cancel", "job": dash.ALL}, "n_clicks"), prevent_initial_call=True)
     def _cancel(clicks: list[int | None]) -> None:
         if any(clicks) and isinstance(number := dash.ctx.triggered_id["job"], int):
             bench.jobs.cancel(number)

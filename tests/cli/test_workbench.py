@@ -76,14 +76,7 @@ def test_a_port_that_is_taken_is_refused(tmp_path, monkeypatch, capfd):
 
 
 @pytest.mark.parametrize(
-    "words",
-    [
-        ["nothing.csv"],
-        ["--machine", "nothing.toml"],
-        ["--folder", "file"],
-        ["--port", "70000"],
-    ],
-    ids=" ".join,
+    "words", [["nothing.csv"], ["--machine", "nothing.toml"], ["--folder", "file"], ["--port", "70000"]], ids=" ".join
 )
 def test_what_cannot_be_used_is_said_before_anything_is_opened(tmp_path, monkeypatch, capfd, words):
     monkeypatch.chdir(tmp_path)

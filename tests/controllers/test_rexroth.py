@@ -13,12 +13,7 @@ from selector.controllers.model_file import read_model
 from selector.controllers.replay.parts import Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import drive_answers
 from selector.controllers.writers.exported import ExportRefusedError
-from selector.controllers.writers.rexroth import (
-    FILE,
-    LARGEST_LOSS_UM,
-    drive_parameters,
-    rexroth_export,
-)
+from selector.controllers.writers.rexroth import FILE, LARGEST_LOSS_UM, drive_parameters, rexroth_export
 from selector.errors import InputError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version

@@ -156,10 +156,7 @@ def test_ranges_are_looked_at():
     found = {
         (finding.id, finding.evidence["input"]) for finding in model_findings(model) if "input" in finding.evidence
     }
-    assert found == {
-        ("valid-range-empty", "T2"),
-        ("break-code-in-valid-range", "T3"),
-    }
+    assert found == {("valid-range-empty", "T2"), ("break-code-in-valid-range", "T3")}
 
 
 def test_settings_of_the_guard_that_are_hardly_meant_are_told():

@@ -24,8 +24,7 @@ from selector.controllers.writers.structured_text import LONGEST_NAME
 from tests.controllers import hostile
 
 needs_parser = pytest.mark.skipif(
-    find_spec("tree_sitter_iec61131_3_st") is None,
-    reason='no parser of Structured Text; pip install ".[controls]"',
+    find_spec("tree_sitter_iec61131_3_st") is None, reason='no parser of Structured Text; pip install ".[controls]"'
 )
 
 

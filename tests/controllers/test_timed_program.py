@@ -87,8 +87,7 @@ class Sinumerik:
 
 
 CONTROLS = pytest.mark.parametrize(
-    ("target", "control", "tests"),
-    [("fanuc", Fanuc, {}), ("sinumerik", Sinumerik, {"operation": -2})],
+    ("target", "control", "tests"), [("fanuc", Fanuc, {}), ("sinumerik", Sinumerik, {"operation": -2})]
 )
 
 

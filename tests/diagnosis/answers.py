@@ -96,9 +96,7 @@ def answer(verdict: Verdict = "missing-physics", names=("Z", "Y"), **changes) ->
         next_runs=(NextRun("Heat for 4 h, then cool for 6 h", ("thermal.memory", "thermal.ambient"), 0.9, 36000.0),)
         if is_found
         else (),
-        recalibration={
-            first: {"offset": Quantity(3.1, "um", 2.9, 3.3), "gain": Quantity(1.01, "1", 0.98, 1.04)},
-        },
+        recalibration={first: {"offset": Quantity(3.1, "um", 2.9, 3.3), "gain": Quantity(1.01, "1", 0.98, 1.04)}},
         findings=(Finding("slow-clock", "warning", "The clock is slow.", Where(run="r1")),),
         seed=0,
     )

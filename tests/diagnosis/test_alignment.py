@@ -76,12 +76,7 @@ def test_the_only_run_cannot_be_held_out():
 
 
 @settings(max_examples=20)
-@given(
-    step=st.floats(0.3, 9.0),
-    first=st.floats(0.0, 100.0),
-    last=st.floats(300.0, 500.0),
-    seed=st.integers(0, 1000),
-)
+@given(step=st.floats(0.3, 9.0), first=st.floats(0.0, 100.0), last=st.floats(300.0, 500.0), seed=st.integers(0, 1000))
 def test_a_straight_line_is_read_exactly_whatever_the_grids(step, first, last, seed):
     random = np.random.default_rng(seed)
     time = np.sort(random.uniform(0.0, 400.0, 300))
@@ -137,10 +132,7 @@ def test_clocks_that_start_elsewhere():
 
 def test_states_hold_and_holes_stay_holes():
     time = np.arange(0.0, 300.0, 1.0)
-    rec = recording(
-        {"a": (time, {"Z": noisy(300), "valve": (time > 151) * 1.0})},
-        (Z, VALVE),
-    )
+    rec = recording({"a": (time, {"Z": noisy(300), "valve": (time > 151) * 1.0})}, (Z, VALVE))
     rare = np.where(np.arange(300) % 5 == 0, time, np.nan)
     rare[100:180] = np.nan
     sim = recording({"a": (time, {"Z": rare, "valve": (time >= 150) * 1.0})}, (Z, VALVE))

@@ -68,8 +68,7 @@ def test_an_effect_of_another_package_stands_beside_the_shipped_ones(installed, 
 
 
 @pytest.mark.parametrize(
-    "target",
-    ["acme_effects:NO_EFFECT", "acme_effects:shipped", "acme_effects:MISSING", "acme_nowhere:EFFECT"],
+    "target", ["acme_effects:NO_EFFECT", "acme_effects:shipped", "acme_effects:MISSING", "acme_nowhere:EFFECT"]
 )
 def test_what_is_no_new_effect_is_refused_with_its_package(installed, target):
     installed(target)

@@ -12,12 +12,7 @@ from selector.diagnosis.open_model.runnable import OwnModel
 from selector.physics.gauging.model_file import checked_model_file
 from selector.recording import Channel, Recording
 
-TRUE = {
-    "linear.gain_v_per_um": -0.0172,
-    "linear.bias_v": 2.31,
-    "linear.time_constant_s": 0.16,
-    "grinding.lag_s": 0.5,
-}
+TRUE = {"linear.gain_v_per_um": -0.0172, "linear.bias_v": 2.31, "linear.time_constant_s": 0.16, "grinding.lag_s": 0.5}
 NOISE_V = 0.002
 #: Feeds of three parts [µm/s], each for 4 s, and where they begin [µm].
 PARTS = {"part 1": ((12.0, 4.0, 8.0), 95.0), "part 2": ((15.0, 3.0, 0.0), 80.0), "part 3": ((9.0, 14.0, 2.0), 102.0)}

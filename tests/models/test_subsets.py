@@ -214,12 +214,7 @@ def test_factor_from_rows_keeps_the_digits_that_cross_products_lose():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"must": [9]}, "must has"),
-        ({"n_best": 0}, "n_best"),
-        ({"max_size": 0}, "max_size"),
-    ],
+    ("options", "message"), [({"must": [9]}, "must has"), ({"n_best": 0}, "n_best"), ({"max_size": 0}, "max_size")]
 )
 def test_unusable_options_are_named(options, message):
     columns, response = warm_machine(30, 3, seed=0)

@@ -97,14 +97,7 @@ def test_best_sensor_sets_are_those_of_brute_force(case, n_best, data):
     if total < 1e-9:
         return
     found = best_sensor_sets(
-        cross_products(terms, response),
-        n,
-        owners,
-        n_sensors=p,
-        max_sensors=p,
-        n_best=n_best,
-        must=must,
-        always=always,
+        cross_products(terms, response), n, owners, n_sensors=p, max_sensors=p, n_best=n_best, must=must, always=always
     )
     assert found.proved
     for size in range(max(1, len(must)), p + 1):

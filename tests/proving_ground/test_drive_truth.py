@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from proving_ground.drive.true_axis import (
-    COMMAND_S,
-    LENGTH_S,
-    STEP_S,
-    TrueAxis,
-    given_motion,
-    programme,
-    true_motion,
-)
+from proving_ground.drive.true_axis import COMMAND_S, LENGTH_S, STEP_S, TrueAxis, given_motion, programme, true_motion
 
 STILL = np.zeros(round(LENGTH_S / STEP_S))
 PER_MS = round(COMMAND_S / STEP_S)

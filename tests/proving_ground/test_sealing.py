@@ -7,14 +7,7 @@ import json
 
 import numpy as np
 
-from proving_ground.case import (
-    HeldOut,
-    Truth,
-    seal_of,
-    sealed_sha256_of_case,
-    sealed_text,
-    sha256_of_text,
-)
+from proving_ground.case import HeldOut, Truth, seal_of, sealed_sha256_of_case, sealed_text, sha256_of_text
 from proving_ground.runner import questions, write_bundles
 from selector.readers import Overrides, read
 from tests.proving_ground.tiny_cases import CLEAN, DOOR, SINGLE

@@ -232,10 +232,7 @@ class TestTdms:
     def test_channels_of_other_rates_are_interpolated_and_told(self, reads, ids):
         wave = {"wf_start_offset": 0.0}
         fast = np.arange(2 * N) * 0.75 - 2
-        channels = [
-            ("G", "T1", T1, {**wave, "wf_increment": 10.0}),
-            ("G", "Z_um", fast, {**wave, "wf_increment": 5.0}),
-        ]
+        channels = [("G", "T1", T1, {**wave, "wf_increment": 10.0}), ("G", "Z_um", fast, {**wave, "wf_increment": 5.0})]
         reading = reads(self.stored(channels), "r1.tdms")
         check(reading)
         assert "several-clocks" in ids(reading)

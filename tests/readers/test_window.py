@@ -198,10 +198,7 @@ def test_what_cannot_have_means_or_a_window_says_so(tmp_path, capsys):
     simulated = ["--simulation", str(tmp_path / "sim"), "--simulation-time-unit", "s"]
     assert exit_status(["diagnose", str(record), *simulated, "--since", "2026-03-30T00:10"]) == 2
     assert "whose clock has no date" in capsys.readouterr().err
-    for command in (
-        ["diagnose", str(record), "--model", "m.toml"],
-        ["predict", str(record), "--cycle", "c.csv"],
-    ):
+    for command in (["diagnose", str(record), "--model", "m.toml"], ["predict", str(record), "--cycle", "c.csv"]):
         assert exit_status([*command, "--mean-s", "300"]) == 2
         assert "--mean-s" in capsys.readouterr().err
     touched = ["adapt", "model.json", str(record), "--touch-offs", "t.csv", "--since", "2026-03-30"]

@@ -86,10 +86,7 @@ def test_printed_coefficients_from_b2_on_are_right(undamped, power):
 
 def test_printed_b0_b1_and_numerator_are_misprints(undamped):
     numerator, denominator = undamped
-    right = {
-        0: Ke * Kf * Kpp * Kth * Kvi * R,
-        1: Ke * Kf * Kpp * Kth * Kvp * R + Ke * Kf * Kth * Kvi,
-    }
+    right = {0: Ke * Kf * Kpp * Kth * Kvi * R, 1: Ke * Kf * Kpp * Kth * Kvp * R + Ke * Kf * Kth * Kvi}
     for power in (0, 1):
         assert sp.expand(denominator.coeff_monomial(s**power) - right[power]) == 0
         assert sp.expand(denominator.coeff_monomial(s**power) - PRINTED[power]) != 0

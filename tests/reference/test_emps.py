@@ -11,11 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from proving_ground.real.identification import (
-    filtered_motion,
-    identified_axis_of_servo,
-    identified_rigid_axis,
-)
+from proving_ground.real.identification import filtered_motion, identified_axis_of_servo, identified_rigid_axis
 from selector.physics.drive.parts.axis import Servo
 from selector.physics.drive.simulation import simulate_axis
 

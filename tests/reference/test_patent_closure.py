@@ -5,13 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.sensors import (
-    lambda_axis,
-    lambda_cut,
-    representatives,
-    screen,
-    transitive_closure,
-)
+from selector.sensors import lambda_axis, lambda_cut, representatives, screen, transitive_closure
 from tests.sensors.by_definition import transitive_closure_by_squaring
 
 NAMES = tuple(str(i) for i in range(1, 9))

@@ -108,14 +108,7 @@ def test_the_page_holds_program_blocks_tests_cycle_findings_and_origin(page):
     assert "[T\"2' & <b>%{y}</b> {{7*7}}]" in text
     for one in prediction.repeats:
         assert f"{one.run}, single samples" in page.cells
-    for where in (
-        "said before </script>",
-        "<monday>.csv",
-        "a&b.csv",
-        "ab" * 32,
-        "day 1.csv",
-        "x.csv",
-    ):
+    for where in ("said before </script>", "<monday>.csv", "a&b.csv", "ab" * 32, "day 1.csv", "x.csv"):
         assert where in text
     assert "some/where" not in text
     assert "Simulated data" in text

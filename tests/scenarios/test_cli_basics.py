@@ -51,12 +51,7 @@ def run_table(seed: int, off_um: float = 0.0) -> pd.DataFrame:
     sign[0] = 0.0
     t2 = 22.0 + 0.6 * rise + rng.normal(0, 0.02, MINUTES.size)
     return pd.DataFrame(
-        {
-            "t": MINUTES,
-            "PT01": 20.0 + rise,
-            "PT02": t2 * 9 / 5 + 32,
-            "dial": (PER_K_UM * rise + off_um * sign) / 1000.0,
-        }
+        {"t": MINUTES, "PT01": 20.0 + rise, "PT02": t2 * 9 / 5 + 32, "dial": (PER_K_UM * rise + off_um * sign) / 1000.0}
     )
 
 

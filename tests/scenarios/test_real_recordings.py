@@ -169,13 +169,7 @@ def test_a_cut_is_read_like_the_whole_and_says_where_it_comes_from(tmp_path):
 
 
 def effect(id_: str, confidence: float = 0.9, rivals: tuple[str, ...] = ()) -> dict:
-    return {
-        "id": id_,
-        "confidence": confidence,
-        "share": 0.5,
-        "suspected": False,
-        "cannot_be_told_from": list(rivals),
-    }
+    return {"id": id_, "confidence": confidence, "share": 0.5, "suspected": False, "cannot_be_told_from": list(rivals)}
 
 
 def told(verdict: str, *effects: dict) -> dict:

@@ -6,14 +6,7 @@ import pytest
 from selector.errors import InputError, OptionError
 from selector.sensors import Partition, dendrogram, lambda_axis, lambda_cut
 
-R = np.array(
-    [
-        [1.0, 0.9, 0.2, 0.1],
-        [0.9, 1.0, 0.6, 0.3],
-        [0.2, 0.6, 1.0, 0.8],
-        [0.1, 0.3, 0.8, 1.0],
-    ]
-)
+R = np.array([[1.0, 0.9, 0.2, 0.1], [0.9, 1.0, 0.6, 0.3], [0.2, 0.6, 1.0, 0.8], [0.1, 0.3, 0.8, 1.0]])
 
 
 def test_labels_are_canonical_so_equality_is_equality_of_groups():

@@ -34,9 +34,7 @@ _of_simulation = partial(typer.Option, rich_help_panel="What it is compared with
 Simulation = Annotated[
     list[Path] | None,
     _of_simulation(
-        "--simulation",
-        metavar="PATH",
-        help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
+        "--simulation", metavar="PATH", help="Simulated runs, named as the recorded ones: a folder, or a file; repeat."
     ),
 ]
 Model = Annotated[
@@ -69,8 +67,7 @@ HoldOut = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")]
 FalseAlarm = Annotated[
-    float,
-    typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
+    float, typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is.")
 ]
 
 
@@ -425,7 +422,6 @@ def write_diagnosis_study(
     if asked.model is not None:
         files.append(input_file(asked.model, out, "model"))
     section = diagnose_section(
-        out,
-        **vars(asked) | {"simulation": asked.simulation or (), "responses": tuple(asked.responses or ())},
+        out, **vars(asked) | {"simulation": asked.simulation or (), "responses": tuple(asked.responses or ())}
     )
     return write_study_beside(folder, out, source, files, opened=opened, diagnose=section)

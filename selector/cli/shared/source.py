@@ -232,8 +232,5 @@ def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> None:
 def _positive(value: float | None, option: str) -> None:
     if value is not None and not 0 < value < float("inf"):
         raise OptionError(
-            f"{value}",
-            expected="a positive number of seconds",
-            where=option,
-            advice=f"e.g. {option} 60: a minute",
+            f"{value}", expected="a positive number of seconds", where=option, advice=f"e.g. {option} 60: a minute"
         )

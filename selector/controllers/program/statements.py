@@ -242,12 +242,7 @@ class SlewedCorrection:
     """Variables and statements of the k-th output (from 1)."""
 
     def __init__(
-        self,
-        w: Writing,
-        output: Output,
-        limits: DecidedLimits,
-        k: int,
-        adapted: AdaptedOutput | None = None,
+        self, w: Writing, output: Output, limits: DecidedLimits, k: int, adapted: AdaptedOutput | None = None
     ) -> None:
         self._w, self._limits, self._name = w, limits, output.name
         self.adapted, self.is_rise = adapted, output.reference == "rise"

@@ -9,11 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.controllers.evaluator import axes_of, evaluate
-from selector.controllers.guard.decided import (
-    LARGEST_NUMBER,
-    decided_limits,
-    is_turned,
-)
+from selector.controllers.guard.decided import LARGEST_NUMBER, decided_limits, is_turned
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import Number, executable
 from selector.controllers.program.guarded_program import guarded_program

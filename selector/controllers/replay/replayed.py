@@ -240,13 +240,7 @@ def _run(
 
 
 def _because(
-    applied: Application,
-    clamped: Sequence[Finding],
-    run: str,
-    output: str,
-    faulty: float,
-    begins_s: float,
-    part: Part,
+    applied: Application, clamped: Sequence[Finding], run: str, output: str, faulty: float, begins_s: float, part: Part
 ) -> Iterator[str]:
     """What a program does otherwise than the model alone in a run, in words."""
     for finding in applied.findings if part.tells_mode else ():

@@ -312,10 +312,7 @@ class _Noise:
     course: Vector
 
     def sets(
-        self,
-        parts: Sequence[NDArray[np.intp]],
-        earlier: Sequence[NDArray[np.intp]],
-        mixed: Sequence[NDArray[np.intp]],
+        self, parts: Sequence[NDArray[np.intp]], earlier: Sequence[NDArray[np.intp]], mixed: Sequence[NDArray[np.intp]]
     ) -> Matrix:
         """Residuals of innovations in these orders, run by run, shape (n_sets, n_rows)."""
         shaped = np.empty((len(mixed[0]), len(self.bringing)))

@@ -16,14 +16,7 @@ from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.matching.usable import identical_responses
 from selector.diagnosis.mismatch.location import active_windows
-from selector.diagnosis.open_model.candidates import (
-    LEAST,
-    Candidate,
-    candidates,
-    chosen,
-    quick_noise,
-    unseen_squares,
-)
+from selector.diagnosis.open_model.candidates import LEAST, Candidate, candidates, chosen, quick_noise, unseen_squares
 from selector.diagnosis.open_model.refitting import Refitted, Say, refitted, simulated_rows
 from selector.diagnosis.open_model.runnable import OwnModel, Runnable
 from selector.diagnosis.open_model.switches import ThroughModel, through_model

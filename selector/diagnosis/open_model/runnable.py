@@ -347,10 +347,7 @@ def fmu_model(path: str | Path, recording: Recording) -> Iterator[FmuModel]:
     if Path(path).exists() and not Path(path).is_file():
         # opening a pipe would wait for ever
         raise ReadError(
-            "not a regular file",
-            expected="a functional mock-up unit (.fmu)",
-            where=str(path),
-            advice="check the path",
+            "not a regular file", expected="a functional mock-up unit (.fmu)", where=str(path), advice="check the path"
         )
     with TemporaryDirectory() as folder:
         try:

@@ -81,11 +81,7 @@ def machine_field(
         everything = np.vstack([everything, marks])
     low, high = everything.min(axis=0) - _ROOM_M, everything.max(axis=0) + _ROOM_M
     axes = {
-        f"{name}axis": {
-            "title": {"text": f"{name.upper()} [m]"},
-            "nticks": 5,
-            "range": [float(low[k]), float(high[k])],
-        }
+        f"{name}axis": {"title": {"text": f"{name.upper()} [m]"}, "nticks": 5, "range": [float(low[k]), float(high[k])]}
         for k, name in enumerate("xyz")
     }
     drawn.update_layout(

@@ -278,11 +278,7 @@ def size_histogram(
 
 
 def sizes_over_parts(
-    size_um: Vector,
-    tolerance_um: tuple[float, float] | None,
-    wanted_um: float,
-    dressed: Sequence[int],
-    title: str,
+    size_um: Vector, tolerance_um: tuple[float, float] | None, wanted_um: float, dressed: Sequence[int], title: str
 ) -> go.Figure:
     """Finished sizes in the order of grinding, with the tolerance, and dotted lines where the wheel was dressed.
 

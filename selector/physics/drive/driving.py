@@ -249,14 +249,7 @@ def _together(found: Mapping[str, str]) -> dict[str, str]:
 
 
 def _axis_run(
-    model: DriveModel,
-    name: str,
-    recording: Recording,
-    run: str,
-    channels: RecordedChannels,
-    *,
-    opened: bool,
-    seed: int,
+    model: DriveModel, name: str, recording: Recording, run: str, channels: RecordedChannels, *, opened: bool, seed: int
 ) -> AxisRun:
     found, time_s = channels.found, recording.time_s(run)
     with told_of(f"channel {found['command']}"):

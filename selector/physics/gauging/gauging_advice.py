@@ -137,13 +137,7 @@ class _Bench:
         return self.setting("", made, self.rounded(made.advised_thresholds_v), few=True)
 
     def setting(
-        self,
-        name: str,
-        model: GaugingModel,
-        volts: tuple[float, ...],
-        *,
-        at_limit: bool = False,
-        few: bool = False,
+        self, name: str, model: GaugingModel, volts: tuple[float, ...], *, at_limit: bool = False, few: bool = False
     ) -> Setting | None:
         """What these thresholds give; None if no file may say them, or if more parts miss one than do now."""
         made = _made(_unbound(model) | {"thresholds": {"volts": list(volts)}})

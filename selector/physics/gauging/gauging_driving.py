@@ -171,11 +171,7 @@ _MOST_MM_PER_MIN = 1e6
 
 
 def driven_runs(
-    model: GaugingModel,
-    recording: Recording,
-    *,
-    seed: int | None = None,
-    progress: Progress | None = None,
+    model: GaugingModel, recording: Recording, *, seed: int | None = None, progress: Progress | None = None
 ) -> GaugingSimulation:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 

@@ -20,12 +20,7 @@ from selector.physics.gauging.gauging_advice import (
     volts_text,
 )
 from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation, mattering_um
-from selector.physics.gauging.grinding.gauged_grinding import (
-    FEWEST_SIZES,
-    FinishedSizes,
-    finished_sizes,
-    usual_steps,
-)
+from selector.physics.gauging.grinding.gauged_grinding import FEWEST_SIZES, FinishedSizes, finished_sizes, usual_steps
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
 from selector.physics.simulation_kind import Progress
@@ -90,11 +85,7 @@ def _of_noise(model: GaugingModel, formula: SizesByFormula, sizes: FinishedSizes
         f"{said[0].upper()}{said[1:]}: parts are {early_um:.2g} µm larger than the calculated threshold (eq. 23) "
         f"has it. The linear spread (eq. 25) is {formula.sd_um:.3g} µm; with early commands it is "
         f"{sizes.sd_um:.3g} µm.",
-        evidence={
-            "restlessness": formula.restlessness,
-            "early_um": early_um,
-            "sd_by_eq_25_um": formula.sd_um,
-        },
+        evidence={"restlessness": formula.restlessness, "early_um": early_um, "sd_by_eq_25_um": formula.sd_um},
         suggestion=f"{', '.join(helps)}, feed faster in the last stage, or move the last threshold",
         level="info" if early_um < mattering_um(model) else "warning",
     )
@@ -112,12 +103,7 @@ def _of_surface(model: GaugingModel, formula: SizesByFormula, early_um: float) -
         f"{formula.ripple_rate:.3g} times as fast as the feed does: the relay trips on the peaks"
         + (f", {early_um:.2g} µm early" if early_um > 0 else "")
         + (f", and the mean of the grooves adds {mean_um:.2g} µm." if mean_um else "."),
-        evidence={
-            "ripple_um": swing_um,
-            "ripple_rate": formula.ripple_rate,
-            "early_um": early_um,
-            "mean_um": mean_um,
-        },
+        evidence={"ripple_um": swing_um, "ripple_rate": formula.ripple_rate, "early_um": early_um, "mean_um": mean_um},
     )
 
 

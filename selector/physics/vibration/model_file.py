@@ -85,11 +85,7 @@ class JointSection(Entry):
 
     between: tuple[Name, Name]
     stiffness_n_per_m: Annotated[
-        float,
-        limited(1e-3, 1e15),
-        Unit("N/m"),
-        Fit(),
-        Usual(1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3, "kN/mm": 1e6}),
+        float, limited(1e-3, 1e15), Unit("N/m"), Fit(), Usual(1e5, 1e11, {"N/µm": 1e6, "N/mm": 1e3, "kN/mm": 1e6})
     ]
     #: No joint of a machine takes more of the energy in a cycle than 2; rubber takes as much
     dissipation: Annotated[float, limited(0, 100), Fit(up_to=2.0), Usual(0.0, 3.0, {"%": 0.01})] = 0.0
@@ -488,10 +484,7 @@ def _of_line(path: Key, line: LineSection, course: ShaftCourse | None, duration_
     if frequency is None and course is not None:
         frequency = (line.order or 0.0) * course.range_rpm(0.0, duration_s)[1] / 60.0
     square = (2.0 * math.pi * (frequency or 0.0)) ** 2
-    instead = {
-        "force_n": line.unbalance_kg_m * square,
-        "unbalance_kg_m": line.force_n / square if square > 0 else 0.0,
-    }
+    instead = {"force_n": line.unbalance_kg_m * square, "unbalance_kg_m": line.force_n / square if square > 0 else 0.0}
     for one in _of_section(line, path):
         key = str(one.path[-1])
         if key not in instead:

@@ -333,10 +333,7 @@ def _course_table(prediction: Prediction) -> Table:
         (given_text(time_s / 60), *speed, *(f"{um:.1f}".replace("-", "−") for um in at))
         for time_s, speed, *at in zip(times_s.tolist(), speeds, *courses, strict=True)
     ]
-    return table(
-        [">at [min]", *([">speed [r/min]"] if cyclogram else []), *_headings(prediction)],
-        rows,
-    )
+    return table([">at [min]", *([">speed [r/min]"] if cyclogram else []), *_headings(prediction)], rows)
 
 
 def _headings(prediction: Prediction) -> list[str]:

@@ -382,17 +382,10 @@ def selection_account(
             ),
             section("terms", "Term by term", *_terms(selection, drawings), on_paper=False),
             section(
-                "sensors",
-                "Every sensor",
-                Captioned("", sensors_table(selection), on_screen=False),
-                on_paper=False,
+                "sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False), on_paper=False
             ),
             section(
-                "findings",
-                "All findings",
-                Remarks(remarks_of(selection.findings)),
-                link="Findings",
-                on_paper=False,
+                "findings", "All findings", Remarks(remarks_of(selection.findings)), link="Findings", on_paper=False
             ),
             section(
                 "origin",

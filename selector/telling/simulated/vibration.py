@@ -446,10 +446,7 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "amplitudes": {final: dict(vars(one)) for final, one in summary.amplitudes.items()},
         "periodic_errors": [dict(vars(one)) for one in summary.errors],
         "heights": {
-            kind: {
-                **fields_of(one, "kinematic_um", "rms_um", "published_um"),
-                "frequencies": one.lines,
-            }
+            kind: {**fields_of(one, "kinematic_um", "rms_um", "published_um"), "frequencies": one.lines}
             for kind, one in summary.heights.items()
         },
         "stability": _stability_data(summary.stability),

@@ -26,10 +26,7 @@ from selector.workbench.typed import FIELDS
 ID, TITLE = "export", "Export"
 
 _KINDS = ("clamp", "slew")
-_WHAT = {
-    SHEET: "commissioning sheet: print it, and follow it at the machine",
-    MODEL: "the model, as exported",
-}
+_WHAT = {SHEET: "commissioning sheet: print it, and follow it at the machine", MODEL: "the model, as exported"}
 _LONGEST_SHOWN = 60_000
 _LEAST_LIMIT, _LARGEST_LIMIT = 1e-6, 999_999.0
 _LIMITS = (
@@ -233,11 +230,7 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
     files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
     texts = [path for path in files if path.suffix not in (".html", ".json")]
     rows = [
-        [
-            parts.download(f"{name}/{path.name}", path.name),
-            _WHAT.get(path.name, "program"),
-            path.stat().st_size,
-        ]
+        [parts.download(f"{name}/{path.name}", path.name), _WHAT.get(path.name, "program"), path.stat().st_size]
         for path in files
     ]
     findings = () if said is None else TypeAdapter(tuple[Finding, ...]).validate_python(said["findings"])

@@ -18,17 +18,7 @@ from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import option_of, told_path
 from selector.workbench.examples import EXAMPLES, open_example
-from selector.workbench.readable import (
-    CELLS,
-    NO_CHANNEL,
-    Row,
-    corrected,
-    excerpt,
-    is_fault,
-    repaired,
-    row_of,
-    rows_of,
-)
+from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, is_fault, repaired, row_of, rows_of
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"

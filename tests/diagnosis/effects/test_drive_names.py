@@ -117,8 +117,7 @@ def test_an_axis_that_stands_or_a_channel_that_is_no_motion_is_said_to_be_untest
     standing = replace(comparison, recorded=comparison.recorded | {"r": still["r"], "v": 0.0 * still["v"]},
                        simulated={name: 0.0 * values for name, values in comparison.simulated.items()})  # fmt: skip
     hot = replace(
-        comparison,
-        channels=(*comparison.channels[:2], Channel("E", "temperature", "degC"), comparison.channels[3]),
+        comparison, channels=(*comparison.channels[:2], Channel("E", "temperature", "degC"), comparison.channels[3])
     )
     for case in (standing, hot):
         assert effect.testable(case, "E")

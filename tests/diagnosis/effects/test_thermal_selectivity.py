@@ -17,14 +17,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Fitted
 from selector.diagnosis.shapes.signals import lagged
 from tests.diagnosis.effects.explained_shares import shares
-from tests.diagnosis.effects.heated_machine import (
-    TOP_RPM,
-    Physics,
-    comparison_of,
-    recorded,
-    regression,
-    simulation,
-)
+from tests.diagnosis.effects.heated_machine import TOP_RPM, Physics, comparison_of, recorded, regression, simulation
 
 THERMAL = [effect for effect in catalogue() if effect.family == "thermal"]
 HALL = replace(Physics(), hall=1.0)

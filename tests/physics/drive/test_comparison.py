@@ -22,11 +22,7 @@ def difference(recorded, simulated, **more):
     return ChannelDifference(**told, time_s=np.arange(len(recorded)) * 0.5, recorded=recorded, simulated=simulated)
 
 
-@given(
-    shift=st.floats(-100.0, 100.0),
-    scale=st.floats(0.1, 10.0),
-    at=st.integers(0, 199),
-)
+@given(shift=st.floats(-100.0, 100.0), scale=st.floats(0.1, 10.0), at=st.integers(0, 199))
 def test_numbers_of_a_difference(shift, scale, at):
     off = np.zeros(200)
     off[at] = -3.0 * scale

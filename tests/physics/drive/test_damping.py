@@ -99,8 +99,7 @@ def test_course_follows_position_speed_and_acceleration():
     course = parameter_course(PARTS, reference)
     load = axial_load_n(PARTS, reference)
     np.testing.assert_array_equal(
-        course.axial_stiffness_n_per_m,
-        axial_stiffness_n_per_m(PARTS, position_m=reference.position_m, load_n=load),
+        course.axial_stiffness_n_per_m, axial_stiffness_n_per_m(PARTS, position_m=reference.position_m, load_n=load)
     )
     published = parameter_course(PARTS, reference, stiffness="published", damping="cycle")
     np.testing.assert_array_equal(

@@ -77,11 +77,7 @@ def test_a_sampled_control_tends_to_the_continuous_one():
 @settings(max_examples=30)
 def test_limits_hold_at_any_gain_and_the_step_does_not_matter(command, speed, gain, integral_gain):
     servo = replace(
-        CONTINUOUS,
-        command_limit=command,
-        speed_limit=speed,
-        velocity_gain=gain,
-        velocity_integral_gain=integral_gain,
+        CONTINUOUS, command_limit=command, speed_limit=speed, velocity_gain=gain, velocity_integral_gain=integral_gain
     )
     reference = sine(1e-3, 0.4)
     axis = Axis(THREE, servo)

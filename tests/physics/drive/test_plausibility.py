@@ -9,10 +9,7 @@ import pytest
 from selector.errors import ModelFileError
 from selector.physics.drive.drive_model import drive_model
 from selector.physics.drive.file.model_file import checked_model_file, columns_needed, read_model_file
-from selector.physics.drive.model_findings import (
-    model_findings,
-    simulation_findings,
-)
+from selector.physics.drive.model_findings import model_findings, simulation_findings
 from tests.physics.drive.test_model_file import PARTS, RIGID, changed
 
 EXAMPLES = [

@@ -54,11 +54,7 @@ CASES = {
         replace(STRIBECK, coulomb_negative_n=300.0, static_negative_n=450.0),
         replace(STRIBECK, coulomb_negative_n=300.0),
     ),
-    "bristles of nothing": (
-        SMOOTH,
-        Friction(lugre=LuGre(1e7, 1e4, 0.01)),
-        Friction(1.0, lugre=LuGre(1e7, 1e4, 0.01)),
-    ),
+    "bristles of nothing": (SMOOTH, Friction(lugre=LuGre(1e7, 1e4, 0.01)), Friction(1.0, lugre=LuGre(1e7, 1e4, 0.01))),
     "fading of no damping": (
         Axis(THREE, CONTINUOUS, replace(STRIBECK, lugre=LuGre(1e7))),
         replace(STRIBECK, lugre=LuGre(1e7, 0.0, 0.01)),

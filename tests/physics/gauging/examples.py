@@ -18,12 +18,7 @@ from selector.physics.gauging.gauge.transducer import (
 TRANSDUCER = Transducer(
     # 24 V effective; about half of the inductance belongs to the gap: 2 · 17 N/A² · 1.5 mm = 0.05 H
     electromagnet=Electromagnet(
-        voltage_v=34.0,
-        frequency_hz=50.0,
-        resistance_ohm=150.0,
-        inductance_h=0.12,
-        force_n_per_a2=17.0,
-        gap_m=1.5e-3,
+        voltage_v=34.0, frequency_hz=50.0, resistance_ohm=150.0, inductance_h=0.12, force_n_per_a2=17.0, gap_m=1.5e-3
     ),
     # 105 Hz by itself; the magnet, which pulls the more the nearer it is, takes it down to 102 Hz
     probe=Probe(mass_kg=0.03, stiffness_n_per_m=13000.0, damping_ns_per_m=4.0),

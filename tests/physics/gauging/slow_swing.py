@@ -59,13 +59,7 @@ def slow_swing(
         coil = (induced(y) - u) / generator.time_constant_s if generator.time_constant_s else 0.0
         filtered = (sign * voltage(y) - smoothed) / transducer.smoothing.time_constant_s
         supply = magnet.voltage_v * np.sin(mains * t)
-        return [
-            v,
-            force / probe.mass_kg,
-            coil,
-            filtered,
-            supply - magnet.resistance_ohm * current,
-        ]
+        return [v, force / probe.mass_kg, coil, filtered, supply - magnet.resistance_ohm * current]
 
     def changes_contact(t, y, touching, sign):
         return pressed(t, y)

@@ -219,10 +219,7 @@ def test_steps_resolve_what_happens():
     assert steps_per_filter(set_up(surface=Surface(600.0, runout_um=1.0))) == 0.05 * 640
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [({"parts": 10**9}, "run.parts"), ({"steps": 10**6}, "grinding.stages")],
-)
+@pytest.mark.parametrize(("change", "key"), [({"parts": 10**9}, "run.parts"), ({"steps": 10**6}, "grinding.stages")])
 def test_what_cannot_be_ground_is_refused(change, key):
     with pytest.raises(InputError) as caught:
         finished_sizes(set_up(), **({"parts": 1} | change))

@@ -48,12 +48,7 @@ def test_examples_run_and_tell_what_they_are_made_to_show(name):
     assert "unlikely-value" not in told
     assert (
         told
-        == {
-            "linear": set(),
-            "grind-to-size": {"allowance-beyond-reach"},
-            "interrupted": set(),
-            "wear": set(),
-        }[name]
+        == {"linear": set(), "grind-to-size": {"allowance-beyond-reach"}, "interrupted": set(), "wear": set()}[name]
     )
 
 

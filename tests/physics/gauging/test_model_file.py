@@ -146,10 +146,7 @@ def test_a_model_of_another_physics_is_sent_to_its_command():
 
 
 @given(
-    filter_s=st.floats(5e-3, 1.0),
-    feed=st.floats(1.0, 100.0),
-    rpm=st.floats(1.0, 1000.0),
-    grooves=st.integers(0, 50),
+    filter_s=st.floats(5e-3, 1.0), feed=st.floats(1.0, 100.0), rpm=st.floats(1.0, 1000.0), grooves=st.integers(0, 50)
 )
 def test_left_out_the_period_shows_filter_and_grooves_and_is_not_too_short(filter_s, feed, rpm, grooves):
     surface = {"workpiece_rpm": rpm, "runout_um": 1.0}

@@ -9,11 +9,7 @@ from selector.physics.vibration.structure.structure import GROUND, Joint, Member
 
 STRUCTURE = Structure(
     (Member("workpiece", 20.0), Member("tool", 5.0), Member("bed", 800.0)),
-    (
-        Joint(("workpiece", "bed"), 2e8, 0.3),
-        Joint(("tool", "bed"), 1e8, 0.25),
-        Joint(("bed", GROUND), 5e8, 0.4),
-    ),
+    (Joint(("workpiece", "bed"), 2e8, 0.3), Joint(("tool", "bed"), 1e8, 0.25), Joint(("bed", GROUND), 5e8, 0.4)),
 )
 FINALS = {"tool": "tool", "workpiece": "workpiece"}
 SPINDLE = Source(

@@ -133,10 +133,7 @@ MISTAKES = {
     "an empty group": ([("chains.0.path", ["workpiece", []])], "chains[1].path[2]"),
     "final elsewhere": ([("chains.0.final", "tool")], "chains[1].final"),
     "final no final": ([("chains.2.final", "bed"), ("chains.2.branch", [])], "chains[3].final"),
-    "merged source": (
-        [("chains.0.path", [["workpiece", "tool", "bed"]])],
-        "chains[1].sources",
-    ),
+    "merged source": ([("chains.0.path", [["workpiece", "tool", "bed"]])], "chains[1].sources"),
     "a source elsewhere": ([("chains.0.sources", ["motor"])], "chains[1].sources"),
     "a chain twice": ([("chains.2.name", "low")], "chains[3].name"),
     "an unknown range": ([("chains.0.range", "middle")], "chains[1].range"),
@@ -147,10 +144,7 @@ MISTAKES = {
     "neither rpm nor of": ([("shafts.spindle.rpm", ...)], "shafts.spindle"),
     "ratio without of": ([("shafts.spindle.ratio", 2.0)], "shafts.spindle.ratio"),
     "a shaft of none": ([("shafts.motor.of", "spin")], "shafts.motor.of"),
-    "shafts in a circle": (
-        [("shafts.spindle", {"of": "motor", "ratio": 2.0})],
-        "shafts.spindle.of",
-    ),
+    "shafts in a circle": ([("shafts.spindle", {"of": "motor", "ratio": 2.0})], "shafts.spindle.of"),
     "standing shaft": ([("shafts.spindle.rpm", 0.0)], "shafts.spindle.rpm"),
     "always standing": ([("shafts.spindle.rpm", [[0.0, 0.0], [0.4, 0.0]])], "shafts.spindle.rpm"),
     "negative speed": ([("shafts.spindle.rpm", -1200.0)], "shafts.spindle.rpm"),

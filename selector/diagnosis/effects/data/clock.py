@@ -66,9 +66,7 @@ def _jumped(comparison: Comparison, course: Vector, slope: Vector) -> Iterator[V
             leaps += _shifted_by(comparison, course, float(np.abs(fault.course).max()), [part], "leap of the stamps")
     sizes = () if len(comparison.runs) > _MANY_RUNS else _FEW_SIZES
     yield from equally_likely(
-        (_variant(part, -slope, _LATE) for part in parts),
-        _by_sizes(comparison, course, slope, parts, sizes),
-        leaps,
+        (_variant(part, -slope, _LATE) for part in parts), _by_sizes(comparison, course, slope, parts, sizes), leaps
     )
 
 

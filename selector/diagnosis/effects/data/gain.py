@@ -69,8 +69,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     meaning = known_factor(gain)
     means = f" Such a factor is known: {meaning}." if meaning else ""
     return Reading(
-        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{fitted.where}.{means}",
-        {"gain": gain},
+        f"{fitted.response} is recorded {gain.value:.4g} times as large as it was{fitted.where}.{means}", {"gain": gain}
     )
 
 

@@ -33,8 +33,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         delay = fitted.coefficient("ms")
         late = "late" if delay.value > 0.0 or is_force(fitted, comparison) else "early"
         return Reading(
-            f"Command or measurement is {delay.words(amount=True)} {late}: {fitted.size_words}.",
-            {"delay_ms": delay},
+            f"Command or measurement is {delay.words(amount=True)} {late}: {fitted.size_words}.", {"delay_ms": delay}
         )
     return Reading(
         f"The force comes late, which the loop makes good after each change: {fitted.size_words}.", fitted.size

@@ -21,10 +21,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     for stribeck in np.geomspace(_SMALLEST_SHARE * top, _LARGEST_SHARE * top, _N_SPEEDS):
         for exponent in _EXPONENTS:
             force = friction * np.exp(-((speed / stribeck) ** exponent))
-            shape = {
-                "stribeck_speed_m_per_s": Quantity(float(stribeck), "m/s"),
-                "exponent": Quantity(exponent, "1"),
-            }
+            shape = {"stribeck_speed_m_per_s": Quantity(float(stribeck), "m/s"), "exponent": Quantity(exponent, "1")}
             yield from of_forces(comparison, response, {"friction near standstill": force}, shape)
 
 

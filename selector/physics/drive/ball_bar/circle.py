@@ -136,10 +136,7 @@ def measured_samples(circle: Circle, time_s: Vector) -> NDArray[np.bool_]:
 def _arm(length: float, angle: Vector, speed: Vector, change: Vector) -> tuple[tuple[Vector, ...], ...]:
     """Position, speed and acceleration of the two coordinates of the end of a turning arm."""
     cos, sin = length * np.cos(angle), length * np.sin(angle)
-    return (
-        (cos, -sin * speed, -sin * change - cos * speed**2),
-        (sin, cos * speed, cos * change - sin * speed**2),
-    )
+    return ((cos, -sin * speed, -sin * change - cos * speed**2), (sin, cos * speed, cos * change - sin * speed**2))
 
 
 def _ramped(time: Vector, ramp: float) -> Vector:

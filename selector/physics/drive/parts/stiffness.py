@@ -76,10 +76,7 @@ def groove_approach(
     gamma = ball_diameter_m * math.cos(contact_angle_rad) / pitch_circle_m
     return sum(
         _approach(2.0 / ball_diameter_m, -1.0 / (conformity * ball_diameter_m), along, modulus_pa)
-        for along in (
-            2.0 * gamma / (ball_diameter_m * (1.0 - gamma)),
-            -2.0 * gamma / (ball_diameter_m * (1.0 + gamma)),
-        )
+        for along in (2.0 * gamma / (ball_diameter_m * (1.0 - gamma)), -2.0 * gamma / (ball_diameter_m * (1.0 + gamma)))
     )
 
 

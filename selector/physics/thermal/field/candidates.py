@@ -63,9 +63,7 @@ class _Face:
 
 
 def sensor_candidates(
-    geometry: MachineGeometry | None = None,
-    spacing_m: float = SPACING_M,
-    surfaces: Sequence[str] = ACCESSIBLE,
+    geometry: MachineGeometry | None = None, spacing_m: float = SPACING_M, surfaces: Sequence[str] = ACCESSIBLE
 ) -> dict[str, Sensor]:
     """Name (``P01``, ``P02``, …) → place of every candidate, at most `MOST_CANDIDATES`.
 

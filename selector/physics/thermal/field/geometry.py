@@ -310,8 +310,7 @@ def heated_surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Ind
     g = geometry
     left, half = -g.headstock_width_m / 2, (g.headstock_bottom_m + g.headstock_top_m) / 2
     line = body.surface_of(
-        ["headstock"],
-        lambda c: np.isclose(c[:, 0], left) & (c[:, 1] < g.motor_front_m) & (abs(c[:, 2] - half) < 0.15),
+        ["headstock"], lambda c: np.isclose(c[:, 0], left) & (c[:, 1] < g.motor_front_m) & (abs(c[:, 2] - half) < 0.15)
     )
     return {"hydraulic line": line}
 

@@ -147,12 +147,7 @@ def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[st
         return rigid_motion_reading(body, nose, at, axis) - rigid_motion_reading(body, table, at, axis)
 
     lower, upper = (against_table(below, 1) for below in BAR_M)
-    return {
-        "X": against_table(0.0, 0),
-        "Z": -against_table(0.0, 2),
-        "Y_lower": lower,
-        "Y_upper": upper,
-    }
+    return {"X": against_table(0.0, 0), "Z": -against_table(0.0, 2), "Y_lower": lower, "Y_upper": upper}
 
 
 # VTK counts the corners of a hexahedron around the bottom, then around the top; scikit-fem by coordinates
@@ -224,12 +219,7 @@ def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
 def _heat(softening_per_k: float) -> tuple[HeatLaw, ...]:
     def friction(part: str, watts: float, exponent: float) -> HeatLaw:
         return HeatLaw(
-            part,
-            speed_w=watts,
-            reference_rpm=MAX_RPM,
-            exponent=exponent,
-            softening_per_k=softening_per_k,
-            at=part,
+            part, speed_w=watts, reference_rpm=MAX_RPM, exponent=exponent, softening_per_k=softening_per_k, at=part
         )
 
     return (

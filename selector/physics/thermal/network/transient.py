@@ -126,9 +126,7 @@ def simulate_heat(
         states=states + datum * system.uniform,
         end_state=rise + datum * system.uniform,
         balance=EnergyBalance(
-            stored,
-            summed([law.source for law in laws.heat], heat_j),
-            summed([law.film for law in laws.films], film_j),
+            stored, summed([law.source for law in laws.heat], heat_j), summed([law.film for law in laws.films], film_j)
         ),
         method=chosen,
     )

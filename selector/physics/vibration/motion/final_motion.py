@@ -40,8 +40,7 @@ class ResponseCurve:
         piece = np.minimum(np.searchsorted(self.ends_hz, frequency_hz), len(self.pieces) - 1)
         parts = [np.flatnonzero(piece == number) for number in range(len(self.pieces))]
         found = np.concatenate(
-            [spline(frequency_hz[rows]) for spline, rows in zip(self.pieces, parts, strict=True)],
-            axis=1,
+            [spline(frequency_hz[rows]) for spline, rows in zip(self.pieces, parts, strict=True)], axis=1
         )
         if len(parts) == 1:
             return np.asarray(found, dtype=np.complex128)
@@ -279,11 +278,7 @@ def source_curve(
 
 
 def _by_chains(
-    structure: Structure,
-    source: Source,
-    frequency: Vector,
-    finals: Mapping[str, str],
-    chains: ChainMethod,
+    structure: Structure, source: Source, frequency: Vector, finals: Mapping[str, str], chains: ChainMethod
 ) -> FinalReceptance:
     mass = {member.name: member.mass_kg for member in structure.members}
     shape = len(finals), len(frequency)

@@ -245,11 +245,7 @@ class KindHeight:
 
 
 def periodic_errors(
-    motions: FinalMotions,
-    cutting: Cutting,
-    *,
-    surface: Surface | None = None,
-    phases: int = 4,
+    motions: FinalMotions, cutting: Cutting, *, surface: Surface | None = None, phases: int = 4
 ) -> tuple[PeriodicError, ...]:
     """Periodic errors of the first revolution, one a frequency, by frequency; lines without motion leave none.
 
