@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, Sources, sources
-from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, filled, no_gauging, rate, rise
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, filled, no_gauging
 from selector.quality.survey import duration
 from selector.types import Vector
 
@@ -57,11 +56,8 @@ def _of_heat(comparison: Comparison, response: str) -> Iterator[PlannedRun]:
     span = _ROUND_S * round(float(np.clip(comparison.longest_s, 2.0 * 3600.0, _DAY_S)) / _ROUND_S)
     n = int(np.clip(round(span / comparison.period_s), 60, _MOST_SAMPLES))
     part = np.arange(n) / n
-    planned = [*_heat_menu(comparison, known, part, span)]
-    if known.spindle is None:
-        planned += _warmed_menu(comparison, known, part, span)
     log = _logged(comparison, response)
-    for words, given in planned:
+    for words, given in _heat_menu(comparison, known, part, span):
         rest = _at_rest(comparison, known, n)
         yield PlannedRun(f"{words}; log {log} as in the other runs.", rest | given, n * comparison.period_s)
 
@@ -104,49 +100,13 @@ def _heat_menu(comparison: Comparison, known: Sources, part: Vector, span: float
         yield f"Spindle at standstill, {name} at its highest for {each}, then off for {each}, twice", {name: on}
 
 
-def _warmed_menu(comparison: Comparison, known: Sources, part: Vector, span: float) -> Iterator[tuple[str, Given]]:
-    """Runs of a machine whose speed was not recorded: its quickest sensor stands for the heat that warms it."""
-    quickest = quickest_sensor(comparison, known)
-    if quickest is None:
-        return
-    name, tau_s, top_k = quickest
-    step = span / len(part)
-    half, each = duration(span / 2.0), duration(span / 16.0)
-    third = np.where(part < 2.0 / 3.0, 0.5, 0.0)
-    menu = (
-        (f"for {half}, then let it cool at standstill for {half}", part < 0.5),
-        (f"{each} on and {each} off, for {duration(span)}", np.mod(16.0 * part, 2.0) < 1.0),
-        (f"for {duration(span / 6)}, at half that heat for {half}, then stop", np.where(part < 1.0 / 6.0, 1.0, third)),
-    )
-    for words, heat in menu:
-        decay = np.exp(-step / tau_s)
-        warm = lfilter([1.0 - decay], [1.0, -decay], np.asarray(heat, dtype=np.float64))
-        yield f"Run the spindle as hard as in the other runs {words}", {name: _start(comparison, name) + top_k * warm}
-
-
-def quickest_sensor(comparison: Comparison, known: Sources) -> tuple[str, float, float] | None:
-    """The machine's sensor that follows heat soonest, its time constant [s] and highest rise [K]; None without any."""
-    found = []
-    for name in known.machine:
-        risen = rise(comparison, course(comparison, name))
-        top_k = float(risen.max())
-        pace = float(np.quantile(rate(comparison, risen, over_samples=31), 0.99))
-        if top_k > 0.5 and pace > 0.0:
-            found.append((top_k / pace, name, top_k))
-    if not found:
-        return None
-    tau_s, name, top_k = min(found)
-    return name, max(tau_s, 4.0 * comparison.period_s), top_k
-
-
 def _at_rest(comparison: Comparison, known: Sources, n: int) -> dict[str, Vector]:
     """Everything that can be set, off; the hall as it was at the start of the runs."""
     off = {name: np.full(n, _low(comparison, name)) for name in (*known.coolant_switches, *known.other_heat)}
     calm = {name: np.full(n, _start(comparison, name)) for name in known.hall}
     if known.spindle is not None:
         return off | calm | {known.spindle: np.zeros(n)}
-    quickest = quickest_sensor(comparison, known)
-    return off | calm | ({} if quickest is None else {quickest[0]: np.full(n, _start(comparison, quickest[0]))})
+    return off | calm
 
 
 def _axis_input(comparison: Comparison, response: str) -> str | None:
