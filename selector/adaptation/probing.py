@@ -7,6 +7,7 @@ import numpy as np
 
 from selector.adaptation.drift import Course
 from selector.adaptation.judged import Judged, judged
+from selector.json_text import fields_of
 
 SHARE = 0.95  #: Of the time that the error has to stay within the limit.
 DAY_S = 86_400.0
@@ -34,12 +35,9 @@ class Policy:
     def as_dict(self) -> dict[str, object]:
         """The object of the contract."""
         return {
-            "within_um": self.within_um,
-            "touch_offs_per_day": self.touch_offs_per_day,
-            "share_within": self.share_within,
-            "share_within_unseen": self.share_within_unseen,
-            "every_s": self.every_s,
-            "is_reached": self.is_reached,
+            **fields_of(
+                self, "within_um", "touch_offs_per_day", "share_within", "share_within_unseen", "every_s", "is_reached"
+            )
         }
 
 

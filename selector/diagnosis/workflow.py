@@ -38,7 +38,7 @@ from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 #: Of the share of the mismatch that the largest effect explains: what explains less is not named beside it.
 _TRIFLE = 0.02
@@ -211,12 +211,16 @@ def _closed(state: _State, found: Search) -> dict[str, Quantity]:
 
 def _beside_switches(state: _State) -> _State:
     """What a switch that nobody recorded does beside the names; names that only stand in for it are none."""
-    comparison, found, switches = state.comparison, state.search, {}
+    comparison, found, switches = state.comparison, state.search, dict[str, Switched]()
+
+    def asked(name: str, base: Matrix) -> Switched | None:
+        bench = found.benches[name]
+        return switched(comparison, name, bench.target, base, bench.resolution)
+
     for name, bench in found.benches.items():
         of = numbers(found.named, name)
-        ask = partial(switched, comparison, name, bench.target, resolution=bench.resolution)
-        beside = ask(base=bench.raw_base(of))
-        alone = ask(base=bench.nuisance) if of and beside else beside
+        beside = asked(name, bench.raw_base(of))
+        alone = asked(name, bench.nuisance) if of and beside else beside
         if alone is not None and not is_small(comparison, found, name, float(np.std(alone.course))):
             switches[name] = alone
     if not switches:
@@ -231,7 +235,12 @@ def _beside_switches(state: _State) -> _State:
     kept = {
         id_ for id_, of in found.named.items() if id_ == "data.stuck" or any(adds(name, v) for name, v in of.items())
     }
-    return replace(state, switches=switches, search=found.only(kept))
+    found = found.only(kept)
+    if kept:
+        # what a name explains is no switch's
+        again = {name: asked(name, found.benches[name].raw_base(numbers(found.named, name))) for name in switches}
+        switches = {name: one for name, one in again.items() if one is not None}
+    return replace(state, switches=switches, search=found, also=state.also if kept else ())
 
 
 def _recalibrated(state: _State) -> _State:

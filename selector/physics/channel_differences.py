@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from selector.errors import OptionError
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -93,3 +94,18 @@ def channel_differences(
                     ChannelDifference(run, name, channel.unit, time_s[seen] - time_s[0], courses[0][seen], model[seen])
                 )
     return tuple(found)
+
+
+def require_named(said: str, recorded: Collection[str], taken: Collection[str], where: str) -> None:
+    """Raises OptionError if a model file names a channel that is not recorded, or one for two things."""
+    if said not in recorded:
+        raise OptionError(
+            f"no channel {said!r} in the recording",
+            expected="one of " + ", ".join(list(recorded)[:20]),
+            where=where,
+            advice="correct the name, or leave it out",
+        )
+    if said in taken:
+        raise OptionError(
+            f"{said!r} twice", expected="a channel for one thing", where=where, advice="leave one of the two out"
+        )

@@ -11,6 +11,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.findings import Finding
+from selector.json_text import fields_of
 from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
@@ -284,9 +285,7 @@ class Selection(ProvenModel):
             "intercept": float(coefficients[0]),
             "intercept_standard_error": float(errors[0]),
             "lags": [{"name": lag.name, "source": lag.source, "tau_s": lag.tau_s} for lag in self.recipe.design.lags],
-            "r2": model.r2,
-            "adjusted_r2": model.adjusted_r2,
-            "rmse_um": model.rmse_um,
+            **fields_of(model, "r2", "adjusted_r2", "rmse_um"),
             "heldout_rmse_um": self.proof.rmse_um(name),
             "heldout_max_um": self.proof.max_um(name),
             "per_run": self._per_run(name),
@@ -301,10 +300,7 @@ class Selection(ProvenModel):
             },
             "n_samples": model.n_samples,
             "ridge": model.ridge,
-            "condition_number": model.diagnostics.condition_number,
-            "durbin_watson": model.diagnostics.durbin_watson,
-            "ljung_box_p": model.diagnostics.ljung_box_p,
-            "max_cooks_distance": model.diagnostics.max_cooks_distance,
+            **fields_of(model.diagnostics, "condition_number", "durbin_watson", "ljung_box_p", "max_cooks_distance"),
         }
 
     def _trace(self, trace: Trace) -> dict[str, Any]:

@@ -83,11 +83,6 @@ class Background:
         bins = fft.rfft(innovations[:, -n:], axis=1) * self._response(n)
         return np.asarray(fft.irfft(bins, n, axis=1)[:, n - length :])
 
-    def after_a_step(self, length: int) -> Vector:
-        """Mean innovation over `length` samples after a step of 1 and its own sample, shape (n_sets,)."""
-        weights = fft.irfft(1.0 / self._response(4 * length), 4 * length, axis=1)
-        return np.asarray(np.cumsum(weights, axis=1)[:, 1 : length + 1].mean(axis=1))
-
     def _response(self, n: int) -> NDArray[np.complex128]:
         """Transfer function of minimum phase from innovations to noise at the frequencies of n samples (n even)."""
         logs = 0.5 * np.log(self.density(np.arange(n // 2 + 1) / n))

@@ -29,7 +29,7 @@ from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 
 Rows = Sequence[NDArray[np.intp]]
-Kind = Literal["slow", "line", "cycle", "jump", "state", "burst", "spells", "common", "switched"]
+Kind = Literal["slow", "line", "cycle", "state", "burst", "spells", "common", "switched"]
 _BINS = 8
 _WIDEST = 3.0  #: Ends of a band, as a ratio: the noise is fitted to what is wider.
 #: Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected).
@@ -133,30 +133,6 @@ def in_common(first: Spectrum, second: Spectrum, *, wanders: bool) -> Tested:
         found.append(Tested("common", amount.max(axis=1), frequency=band))
         width *= 2
     return largest(found) if found else Tested("common", np.zeros(len(first.amplitudes)))
-
-
-def jump(clipped: Matrix, noise: Background, rows: Rows) -> list[Tested]:
-    """A step that stays: the innovation at the step, and the shifted mean after it against that before it.
-
-    `clipped` is whitened, far values clipped.
-    """
-    found = []
-    for length in (8, 32, 128):
-        drift = np.maximum(noise.after_a_step(length), 1e-3)[:, None]
-        for k, here in enumerate(rows):
-            n = len(here)
-            if n < 4 * length:
-                continue
-            sums = _running(clipped[:, here])
-            at = np.arange(length, n - length)
-            after = sums[:, at + length] - sums[:, at + 1]
-            before = sums[:, at] - sums[:, at - length]
-            score = clipped[:, here[at]] + drift * (after - before)
-            score = np.abs(score) / np.sqrt(1.0 + drift**2 * (2.0 * length - 1.0))
-            peak = int(np.argmax(score[0]))
-            window = (int(here[at[peak]]), int(here[-1]))
-            found.append(Tested("jump", score.max(axis=1), run=k, rows=window))
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,8 +282,8 @@ _READINGS = 4_000_000  #: Of all sets of a response.
 class Structure:
     """Something in the residual that is no noise."""
 
-    #: {"slow", "line", "cycle", "jump", "state", "burst", "spells", "common", "switched"}: Slower than noise · one
-    #: frequency · a band of frequencies · a step · by state of the machine · a burst · comes and goes in short spells ·
+    #: {"slow", "line", "cycle", "state", "burst", "spells", "common", "switched"}: Slower than noise · one
+    #: frequency · a band of frequencies · by state of the machine · a burst · comes and goes in short spells ·
     #: slow and seen in several responses · changes its level as by a switch
     kind: Kind
     channel: str  #: The response
@@ -333,7 +309,7 @@ def unexplained(
 ) -> tuple[Structure, ...]:
     """Structure left in residuals, the surest first; empty with probability 1 − `false_alarm` if all is noise.
 
-    A bank of tests (spectrum, common part of two responses, steps, states of the machine, bursts, spells) on every
+    A bank of tests (spectrum, common part of two responses, states of the machine, bursts, spells) on every
     response; the largest of all statistics is compared with its distribution over 199 sets (of records beyond 20 000
     samples fewer, 99 at least) of noise that wanders as the residual does, with its own innovations in another order
     (Westfall & Young 1993, single-step maximum).
@@ -410,7 +386,7 @@ def _tests_of(
     white /= 1.4826 * np.median(np.abs(white[:, seen]), axis=1, keepdims=True) + 1e-300
     clipped = np.clip(white, -4.0, 4.0)
     even = of_one_size(white, rows, states)
-    tests += [*jump(clipped, noise, rows), *by_state(clipped, rows, states), *burst(even, rows)]
+    tests += [*by_state(clipped, rows, states), *burst(even, rows)]
     return [*tests, *spells(stack, even, rows)], noise
 
 

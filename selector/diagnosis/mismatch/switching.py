@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,15 @@ _OWN = 1e-6  #: Of a change's sum of squares: with less beside the others it say
 _TELLS = 2.0  #: Standard errors in half an interval.
 _PART = 0.4  #: Of the way to the next change that one may be moved.
 _RATIOS = (1e-3, 0.1, 0.2, 1.0 / 3.0, 0.6)  #: Of the second time constant to the first; the first is none.
+_UNKNOWN = 0.3  #: Of the time constants: half an interval at least, since no response is exactly of this shape.
 _FITS = 30  #: Times that moments and time constants are fitted at most.
 _COMMANDED = ("spindle_speed", "feed_rate", "flow", "state", "load")
 #: Of the changes that stand beside those of a command: from here on they are the command's, if by chance fewer would.
 _COINCIDENT, _BY_CHANCE = 0.5, 0.25
 _STEPS = 2.0  #: Of the readings: smaller changes may be rounding.
-_LISTED = 4
+_OF_SPAN = 1.5  #: Of what recalibration leaves: larger changes only make up a smooth course together.
+_ONE_SIDED = 0.9  #: Of what a level is away: on one side of the level that holds longest.
+_LISTED = 12
 
 
 @dataclass(frozen=True)
@@ -144,8 +148,9 @@ def switched(
     else:
         placed = _placed(every, [record.moment(k, 0.5) for k in readings], record.period_s, _noise(left))
     found = _told(comparison, channel, every, rows, lags_s, placed, gain)
-    is_rounding = found and np.median([abs(change.size) for change in found.changes]) < _STEPS * resolution
-    return None if is_rounding else found
+    sizes = [abs(change.size) for change in found.changes] if found else [0.0]
+    is_real = np.median(sizes) >= _STEPS * resolution and max(sizes) <= _OF_SPAN * float(np.ptp(record.left(())))
+    return found if is_real else None
 
 
 def gain_beside(comparison: Comparison, target: Vector, base: Matrix, columns: Matrix) -> float:
@@ -287,8 +292,8 @@ def _placed(record: _Record, moments: Sequence[Moment], coarse_s: float, varianc
         tried = np.arange(max(1, at - reach), min(len(here) - 1, at + reach + 1))
         gains = np.cumsum(here[::-1])[::-1][tried] ** 2 / (len(here) - tried)
         best, likely = int(tried[np.argmax(gains)]), tried[gains >= gains.max() - _TELLS**2 * variance]
-        half = record.period_s * (0.5 + float(max(best - likely[0], likely[-1] - best)))
-        placed.append(((run, 0.5 * float(time[best - 1] + time[best])), half))
+        middle_s = 0.5 * float(time[best - 1] + time[best])
+        placed.append(((run, middle_s), float(max(middle_s - time[likely[0] - 1], time[likely[-1]] - middle_s))))
     return placed
 
 
@@ -323,7 +328,7 @@ def _fitted(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[L
         if other - cost <= 0.5 * _TELLS**2 * noise:
             away = np.array([abs(at_s - here_s) for (_, at_s), (_, here_s) in zip(placed, best, strict=True)])
             halves = np.maximum(halves, away + half)
-    return lags, list(zip(best, halves.tolist(), strict=True))
+    return lags, list(zip(best, np.maximum(halves, _UNKNOWN * sum(lags)).tolist(), strict=True))
 
 
 def _joined(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[list[int], list[float], list[float]]:
@@ -361,15 +366,16 @@ def _told(
     columns, at_once = record.columns(lags_s, moments), record.columns((), moments)[:, -len(moments) :]
     sizes = least_squares(columns, record.target)
     of_changes, own = sizes[-len(moments) :], columns.shape[1] - len(moments)
+    inside = [[k for k, moment in enumerate(moments) if moment[0] == run] for run in range(len(rows))]
+    held = [at_once[part][:, of] @ of_changes[of] for part, of in zip(record.runs, inside, strict=True)]
+    usual = _usual(held)
     acts, level, first = np.zeros(len(comparison.time_s)), np.zeros(len(comparison.time_s)), []
     for run, (here, part) in enumerate(zip(rows, record.runs, strict=True)):
-        inside = [k for k, moment in enumerate(moments) if moment[0] == run]
-        held = at_once[part][:, inside] @ of_changes[inside]
         start = [own - len(record.runs) + run] if lags_s else []
-        behind = [*start, *(own + k for k in inside)]
-        level[here] = held - _longest(held)
-        acts[here] = columns[part][:, behind] @ sizes[behind] - _longest(held) - float(np.sum(sizes[start]))
-        first += [int(here[np.searchsorted(record.time_s[part], moments[k][1])]) for k in inside]
+        behind = [*start, *(own + k for k in inside[run])]
+        level[here] = held[run] - usual[run]
+        acts[here] = columns[part][:, behind] @ sizes[behind] - usual[run] - float(np.sum(sizes[start]))
+        first += [int(here[np.searchsorted(record.time_s[part], moments[k][1])]) for k in inside[run]]
     if in_words(comparison, np.abs(level) >= LARGE * np.abs(level).max()) or _is_commanded(comparison, first):
         return None
     changes = [
@@ -379,6 +385,19 @@ def _told(
         if abs(size) >= LARGE * np.abs(of_changes).max()
     ]
     return Switched(channel, lags_s, tuple(changes), acts, gain)
+
+
+def _usual(held: Sequence[Vector]) -> list[float]:
+    """Of the levels of every run the one that holds longest; where all others lie on one side, the same in all runs."""
+    usual = [_longest(levels) for levels in held]
+    away = [levels - here for levels, here in zip(held, usual, strict=True)]
+    sides = [float(np.sum(of)) / max(float(np.sum(np.abs(of))), 1e-300) for of in away]
+    if any(0.0 < abs(side) < _ONE_SIDED for side in sides):
+        return usual
+    # on for longer than off in one run is still on
+    low = sum(float(np.sum(levels - levels.min())) for levels in held)
+    high = sum(float(np.sum(levels.max() - levels)) for levels in held)
+    return [float(levels.min() if low <= high else levels.max()) for levels in held]
 
 
 def _longest(levels: Vector) -> float:
@@ -406,16 +425,16 @@ def told_of_switches(comparison: Comparison, switches: Mapping[str, Switched]) -
         return ()
     one = max(switches.values(), key=lambda found: found.gain)
     unit, also = comparison.channel(one.channel).unit, sorted(switches.keys() - {one.channel})
-    moments = [f"{change.run} at {duration_words(change.at_s)}" for change in one.changes]
+    clocks = [str(timedelta(seconds=round(change.at_s))) for change in one.changes]
+    moments = [f"{change.run} {clock}" for change, clock in zip(one.changes, clocks, strict=True)]
     more = f" and {len(moments) - _LISTED} more" if len(moments) > _LISTED else ""
     within = float(np.median([change.within_s for change in one.changes]))
     size = float(np.median([abs(change.size) for change in one.changes]))
-    follows = f"with a time constant of {duration_words(sum(one.lags_s))}" if one.lags_s else "at once"
+    follows = f"with time constants of {duration_words(sum(one.lags_s))} together" if one.lags_s else "at once"
     statement = (
-        f"{one.channel} behaves as if something were switched that nobody recorded: "
-        f"{', '.join(moments[:_LISTED])}{more}, known to about ±{duration_words(within)}. "
-        f"It follows {follows}; half of the changes are larger than {amount(size, unit)}."
+        f"Something that nobody recorded was switched, by what {one.channel} shows, at {', '.join(moments[:_LISTED])}"
+        f"{more} (h:min:s from the start of the run, ±{duration_words(within)}): {one.channel} follows {follows}, "
+        f"by about {amount(size, unit)}.{f' It shows in {listed(also)}, too.' if also else ''}"
     )
-    statement += f" It shows in {listed(also)}, too." if also else ""
     evidence = {"changes": [vars(change) for change in one.changes], "lags_s": list(one.lags_s), "unit": unit}
     return (FINDINGS.finding(UNRECORDED_SWITCH, statement, Where(channel=one.channel), {**evidence, "also_in": also}),)

@@ -8,7 +8,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.physics.channel_differences import ChannelDifference, as_recorded
+from selector.physics.channel_differences import ChannelDifference, as_recorded, require_named
 from selector.physics.checks import require_within, told_of
 from selector.physics.drive.drive_model import INPUTS, KINDS, DriveModel, DriveSimulation, axis_channels
 from selector.physics.drive.file.model_schema import MOST_ACTING, MOST_POSITION_M, FileAxis
@@ -148,20 +148,7 @@ def _named(name: str, named: Mapping[str, str | None], by_name: Mapping[str, Cha
     for kind, said in named.items():
         if said is None:
             continue
-        if said not in by_name:
-            raise OptionError(
-                f"no channel {said!r} in the recording",
-                expected="one of " + ", ".join(list(by_name)[:20]),
-                where=f"key axes.{name}.recorded.{kind}",
-                advice="correct the name, or leave it out",
-            )
-        if said in found.values():
-            raise OptionError(
-                f"{said!r} twice",
-                expected="a channel for one thing",
-                where=f"key axes.{name}.recorded.{kind}",
-                advice="leave one of the two out",
-            )
+        require_named(said, by_name, found.values(), f"key axes.{name}.recorded.{kind}")
         found[kind] = said
     return found
 

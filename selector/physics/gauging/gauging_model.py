@@ -10,6 +10,7 @@ import pandas as pd
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.findings import Finding, Where
+from selector.physics.channel_differences import require_named
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.characteristic import Characteristic, characteristic, linear_gauge
 from selector.physics.gauging.gauge.transducer import LinearGauge, RippleCrest, Transducer, stage_thresholds_v
@@ -126,17 +127,7 @@ def _require_channel(
     kind: str, said: str, own: Channel, by_name: Mapping[str, Channel], found: Mapping[str, str]
 ) -> None:
     where = f"key recorded.{kind}"
-    if said not in by_name:
-        raise OptionError(
-            f"no channel {said!r} in the recording",
-            expected="one of " + ", ".join(list(by_name)[:20]),
-            where=where,
-            advice="correct the name, or leave it out",
-        )
-    if said in found.values():
-        raise OptionError(
-            f"{said!r} twice", expected="a channel for one thing", where=where, advice="leave one of the two out"
-        )
+    require_named(said, by_name, found.values(), where)
     if by_name[said].unit != own.unit:
         raise OptionError(
             f"{said!r} with the role {by_name[said].role}, in {by_name[said].unit}",

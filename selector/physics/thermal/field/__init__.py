@@ -4,10 +4,9 @@
 
     geometry, mesh        boxes → hexahedra with parts; where it stands, meets fluids, is heated, is measured
     thermoelasticity      materials → capacity, conduction, films, sources, displacements, deformation; their solvers
-    machine               all of it for the machining centre, files for ParaView; reduced, with its laws and sensors
+    machine               all of it for the machining centre; reduced, with its laws and sensors
     candidates            where thermometers could sit, and the lines that draw the machine
 """
 
 from selector.physics.thermal.field.candidates import machine_outline as machine_outline
 from selector.physics.thermal.field.machine import field_machine as field_machine
-from selector.physics.thermal.field.machine import write_vtu as write_vtu
