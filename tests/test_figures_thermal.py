@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from selector.figures.duty_cycle import duty_cycle, prediction_of_tests
 from selector.figures.panels import shown_samples
 from selector.figures.simulated.field import machine_field
-from selector.figures.simulated.thermal import heat_balance, inputs_and_displacements, temperatures
+from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
 from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.recording import Channel, Recording
 from tests.report import predictions
@@ -46,7 +46,6 @@ def every_figure() -> list[go.Figure]:
         prediction_of_tests(prediction, HOSTILE[0], prediction.repeats),
         inputs_and_displacements(page.recording, run, page.simulated.inputs),
         temperatures(page.recording, run, page.simulated.inputs),
-        heat_balance(page.recording.provenance["runs"][run]),
         cube(),
     ]
 
@@ -117,23 +116,6 @@ def test_the_worst_test_is_named():
     worst = max(prediction.repeats, key=lambda one: one.rmse_um[0])
     title = prediction_of_tests(prediction, HOSTILE[0], prediction.repeats).layout.title.text
     assert worst.run.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;") in title
-
-
-def test_heat_that_came_in_went_out_or_stayed():
-    page = predictions.simulation()
-    balance = page.recording.provenance["runs"][page.recording.runs[0]]
-    drawn = heat_balance(balance)
-    # the balance closes to rounding
-    assert abs(sum(drawn.data[0].x)) < 1e-9 * max(drawn.data[0].x)
-    many = {"sources_j": {f"s{k}": 1e3 + k for k in range(40)}, "films_j": {"b": 4e4 + 780}, "stored_j": 0.0}
-    bars = heat_balance(many)
-    assert sum(bars.data[0].x) == pytest.approx(0.0, abs=1e-9)  # rounding of 41 kJ
-    assert "28 more sources" in bars.layout.yaxis.ticktext
-    emptied = heat_balance({"sources_j": {"a": 0.0}, "films_j": {"b": 0.0}, "stored_j": 0.0})
-    assert emptied.layout.title.text == "Simulated: no heat"
-    cooling = heat_balance({"sources_j": {}, "films_j": {"b": 2e6}, "stored_j": -2e6})
-    assert "2.00 MJ" in cooling.layout.title.text
-    assert "100 %" in cooling.layout.title.text
 
 
 def test_the_largest_displacement_counts_from_the_start():

@@ -24,13 +24,11 @@ from selector.figures.simulated.structure import (
     structure_diagram,
 )
 from selector.figures.simulated.vibration import (
-    MOST_BARS,
     MOST_SOURCES,
     ZONES,
     Answer,
     accuracy_strips,
     errors_over_wavelength,
-    line_amplitudes,
     motion_course,
     response_over_frequency,
     source_colours,
@@ -116,7 +114,6 @@ def with_axes() -> list[go.Figure]:
     course = np.sin(300.0 * time_s)
     return [
         response_over_frequency(FREQUENCY_HZ, answers(), COLOURS, "x", 60.0),
-        line_amplitudes(lines(), ("tool", RELATIVE), COLOURS, "chains", "x"),
         errors(),
         motion_course(
             time_s,
@@ -241,16 +238,6 @@ def test_only_sources_with_a_colour_of_their_own_are_coloured():
     time_s = np.linspace(0.0, 1.0, 50)
     drawn = motion_course(time_s, {RELATIVE: time_s}, dict.fromkeys(colours, time_s), {}, colours, "x")
     assert len(drawn.data) == 1 + MOST_SOURCES
-
-
-def test_the_largest_lines_are_bars_with_both_methods():
-    drawn = line_amplitudes(lines(MOST_BARS + 4), ("tool", RELATIVE), COLOURS, "chains", "x")
-    rows = drawn.layout.yaxis.ticktext
-    assert len(rows) == MOST_BARS
-    assert rows[0].endswith(f", {103 + MOST_BARS} Hz")
-    bars = [trace for trace in drawn.data if trace.type == "bar"]
-    assert sum(len(trace.x) for trace in bars if trace.xaxis in (None, "x")) == MOST_BARS
-    assert max(max(trace.x) for trace in bars) == MOST_BARS + 4.0
 
 
 def test_errors_lie_in_the_zone_of_their_kind():

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +10,6 @@ from scipy import signal
 
 from selector.errors import InputError
 from selector.physics.checks import keep_arrays
-from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
 from selector.types import Vector
 
 #: Cut-off of the differentiating filter per bandwidth of the loop: what the loop does must pass unharmed.
@@ -46,18 +46,24 @@ class IdentifiedAxis:
         """The estimate of a parameter."""
         return float(self.values[self.names.index(name)])
 
-    @property
-    def mechanics(self) -> RigidMechanics:
-        """Mass and viscous friction; InputError if the record makes one of them negative."""
-        return RigidMechanics(self["mass_kg"], self["guide_damping_ns_per_m"])
+
+class PositionControl(Protocol):
+    """A P control of position around one of speed, such as the servo of a drive model."""
 
     @property
-    def friction(self) -> Friction:
-        """Dry friction and offset; InputError if the record makes a friction negative."""
-        return Friction(self["coulomb_n"], offset_n=self["offset_n"])
+    def position_gain_per_s(self) -> float:
+        """Speed per error of position [1/s]."""
+
+    @property
+    def velocity_gain(self) -> float:
+        """Output per error of speed [actuator unit per m/s]."""
+
+    @property
+    def actuator_gain(self) -> float:
+        """Force per output [N]."""
 
 
-def servo_bandwidth_hz(servo: Servo, mass_kg: float) -> float:
+def servo_bandwidth_hz(servo: PositionControl, mass_kg: float) -> float:
     """Natural frequency √(Kp·Kvp·Kf/M)/2π of a rigid axis under P position and P velocity control [Hz]."""
     return math.sqrt(servo.position_gain_per_s * servo.velocity_gain * servo.actuator_gain / mass_kg) / 2.0 / math.pi
 
@@ -158,7 +164,7 @@ def identified_rigid_axis(
 
 
 def identified_axis_of_servo(
-    period_s: float, position_m: ArrayLike, command: ArrayLike, servo: Servo, *, delay_s: float = 0.0
+    period_s: float, position_m: ArrayLike, command: ArrayLike, servo: PositionControl, *, delay_s: float = 0.0
 ) -> IdentifiedAxis:
     """As `identified_rigid_axis`, from the control's output.
 
@@ -172,7 +178,14 @@ def identified_axis_of_servo(
     bandwidth_hz = servo.position_gain_per_s / 2.0 / math.pi
     for _ in range(10):
         found = identified_rigid_axis(period_s, position_m, force_n, bandwidth_hz=bandwidth_hz, delay_s=delay_s)
-        before, bandwidth_hz = bandwidth_hz, servo_bandwidth_hz(servo, found.mechanics.mass_kg)
+        if found["mass_kg"] <= 0.0:
+            raise InputError(
+                f"a mass of {found['mass_kg']:.3g} kg",
+                expected="a force that accelerates the axis",
+                where="identification of the axis",
+                advice="turn the sign of the command or of the position",
+            )
+        before, bandwidth_hz = bandwidth_hz, servo_bandwidth_hz(servo, found["mass_kg"])
         if abs(bandwidth_hz / before - 1.0) < 1e-3:
             break
     return found

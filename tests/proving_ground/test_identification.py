@@ -16,7 +16,7 @@ from proving_ground.real.identification import (
     servo_bandwidth_hz,
 )
 from selector.errors import InputError
-from selector.physics.drive.parts.axis import Friction, RigidMechanics, Servo
+from selector.physics.drive.parts.axis import Servo
 from selector.physics.drive.trajectory import moves
 
 PERIOD_S = 1e-3
@@ -77,12 +77,10 @@ def test_standard_errors_are_those_of_repeated_runs(course):
     assert said == pytest.approx(spread, rel=0.25)
 
 
-def test_values_of_an_axis_come_out(course):
-    found = identified(course, force_of(course, 95.0, 200.0, 20.0, -3.0))
-    assert found.mechanics == RigidMechanics(found["mass_kg"], found["guide_damping_ns_per_m"])
-    assert found.friction == Friction(found["coulomb_n"], offset_n=found["offset_n"])
-    with pytest.raises(InputError, match="mass_kg"):
-        _ = identified(course, -force_of(course, 95.0, 200.0, 20.0, -3.0)).mechanics
+def test_a_force_of_the_other_sign_is_refused(course):
+    servo = Servo(160.0, 240.0, 1000.0, 35.0)
+    with pytest.raises(InputError, match="turn the sign"):
+        identified_axis_of_servo(PERIOD_S, course.position_m, -force_of(course, 95.0, 200.0, 20.0, -3.0) / 35.0, servo)
 
 
 def test_a_force_that_acts_later_is_brought_forward(course):

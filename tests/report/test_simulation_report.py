@@ -67,7 +67,7 @@ def test_nothing_runs_and_nothing_is_loaded(page):
     assert not [name for _, name, _ in page.attributes if name.startswith("on") or name in ("src", "srcset")]
     assert "default-src 'none'" in page.policy
     kinds = [kind for kind, _ in page.scripts]
-    assert (kinds.count(None), kinds.count("application/json")) == (2, 3)
+    assert (kinds.count(None), kinds.count("application/json")) == (2, 2)
 
 
 def test_equal_simulations_give_equal_bytes(tmp_path):

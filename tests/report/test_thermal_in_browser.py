@@ -26,8 +26,8 @@ def test_every_figure_is_drawn_and_nothing_is_refused(tmp_path):
         capture_output=True, text=True, encoding="utf-8", timeout=300, check=True,
     )  # fmt: skip
     figures = re.findall(r'<div class="plot[^"]*" id="(figure-\d+)"', run.stdout)
-    assert len(figures) == 4
-    assert run.stdout.count("js-plotly-plot") >= 4
+    assert len(figures) == 3
+    assert run.stdout.count("js-plotly-plot") >= 3
     drawn = re.sub(r"<script.*?</script>", "", run.stdout, flags=re.DOTALL)
     # two scenes in space
     assert drawn.count("<canvas") >= 2

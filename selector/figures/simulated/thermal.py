@@ -15,9 +15,7 @@ from selector.physics.thermal.drift_quantities import largest_displacement
 from selector.recording import Channel, Recording
 
 MOST_IN_A_PANEL = 12
-MOST_BARS = 12
 _DASHES = ("solid", "dash", "dot")
-_IN, _OUT, _KEPT = style.RESIDUAL, style.PREDICTED, style.CHOSEN
 _ELSEWHERE = "elsewhere"
 
 
@@ -74,45 +72,6 @@ def temperatures(recording: Recording, run: str, inputs: Sequence[str]) -> go.Fi
         text = style.label(part, 16)
         panels.append(Panel(f"{text} [°C]", _lines(recording, run, shown), max(110, 19 * len(shown))))
     return stacked(title, panels, float(recording.time_s(run)[-1]))
-
-
-def heat_balance(balance: Mapping[str, Any]) -> go.Figure:
-    """Heat that every source brought, every surface gave to its fluid, and that stayed, over the whole run."""
-    sources = {name: float(j) for name, j in balance["sources_j"].items()}
-    films = {name: float(j) for name, j in balance["films_j"].items()}
-    kept = float(balance["stored_j"])
-    came = sum(max(j, 0.0) for j in sources.values()) + sum(max(-j, 0.0) for j in films.values()) + max(-kept, 0.0)
-    unit, joules = next((u, j) for u, j in (("GJ", 1e9), ("MJ", 1e6), ("kJ", 1e3), ("J", 1.0)) if came >= j or u == "J")
-    went = sum(max(j, 0.0) for j in films.values())
-    title = (
-        "Simulated: no heat"
-        if came == 0
-        else (
-            f"Simulated: of {number_text(came / joules)} {unit} of heat, {100 * went / came:.0f} % went into air and "
-            f"coolant and {100 * max(kept, 0.0) / came:.0f} % stayed in the machine"
-        )
-    )
-    rows = [(name, j, _IN) for name, j in _largest(sources, "source")]
-    rows += [(name, -j, _OUT) for name, j in _largest(films, "surface")]
-    rows.append(("stayed in the machine" if kept >= 0 else "given off by the machine itself", -kept, _KEPT))
-    drawn = style.figure(title, 130 + 24 * len(rows))
-    told = {"text": [number_text(j / joules) for _, j, _ in rows], "showlegend": False, **style.TOLD_BARS}
-    colours = [colour for _, _, colour in rows]
-    style.bars(
-        drawn, [j / joules for _, j, _ in rows], [*range(len(rows))], colours, None, f"%{{x:.4g}} {unit}", **told
-    )
-    drawn.update_xaxes(title_text=f"heat into the machine, out of it to the left [{unit}]", zeroline=True)
-    drawn.update_layout(xaxis={"zerolinecolor": style.INK}, bargap=0.3)
-    drawn.update_yaxes(**style.rows_of([style.label(name, 40) for name, _, _ in rows]))
-    return drawn
-
-
-def _largest(amounts: Mapping[str, float], what: str) -> list[tuple[str, float]]:
-    """The largest amounts by name, and the sum of the others."""
-    ranked = sorted(amounts.items(), key=lambda item: -abs(item[1]))
-    told = [(f"{name}, {what}", amount) for name, amount in ranked[:MOST_BARS]]
-    rest = ranked[MOST_BARS:]
-    return told + ([(f"{len(rest)} more {what}s", sum(amount for _, amount in rest))] if rest else [])
 
 
 def _lines(

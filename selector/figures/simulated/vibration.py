@@ -14,16 +14,11 @@ from selector.figures.style import log_ticks
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
-from selector.physics.vibration.motion.final_motion import Method
 from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
-from selector.physics.vibration.vibration_summary import LineSummary
 from selector.types import Vector
 
-MOST_BARS = 14
 MOST_SOURCES = len(style.GROUPS)  #: Sources that are told apart by colour; answers and forces are drawn of no more.
 _PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
-_BAR_PX = 26
-_OTHER = {"chains": "chains", "coupled": "coupled structure"}
 _MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
 _DECADES = 4.0  #: Answers weaker than this many powers of ten below the strongest are off the picture.
 
@@ -110,47 +105,6 @@ def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str
     at = np.exp(np.interp(np.log(there), np.log(frequency_hz), np.log(np.maximum(one.coupled_um_per_n, 1e-300))))
     hollow = {"line": {"color": colour, "width": 2}}
     style.points(drawn, there, at, "#ffffff", name, f"{told}, line</extra>", size=7, marker=hollow, **common)
-
-
-def line_amplitudes(
-    lines: Sequence[LineSummary], finals: Sequence[str], colours: Mapping[str, str], other: Method, title: str
-) -> go.Figure:
-    """The largest lines as bars in the colour of their source, side by side for every final; crosses: by `other`.
-
-    `finals` are keys of the lines' motions, of which the last one ranks the lines; `other` is the method by which the
-    motions were not made. `title` is plain text, as `style.label` makes it.
-    """
-    ranked = sorted(lines, key=lambda one: -one.motion_um[finals[-1]])[:MOST_BARS]
-    rows = list(range(len(ranked)))
-    drawn = style.figure(title, 140 + _BAR_PX * len(rows))
-    width = (1.0 - 0.04 * (len(finals) - 1)) / len(finals)
-    for number, final in enumerate(finals):
-        key = "" if number == 0 else str(number + 1)
-        for source in dict.fromkeys(one.source for one in ranked):
-            mine = [k for k in rows if ranked[k].source == source]
-            name = style.label(source, 16)
-            more = {"width": 0.62, "xaxis": f"x{key}", "legendgroup": name, "showlegend": number == 0}
-            motions = [ranked[k].motion_um[final] for k in mine]
-            style.bars(drawn, motions, mine, colours[source], name, "%{x:.4g} µm", **more)
-        others = [one.chains_um[final] if other == "chains" else one.coupled_um[final] for one in ranked]
-        if any(value is not None for value in others):
-            look = {"symbol": "x-thin", "line": {"color": style.INK, "width": 2}}
-            more = {"xaxis": f"x{key}", "legendgroup": other, "showlegend": number == 0}
-            name, hover = f"by the {_OTHER[other]}", f"%{{x:.4g}} µm<extra>{_OTHER[other]}</extra>"
-            style.points(drawn, others, rows, style.INK, name, hover, size=10, marker=look, **more)
-        start = number * (width + 0.04)
-        drawn.layout[f"xaxis{key}"] = {
-            "domain": [start, min(start + width, 1.0)], "title": {"text": f"{final_text(final)} [µm]"},
-            "rangemode": "tozero", "nticks": 5, "exponentformat": "none", "anchor": "y",
-        }  # fmt: skip
-    drawn.update_layout(barmode="overlay")
-    drawn.update_yaxes(**style.rows_of([line_text(one) for one in ranked]))
-    return drawn
-
-
-def line_text(one: LineSummary) -> str:
-    """A line by its source and frequency, as Plotly shows it."""
-    return f"{style.label(one.source, 14)}, {one.frequency_hz:.4g} Hz"
 
 
 def final_text(final: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selector.figures.simulated.field import machine_field
-from selector.figures.simulated.thermal import heat_balance, inputs_and_displacements, temperatures
+from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
 from selector.number_text import number_text
 from selector.physics.thermal.model_file import FieldFile
 from selector.recording import Recording
@@ -33,12 +33,9 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
 def _run(result: SimulationResult, run: str) -> list[Block]:
     recording, inputs = result.recording, result.simulated.inputs
     thermometers = [name for name in recording.with_role("temperature") if name not in inputs]
-    balance = recording.provenance.get("runs", {}).get(run) or None
     drawn: list[Block] = [Drawing(inputs_and_displacements(recording, run, inputs), _COURSES)]
     if thermometers:
         drawn.append(Drawing(temperatures(recording, run, inputs), _GROUPED))
-    if balance:
-        drawn.append(Drawing(heat_balance(balance), _BALANCE))
     return drawn
 
 
@@ -80,7 +77,6 @@ _GROUPED = (
     "Thermometers on one part of the machine stand in one panel; where there are very many, some are drawn, from the "
     "one that warms least to the one that warms most. The table of channels says where each of them sits."
 )
-_BALANCE = "From the start to the end of the run. What comes in leaves through surfaces, or stays."
 _PICTURE = (
     "Left: temperature; the dots are thermometers. Right: deformation since the start of the run, drawn larger than it "
     "is. It can be turned with the mouse."

@@ -12,15 +12,13 @@ from selector.figures.simulated.vibration import (
     Answer,
     accuracy_strips,
     errors_over_wavelength,
-    line_amplitudes,
-    line_text,
     motion_course,
     response_over_frequency,
     source_colours,
     stability_lobes,
 )
 from selector.number_text import number_text
-from selector.physics.vibration.motion.final_motion import ChainMethod, Method, final_receptance
+from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import receptances, unit_force
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
@@ -49,7 +47,6 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
     return {
         "errors": _errors(model, summary, colours),
         "stability": _stability(summary),
-        "lines": _lines(model, summary, colours),
         "structure": [_structure(model, summary)],
         "response": _response(model, summary, colours),
         "course": [_course(one, colours, several) for one in motion_courses(result)],
@@ -88,21 +85,6 @@ def _stability(summary: VibrationSummary) -> list[Block]:
     allowed = f"up to a depth of {number_text(depth)} mm" if np.isfinite(depth) else "at any depth"
     drawn = stability_lobes(limit, f"Computed: at {rpm:.4g} r/min the cut does not chatter {allowed}")
     return [Drawing(drawn, _STABILITY)]
-
-
-def _lines(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
-    lines, method = summary.lines, model.file.run.method
-    if not lines:
-        return []
-    first = max(lines, key=lambda one: one.motion_um[RELATIVE])
-    size = number_text(first.motion_um[RELATIVE])
-    title = f"Computed: the largest line is {line_text(first)}, which moves the tool by {size} µm against the workpiece"
-    other: Method = "coupled" if method == "chains" else "chains"
-    drawn = line_amplitudes(lines, ("tool", "workpiece", RELATIVE), colours, other, title)
-    text = f"Bars: by {'the chains' if method == 'chains' else 'the coupled structure'}."
-    if any(value is not None for one in lines for value in one.chains_um.values()):
-        text += f" Crosses: by {'the coupled structure' if method == 'chains' else 'the chains'}."
-    return [Drawing(drawn, text)]
 
 
 def _structure(model: VibrationModel, summary: VibrationSummary) -> Block:
