@@ -289,7 +289,9 @@ def _placed(record: _Record, moments: Sequence[Moment], coarse_s: float, varianc
         time, here = record.time_s[record.runs[run]], left[record.runs[run]]
         at = int(np.searchsorted(time, at_s))
         here = here + size * (np.arange(len(here)) >= at)
-        tried = np.arange(max(1, at - reach), min(len(here) - 1, at + reach + 1))
+        others = [int(np.searchsorted(time, other_s)) for other, other_s in moments if other == run and other_s != at_s]
+        way = min([reach, *(abs(other - at) // 2 for other in others)])  # two that meet would be one of any size
+        tried = np.arange(max(1, at - way), min(len(here) - 1, at + way + 1))
         gains = np.cumsum(here[::-1])[::-1][tried] ** 2 / (len(here) - tried)
         best, likely = int(tried[np.argmax(gains)]), tried[gains >= gains.max() - _TELLS**2 * variance]
         middle_s = 0.5 * float(time[best - 1] + time[best])
