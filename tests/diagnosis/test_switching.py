@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from selector.diagnosis.mismatch.switching import switched
+from selector.diagnosis.mismatch.switching import switched, told_of_switches
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from tests.diagnosis.made import STEP_S, comparison
@@ -103,7 +103,6 @@ def test_what_a_recorded_state_tells_is_none():
 
 
 def test_the_answer_says_when_and_names_nothing():
-    """Each of these was a fault of the data, a wrong calibration or nothing before there was this search."""
     for seed, size in ((0, 4.0), (1, 20.0), (2, 2.0)):
         found = diagnosis(comparison({"Z": size * level() + 0.5 * rng(seed).standard_normal(3 * N)}))
         assert (found.verdict, found.effects) == ("unexplained", ())
@@ -124,3 +123,11 @@ def test_one_step_of_a_sensor_stays_one():
     found = diagnosis(comparison({"Z": step + 0.5 * rng(3).standard_normal(3 * N)}))
     assert [effect.id for effect in found.effects] == ["data.step"]
     assert "unrecorded-switch" not in [one.id for one in found.findings]
+
+
+def test_moments_of_a_short_record_are_told_in_seconds():
+    of = comparison({"Z": 4.0 * level() + 0.5 * rng(0).standard_normal(3 * N)})
+    of = replace(of, time_s=of.time_s / (1000.0 * STEP_S))
+    (told,) = told_of_switches(of, {"Z": found_in(of)})
+    assert "r1 0.0595 s, r1 0.149 s" in told.statement
+    assert "h:min:s" not in told.statement

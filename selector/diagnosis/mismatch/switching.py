@@ -43,7 +43,7 @@ _COINCIDENT, _BY_CHANCE = 0.5, 0.25
 _STEPS = 2.0  #: Of the readings: smaller changes may be rounding.
 _OF_SPAN = 1.5  #: Of what recalibration leaves: larger changes only make up a smooth course together.
 _ONE_SIDED = 0.9  #: Of what a level is away: on one side of the level that holds longest.
-_LISTED = 12
+_LISTED, _LONG_S = 12, 120.0  #: Moments that are listed; runs from which on a clock tells them.
 
 
 @dataclass(frozen=True)
@@ -427,16 +427,17 @@ def told_of_switches(comparison: Comparison, switches: Mapping[str, Switched]) -
         return ()
     one = max(switches.values(), key=lambda found: found.gain)
     unit, also = comparison.channel(one.channel).unit, sorted(switches.keys() - {one.channel})
-    clocks = [str(timedelta(seconds=round(change.at_s))) for change in one.changes]
-    moments = [f"{change.run} {clock}" for change, clock in zip(one.changes, clocks, strict=True)]
+    is_long = comparison.longest_s >= _LONG_S
+    clock = (lambda at_s: str(timedelta(seconds=round(at_s)))) if is_long else duration_words
+    moments = [f"{change.run} {clock(change.at_s)}" for change in one.changes]
     more = f" and {len(moments) - _LISTED} more" if len(moments) > _LISTED else ""
     within = float(np.median([change.within_s for change in one.changes]))
     size = float(np.median([abs(change.size) for change in one.changes]))
     follows = f"with time constants of {duration_words(sum(one.lags_s))} together" if one.lags_s else "at once"
     statement = (
         f"Something that nobody recorded was switched, by what {one.channel} shows, at {', '.join(moments[:_LISTED])}"
-        f"{more} (h:min:s from the start of the run, ±{duration_words(within)}): {one.channel} follows {follows}, "
-        f"by about {amount(size, unit)}.{f' It shows in {listed(also)}, too.' if also else ''}"
+        f"{more} ({'h:min:s ' * is_long}from the start of the run, ±{duration_words(within)}): {one.channel} follows "
+        f"{follows}, by about {amount(size, unit)}.{f' It shows in {listed(also)}, too.' if also else ''}"
     )
     evidence = {"changes": [vars(change) for change in one.changes], "lags_s": list(one.lags_s), "unit": unit}
     return (FINDINGS.finding(UNRECORDED_SWITCH, statement, Where(channel=one.channel), {**evidence, "also_in": also}),)
