@@ -15,6 +15,7 @@ from scipy.stats import chi2, ncx2
 
 from selector.diagnosis.open_model.runnable import Runnable
 from selector.recording import Recording
+from selector.types import Vector
 
 Kind = Literal["single", "several", "clean", "miscalibrated", "data", "out-of-catalogue", "undecidable", "decoy"]
 
@@ -85,9 +86,10 @@ class Case:
     simulation: Recording
     responses: tuple[str, ...]
     truth: Truth
-    #: model and machine: What made the simulation, where it can be run again, and the true machine, for more runs
-    model: Runnable | None = None
-    machine: Any = None
+    model: Runnable | None = None  #: What made the simulation, where it can be run again
+    #: (channel → course, its period [s], seed) -> Case: The same case with one more run, in which these channels are as
+    #: told, in front of the last one, which is held out; ValueError if one cannot be set
+    with_run: Callable[[Mapping[str, Vector], float, int], Case] | None = None
 
 
 @dataclass(frozen=True)

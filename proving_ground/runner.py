@@ -182,13 +182,13 @@ def _outcome(question: Question, case: Case, seal: str, answerer: Answerer) -> O
 def _answer(case: Case, answerer: Answerer, seed: int) -> Mapping[str, Any]:
     """A model that can be run again is given to this program; others see what it simulates as it is."""
     if case.model is None or answerer.name != TOOL:
-        return answerer.answer(_blind(case), seed)
+        return answerer.answer(blind(case), seed)
     from selector.diagnosis.open_model.modelled import diagnosis_of_model
 
     return diagnosis_of_model(case.model, case.recording, responses=case.responses, seed=seed).answer.as_dict()
 
 
-def _blind(case: Case) -> Comparison:
+def blind(case: Case) -> Comparison:
     """What an answerer sees: the recordings and the simulation, nothing of the truth."""
     from selector.diagnosis.matching.alignment import comparison_of
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -67,6 +68,9 @@ class World:
     rival: World | None = None
     #: Of several effects at once: the same world without the first one, without the second one, and so on
     lacking: tuple[World, ...] = ()
+    #: (channel → course, its period [s], generator) -> World: The same world with a run more, in front of the last one,
+    #: in which these channels are as told; ValueError if one cannot be set
+    with_run: Callable[[Courses, float, np.random.Generator], World] | None = None
 
 
 @dataclass(frozen=True)
@@ -215,6 +219,12 @@ class Missing:
         """What is recorded and simulated on this bench."""
         raise NotImplementedError
 
+    def with_run(
+        self, bench: Any, arguments: Mapping[str, Any]
+    ) -> Callable[[Courses, float, np.random.Generator], World] | None:
+        """See `World.with_run`; `arguments` are those of `world_of`."""
+        return None
+
     def made(self, generator: np.random.Generator) -> World:
         """The world of this scenario with what the generator draws."""
         drawn, change = self.drawn(generator), self.change
@@ -227,11 +237,12 @@ class Missing:
         windows, lacking = arguments.pop("windows", ()), arguments.pop("lacking", ())
         effect = TrueEffect(self.id, self.accept or (self.id,), self.channels, self.place, windows)
         arguments.setdefault("effects", lambda size: (effect,) if self.id else ())
+        with_run = self.with_run(drawn, arguments)
         if self.rival is not None:
             other = {**arguments, **self.rival(drawn, generator)}
             arguments["rival"] = self.world_of(drawn, **{key: other[key] for key in other if key != "windows"})
         without = tuple(self.world_of(drawn, **{**arguments, **other}) for other in lacking)
-        return replace(self.world_of(drawn, **arguments), lacking=without)
+        return replace(self.world_of(drawn, **arguments), lacking=without, with_run=with_run)
 
 
 def plus(name: str, unit: float = 1.0) -> Change:
@@ -368,7 +379,7 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
             concealed += (_like_rival(strength, courses, world.rival, strength.detected(courses)),)
         truth = replace(truth, effects=world.effects(size), d_prime=strength.weakest(size), concealed=concealed)
     said = [channel for channel in world.channels if channel.name in now.simulation]
-    return Case(
+    case = Case(
         whole.name,
         whole.family,
         whole.kind,
@@ -376,6 +387,33 @@ def case_of(world: World, plan: Plan, generator: np.random.Generator, wanted: fl
         _recording(said, world.simulation_time_s, now.simulation),
         world.responses,
         truth,
+    )
+    if world.with_run is None or world.distorted is not None:
+        return case
+    return replace(case, with_run=partial(_with_run, case, world, size))
+
+
+def _with_run(case: Case, world: World, size: float, told: Courses, period_s: float, seed: int) -> Case:
+    generator = np.random.default_rng([seed, *case.name.encode()])
+    assert world.with_run is not None
+    longer = world.with_run(told, period_s, generator)
+    new, now = next(run for run in longer.time_s if run not in world.time_s), _Seen(longer, size)
+    place = list(longer.time_s).index(new)
+
+    def joined(known: Recording, times: Mapping[str, Vector], courses: Runs) -> Recording:
+        parts = {one.name: [courses[one.name][place]] for one in known.channels}
+        frames = {run: known.frame.loc[run] for run in known.runs}
+        frames[new] = _recording(known.channels, {new: times[new]}, parts).frame.loc[new]
+        return Recording.from_runs({run: pd.DataFrame(frames[run]) for run in longer.time_s}, known.channels)
+
+    readings = {name: list(parts) for name, parts in now.runs.items()}
+    for name in world.responses:
+        noise, course = world.noise[name], readings[name][place]
+        readings[name][place] = noise.rounded(course + noise.drawn(generator, (0, len(course))))
+    return replace(
+        case,
+        recording=joined(case.recording, longer.time_s, readings),
+        simulation=joined(case.simulation, longer.simulation_time_s, now.simulation),
     )
 
 

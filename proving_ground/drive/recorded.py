@@ -9,16 +9,7 @@ from typing import Any
 import numpy as np
 
 from proving_ground.case import TrueEffect
-from proving_ground.drive.true_axis import (
-    RUNS,
-    STEP_S,
-    Bench,
-    TrueAxis,
-    bench,
-    command_times,
-    given_motion,
-    true_motion,
-)
+from proving_ground.drive.true_axis import STEP_S, Bench, TrueAxis, bench, command_times, given_motion, true_motion
 from proving_ground.world import Missing, Runs, World
 from selector.recording import Channel
 from selector.types import Vector
@@ -58,6 +49,7 @@ def axis_world(
     simulated_as: Callable[[Runs, Sequence[Vector]], Runs] | None = None,
     distorted: Callable[[Runs, float], Runs] | None = None,
     simulation_period_s: float = 2e-3,
+    author: Bench | None = None,
 ) -> World:
     """The world of an axis: `true` (size) moves, `given` is simulated.
 
@@ -65,27 +57,30 @@ def axis_world(
     `refitted` are parameters of the simulation that are fitted to the current of the fitted runs, so that they take
     in what they can of the effect: ``"viscous_ns_per_m"``, ``"coulomb_n"``, ``"table_kg"``. `recorded_as` changes
     courses after the motion (a fault of the data), `simulated_as` those of the simulation at its own times,
-    `distorted` readings with their noise.
+    `distorted` readings with their noise. `author` is what the simulation is fitted on, if not this bench; what acts
+    besides in a run that it lacks is that of its last run.
     """
+    known = author or bench
     speed_errors = [
         bench.speed_noise * np.random.default_rng([7, k, len(bench.stamps[k])]).standard_normal(len(bench.stamps[k]))
         for k in range(len(bench.commands))
     ]
 
-    def moved(size: float) -> dict[str, list[Vector]]:
+    def moved(size: float, bench: Bench = bench) -> dict[str, list[Vector]]:
         axis = true(size)
         late = delay_s(size) if delay_s is not None else 0.0
         courses: dict[str, list[Vector]] = {name: [] for name in (*names, *responses)}
         for k, command in enumerate(bench.commands):
             n = len(command) * round(command_times(command)[1] / STEP_S)
             fine = STEP_S * np.arange(n, dtype=np.float64)
-            load = force(k, fine, size) if force is not None else np.zeros(n)
+            number = min(k, len(known.commands) - 1)
+            load = force(number, fine, size) if force is not None else np.zeros(n)
             _, v_motor, x_table, amps = true_motion(axis, command, load, late)
             when = bench.stamps[k] + bench.jitter[k]
             target = np.interp(fine, command_times(command), command)
             error = 1e6 * (x_table - target)
             if shift is not None:
-                error = error + shift(k, fine, size)
+                error = error + shift(number, fine, size)
             whole = {
                 "r": target,
                 "x": x_table,
@@ -107,7 +102,7 @@ def axis_world(
                 courses["brake"].append(np.ones(len(when)))
         return courses
 
-    def said(axis: TrueAxis) -> dict[str, list[Vector]]:
+    def said(axis: TrueAxis, bench: Bench = bench) -> dict[str, list[Vector]]:
         courses: dict[str, list[Vector]] = {name: [] for name in responses}
         for command in bench.commands:
             _, x_table, amps = given_motion(axis, command)
@@ -127,7 +122,7 @@ def axis_world(
     def simulated(size: float) -> Runs:
         axis = given(size) if given is not None else plain
         if refitted and size:
-            axis = _refitted(axis, refitted, bench, moved(size), said(axis), simulation_period_s)
+            axis = _refitted(axis, refitted, known, moved(size, known), said(axis, known), simulation_period_s)
         courses = said(axis)
         return simulated_as(courses, own_times) if simulated_as is not None else courses
 
@@ -138,8 +133,8 @@ def axis_world(
     return World(
         tuple(CHANNELS[name] for name in names),
         tuple(responses),
-        dict(zip(RUNS, bench.stamps, strict=False)),
-        dict(zip(RUNS, own_times, strict=False)),
+        dict(zip(bench.runs, bench.stamps, strict=False)),
+        dict(zip(bench.runs, own_times, strict=False)),
         recorded,
         simulated,
         {name: bench.noise[name] for name in responses},
@@ -180,3 +175,18 @@ class Drive(Missing):
     def world_of(self, bench: Bench, **more: Any) -> World:
         """See `axis_world`."""
         return axis_world(bench, **more)
+
+    def with_run(
+        self, bench: Bench, arguments: Mapping[str, Any]
+    ) -> Callable[[Mapping[str, Vector], float, np.random.Generator], World] | None:
+        """Another command; none where something besides befalls the courses of a run."""
+        if any(arguments.get(name) for name in ("recorded_as", "simulated_as", "distorted")):
+            return None
+
+        def longer(told: Mapping[str, Vector], period_s: float, generator: np.random.Generator) -> World:
+            others = told.keys() - {"r"}
+            if others or "r" not in arguments.get("names", ("r",)):
+                raise ValueError(f"nobody can set {', '.join(others) or 'the command'}")
+            return self.world_of(bench.with_command(told["r"], period_s, generator), **arguments, author=bench)
+
+        return longer

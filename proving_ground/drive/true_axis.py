@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -366,6 +366,25 @@ class Bench:
     jitter: tuple[Vector, ...]  #: How much later than its stamp every row was read [s]
     noise: dict[str, Noise]  #: Of every quantity that may be a response
     speed_noise: float  #: Of the recorded speed [m/s]
+    runs: tuple[str, ...] = RUNS
+
+    def with_command(self, told: Vector, period_s: float, generator: np.random.Generator) -> Bench:
+        """The bench with a run more, in front of the last one; positions are told every `period_s` [m]."""
+        fine = np.arange(0.0, len(told) * period_s, COMMAND_S)
+        stamps = PERIOD_S * np.arange(int(fine[-1] / PERIOD_S) - 25, dtype=np.float64)
+        spread = float(np.std(self.jitter[0])) if self.jitter[0].any() else 0.0
+        late = spread * np.clip(generator.standard_normal(len(stamps)), -3.0, 3.0)
+
+        def inserted(known: Sequence[Any], one: Any) -> tuple[Any, ...]:
+            return (*known[:-1], one, known[-1])
+
+        return replace(
+            self,
+            commands=inserted(self.commands, np.interp(fine, period_s * np.arange(len(told)), told)),
+            stamps=inserted(self.stamps, stamps),
+            jitter=inserted(self.jitter, late),
+            runs=inserted(self.runs, f"r{len(self.runs) + 1}"),
+        )
 
 
 def bench(

@@ -110,7 +110,7 @@ def concealed_case(told: Concealed, machine: Machine, ratios: Sequence[float], g
     held_out = _held_out(machine, simulation, right.simulated({}), tangents, quiet)
     truth = Truth(told.verdicts, told.effects, told.tolerated, d_prime, held_out=held_out)
     responses = tuple(channel.name for channel in machine.responses)
-    return Case(told.name, "open_model", told.kind, recording, simulation, responses, truth, model, machine)
+    return Case(told.name, "open_model", told.kind, recording, simulation, responses, truth, model)
 
 
 def _simulated(model: OwnModel, recording: Recording) -> Recording:

@@ -28,7 +28,7 @@ from proving_ground.thermal.duty import (
     with_power,
 )
 from proving_ground.thermal.machine import Heat, machine, temperatures
-from proving_ground.world import Made, Plan, World
+from proving_ground.world import Courses, Made, Plan, World
 from selector.recording import Channel
 from selector.types import Matrix, Vector
 
@@ -101,6 +101,16 @@ _GAUGES = {
         _cabinet("T13", "chip conveyor", 5400.0, 5.0, 1.5),
     )
 }
+#: Channel that can be set → course of a duty, and what a unit of the channel is there.
+_SET = {
+    "n": ("speed", 1.0),
+    "f": ("feed", 1.0),
+    "M8": ("coolant", 1.0),
+    "Q": ("flow", 60000.0),
+    "M20": ("hydraulics", 1.0),
+    "Tamb": ("hall", 1.0),
+}
+_STILL = {"speed", "feed", "coolant", "flow"}
 CABINETS = tuple(_GAUGES[name] for name in ("T10", "T11", "T12", "T13"))
 
 
@@ -191,6 +201,7 @@ class Stage:
         self.base = [self._heat(one) for one in self.duties]
         self.fields = [self._solved(heat, one) for heat, one in zip(self.base, self.duties, strict=True)]
         self._truths: dict[tuple[int, float], dict[str, Vector]] = {}
+        self._author: Stage | None = None
         several = range(len(self.omissions))
         self.weights = [1.0 for _ in several]
         self._sample(generator)
@@ -246,7 +257,7 @@ class Stage:
         return result
 
     def _sample(self, generator: np.random.Generator) -> None:
-        period = float(generator.choice(self.scene.periods_s))
+        self.period_s = period = float(generator.choice(self.scene.periods_s))
         self.time_s: dict[str, Vector] = {}
         self.own_time_s: dict[str, Vector] = {}
         for one in self.duties:
@@ -340,21 +351,69 @@ class Stage:
     def simulated(self, size: float) -> dict[str, list[Vector]]:
         """Axis → what the simulation says in every run, with parameters that its author fitted or got wrong."""
         scene, given = self.scene, self.given(size)
-        runs = range(len(given))
         result = {}
         for axis in BOTH:
-            gain, offset = scene.gain, scene.offset_um
-            if scene.refitted and size:
-                fitted = runs[:-1] if len(runs) > 1 else runs
-                truth = np.concatenate([self._at(run, self._true(run, size)[axis]) for run in fitted])
-                says = np.concatenate([self._at(run, given[run][axis]) for run in fitted])
-                slope, level = np.polyfit(says, truth, 1)
-                gain, offset = gain * float(slope), offset + float(level)
+            gain, offset = (self._author or self)._fitted(axis, size)
             result[axis] = [
-                np.round(gain * self._at(run, given[run][axis], delay_s=scene.delay_s, own=True) + offset, 3)
-                for run in runs
+                np.round(gain * self._at(run, course[axis], delay_s=scene.delay_s, own=True) + offset, 3)
+                for run, course in enumerate(given)
             ]
         return result
+
+    def _fitted(self, axis: str, size: float) -> tuple[float, float]:
+        """Gain and offset [µm] that the author of the simulation has."""
+        gain, offset = self.scene.gain, self.scene.offset_um
+        if self.scene.refitted and size:
+            given = self.given(size)
+            fitted = range(max(1, len(given) - 1))
+            truth = np.concatenate([self._at(run, self._true(run, size)[axis]) for run in fitted])
+            says = np.concatenate([self._at(run, given[run][axis]) for run in fitted])
+            slope, level = np.polyfit(says, truth, 1)
+            gain, offset = gain * float(slope), offset + float(level)
+        return gain, offset
+
+    def with_run(self, told: Courses, period_s: float, generator: np.random.Generator) -> Stage:
+        """The same machine and simulation with one more run in front of the last one, which is held out.
+
+        `told` are recorded channels as they are to be, from `period_s` to `period_s`; whatever else could be set is as
+        at the start of the first run.
+
+        Raises ValueError if a channel cannot be set.
+        """
+        new = self._duty(told, period_s)
+        other, before = copy(self), len(self.duties) - 1
+
+        def inserted(known: Sequence[Any], one: Any) -> list[Any]:
+            return [*known[:before], one, *known[before:]]
+
+        other.duties = inserted(self.duties, new)
+        other.base = inserted(self.base, self._heat(new))
+        other.fields = inserted(self.fields, self._solved(other.base[before], new))
+        other._truths, other._author = {}, self._author or self
+        stamps = np.round(np.arange(0.0, new.time_s[-1] - GRID_S, self.period_s), 2)
+        other.time_s = dict(inserted([*self.time_s.items()], (new.run, stamps)))
+        other.own_time_s = dict(inserted([*self.own_time_s.items()], (new.run, stamps)))
+        other.errors = {**self.errors, new.run: 0.03 * generator.standard_normal((len(stamps), len(self.felt) + 1))}
+        other.gauged = {
+            gauge.channel.name: inserted(self.gauged[gauge.channel.name], other._gauged(gauge, new, generator))
+            for gauge in self.scene.gauges
+        }
+        return other
+
+    def _duty(self, told: Courses, period_s: float) -> Duty:
+        first, n = self.duties[0], int(len(next(iter(told.values()))) * period_s / STEP_S)
+        steps = STEP_S * np.arange(n)
+        courses = {name: np.full(n, course[0]) for name, course in first.courses.items()}
+        for name in _STILL & courses.keys():
+            courses[name] = np.zeros(n)
+        for channel, values in told.items():
+            name, unit = _SET.get(channel, ("", 1.0))
+            if name not in courses:
+                raise ValueError(f"nobody can set {channel}")
+            held = values[np.minimum((steps / period_s).astype(int), len(values) - 1)]
+            smooth = np.interp(steps, period_s * np.arange(len(values)), values)
+            courses[name] = unit * (smooth if name == "hall" else held)
+        return Duty(f"r{len(self.duties) + 1}", "planned", np.asarray(steps, dtype=np.float64), courses)
 
     def channels(self) -> tuple[Channel, ...]:
         """The recorded channels."""
@@ -394,7 +453,8 @@ class Stage:
     def world(self) -> World:
         """The world of this stage."""
         several = range(len(self.omissions)) if len(self.omissions) > 1 else ()
-        return replace(self._world(), lacking=tuple(self._without(k)._world() for k in several))
+        lacking = tuple(self._without(k)._world() for k in several)
+        return replace(self._world(), lacking=lacking, with_run=lambda *told: self.with_run(*told)._world())
 
     def _world(self) -> World:
         return World(
