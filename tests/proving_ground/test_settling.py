@@ -77,4 +77,5 @@ def test_a_set_is_settled_by_the_proposed_run():
 
     assert one.named_before == (("thermal.second_source", "thermal.ambient"),)
     assert set(one.separates) == {"thermal.second_source", "thermal.ambient"}
-    assert one.after.credits == ("exact",) and not one.after.false_names
+    assert one.after.credits == ("exact",)
+    assert not one.after.false_names
