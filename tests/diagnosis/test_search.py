@@ -87,6 +87,28 @@ def test_what_is_there_is_named(kind):
     assert right >= 9  # the weakest, in slow noise, has a gain of about 40 against a threshold of about 14
 
 
+def test_a_shape_that_needs_an_own_parameter_is_left_for_one_that_needs_none():
+    """max(x, 0) beside a free x is |x|: where |x| alone does it, nothing is said of x."""
+    sine = COURSES["x.sine"]
+    own = replace(effect("x.sine", sine), absorbs=True)
+
+    def both(comparison, response):
+        for course in (np.maximum(-sine, 0.0), np.abs(sine)):
+            yield Variant(course[:, None], ("course",))
+
+    by_direction = replace(effect("x.by-direction", sine), variants=both)
+    others = [own, by_direction, effect("x.ramp", COURSES["x.ramp"])]
+
+    def named(missing, seed):
+        bench, _ = bench_of(compared(missing + noise("white", seed)), "Z", others)
+        return set(search({"Z": bench}, false_alarm=0.01, seed=seed).named)
+
+    assert all(named(0.7 * np.abs(sine), seed) == {"x.by-direction"} for seed in range(8))
+    # of one direction only: a shape that has it needs nothing else, either
+    assert all(named(0.7 * np.maximum(-sine, 0.0), seed) == {"x.by-direction"} for seed in range(8))
+    assert all(named(0.5 * sine + 0.7 * np.abs(sine), seed) == {"x.sine", "x.by-direction"} for seed in range(8))
+
+
 def test_below_the_noise_of_one_sample_it_is_found_too():
     assert list(found(0.3 * COURSES["x.ramp"] / COURSES["x.ramp"].std() + noise("white", 1)).named) == ["x.ramp"]
 

@@ -206,8 +206,10 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
         chosen = {name: freed[name].first_candidate(id_) for name in one.responses}
         main = one.main
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
-        if beta[-freed[main].counts[chosen[main]]] > 0.0:
-            benches, named = freed, named | {id_: chosen}
+        fewer = _with_fewer(freed, named | {id_: chosen}, given)
+        if id_ in fewer and beta[-freed[main].counts[chosen[main]]] > 0.0:
+            benches = freed
+        named = fewer if id_ not in fewer or benches is freed else named
     return benches, named
 
 
@@ -367,6 +369,23 @@ def _retested(benches: Benches, named: Named, given: _Given) -> Named:
         own = standing[name]
         best = own if given.supports(own) and own.score > best.score - 1.0 else best
         named = others | {best.id: best.chosen}
+    return _with_fewer(benches, named, given)
+
+
+def _with_fewer(benches: Benches, named: Named, given: _Given) -> Named:
+    """Without names that another one needs for its shape only: beside the shape that it has without them they add none.
+
+    What resists in proportion to speed, and more in one direction, is viscous friction and friction of that direction,
+    or one friction that differs by direction.
+    """
+    for name in reversed(named):
+        others = without(named, name)
+        for other in others:
+            rest = without(others, other)
+            alone = given.standings(benches, rest)[other]
+            fewer = rest | {other: alone.chosen}
+            if alone.chosen != named[other] and not given.supports(given.standings(benches, fewer)[name]):
+                return _with_fewer(benches, fewer, given)
     return named
 
 
