@@ -369,7 +369,7 @@ def _retested(benches: Benches, named: Named, given: _Given) -> Named:
         own = standing[name]
         best = own if given.supports(own) and own.score > best.score - 1.0 else best
         named = others | {best.id: best.chosen}
-    return _with_fewer(benches, named, given)
+    return named
 
 
 def _with_fewer(benches: Benches, named: Named, given: _Given) -> Named:
