@@ -181,6 +181,27 @@ class Recording:
         return dataclasses.replace(self, frame=frame)
 
 
+#: Part of the time since a record was last cut, and seconds, that a rest lasts which cuts it.
+LEAST_REST, SHORTEST_REST_S = 0.25, 1800.0
+
+
+def restarts(rests: NDArray[np.bool_], length_s: NDArray[np.float64]) -> list[int]:
+    """Positions of the stretches with which tests begin: the first, and every rest worth the name before a warming.
+
+    The breaks of an intermittent duty cycle do not cut it; a record of days is cut at every warming after a cooling.
+    """
+    edges = np.r_[0.0, np.cumsum(length_s)]
+    begins, rested_s, turned = [0], 0.0, False
+    for i, is_rest in enumerate(rests):
+        if is_rest:
+            rested_s += edges[i + 1] - edges[i]
+            continue
+        if turned and rested_s >= max(LEAST_REST * (edges[i] - edges[begins[-1]]), SHORTEST_REST_S):
+            begins.append(i - 1)
+        rested_s, turned = 0.0, True
+    return begins
+
+
 def thinned(source: RunSource, stride: int, runs: Iterable[str] | None = None) -> Recording:
     """Every `stride`-th sample of a source, in memory; one pass over the runs, one piece at a time."""
     names = [channel.name for channel in source.channels]

@@ -1,14 +1,52 @@
-"""Which run went before which, as far as their clocks tell: the heat of the one is in the memory of the next."""
+"""Which run went before which, as far as clocks tell, and one long record as the runs that it consists of."""
 
 import itertools
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
-from selector.recording import RunSource
+import numpy as np
+import pandas as pd
+
+from selector.recording import Recording, RunSource, restarts
 from selector.types import Array
 
 Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
+FEWEST_PARTS = 3  #: Parts of a record that prove more, left out in turn, than stretches of it do.
+PARTS = "parts"  #: In the provenance of one record that was cut: how many.
 MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth.
+
+
+def in_parts(source: RunSource) -> RunSource:
+    """A recording of one run as several: one begins where the spindle turns again after a rest (`restarts`).
+
+    Each counts from its own start and remembers nothing from before, as a control that is switched on there. Left as it
+    is where that makes fewer than `FEWEST_PARTS`, or where no spindle speed is known.
+    """
+    speeds = [one.name for one in source.channels if one.role == "spindle_speed"]
+    if not isinstance(source, Recording) or len(source.runs) > 1 or not speeds:
+        return source
+    run = source.runs[0]
+    frame = pd.DataFrame(source.frame.loc[run])
+    turning = frame[speeds[0]].abs().ffill().fillna(0.0)
+    rests = (turning < 0.01 * turning.max()).to_numpy()
+    time_s = source.time_s(run)
+    first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
+    ends = np.r_[first[1:], len(rests)]
+    begun = restarts(rests[first], time_s[ends - 1] - time_s[first])
+    # the last sample at rest is the zero of a part
+    cuts = [0, *(int(ends[i]) - 1 for i in begun[1:])]
+    if len(cuts) < FEWEST_PARTS:
+        return source
+    parts = {
+        f"{run} {k + 1}": pd.DataFrame(frame.iloc[a:b])
+        for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(rests)]))
+    }
+    starts = dict(zip(parts, time_s[cuts].tolist(), strict=True))
+    tables = {
+        name: table.set_axis(pd.Index(table.index.to_numpy() - starts[name], name="time_s"))
+        for name, table in parts.items()
+    }
+    return Recording.from_runs(tables, source.channels, {**source.provenance, PARTS: len(parts)})
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

@@ -221,13 +221,15 @@ def _proof_findings(selection: Selection, surveyed: Survey, stride: int, datum: 
             + ".",
             evidence={"lacking": dict(proof.not_covered)},
         )
-    if proof.left_out == "block":
+    if surveyed.is_one_record or proof.left_out == "block":
+        parts = len(next(iter(proof.per_response.values())))
+        what = f"{parts} parts of it, each from where the spindle turns again after a rest,"
         yield FINDINGS.finding(
             "one-run-only",
-            "There is one run. The error is that of stretches of this run left out in turn; a day that is not in the "
-            "data is not proved.",
+            f"There is one run. The error is that of {what if surveyed.is_one_record else 'stretches of it'} left out "
+            "in turn; a day that is not in the data is not proved.",
             Where(run=surveyed.runs[0]),
-            {"runs": 1, "parts": len(next(iter(proof.per_response.values())))},
+            {"runs": 1, "parts": parts},
         )
     yield from _few_runs(selection, surveyed, datum, rows)
     n_folds = len(set((fold_of_run(surveyed.runs, selection.options.conditions) or {}).values()))

@@ -12,6 +12,7 @@ from selector.findings import Finding
 from selector.models.design import Design, datum_of
 from selector.models.least_squares import FaultGain
 from selector.models.moments import LeaveOneOut, coefficients, squared_error
+from selector.models.run_before import in_parts
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates, Grouping, Screening, candidates, snapped
 from selector.selection.choice import Choice, tested
@@ -215,6 +216,7 @@ class Exploration:
             ridge=False,
             formula=None,
         )
+        source = in_parts(source)
         asked = question_of(source, plain)
         datum = datum_of(source, asked.sensors, asked.responses, plain.reference)
         surveyed = survey(source, asked, datum)

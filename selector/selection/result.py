@@ -15,6 +15,7 @@ from selector.json_text import fields_of
 from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
+from selector.models.run_before import in_parts
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
 from selector.selection.equal_sets import EqualSets
@@ -152,6 +153,7 @@ class Selection(ProvenModel):
         Raises OptionError: it is another recording, or the model is a ridge fit.
         """
         model, runs = self.models[response], tuple(self.fit_per_run[response])
+        source = source if set(runs) <= set(source.runs) else in_parts(source)
         rows = rows_of(source, self.recipe.design, runs)
         stride = round(len(rows.run) / model.n_samples)
         if stride > 1:

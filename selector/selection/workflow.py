@@ -10,7 +10,7 @@ from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
-from selector.models.run_before import runs_before
+from selector.models.run_before import in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
@@ -34,7 +34,7 @@ from selector.selection.reasons import because_of, combinations_of, reasons_of, 
 from selector.selection.result import Proof, Selection
 from selector.selection.survey import RunsOf, survey
 from selector.sensors.finding_table import CONSTANT_SENSOR
-from selector.types import Array
+from selector.types import Array, Mask
 
 #: Richer terms must lower the error on unseen parts by more than this; a hundredth is luck of the days.
 WORTH_A_RICHER_MODEL = 1.02
@@ -65,7 +65,9 @@ def select(
     """
     say = progress or (lambda _what, _share: None)
     say("reading", 0.0)
-    asked = question_of(source, options or Options())
+    options = options or Options()
+    source = source if options.conditions else in_parts(source)
+    asked = question_of(source, options)
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
     surveyed = survey(source, asked, datum, findings)
     question = surveyed.question
@@ -201,9 +203,10 @@ Errors = Mapping[Plan, Array]
 def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array) -> tuple[dict[Offer, Plan], Plan]:
     """The best plan of each offer, and of these the poorest that predicts unseen parts about as well as the best does.
 
-    A richer offer has to be as good as the best poorer one for every response, and better over all by more than one
-    standard error of the differences part by part. With the patent's rule the richest offer stands, as its rule knows
-    no unseen data; so it does with a target, as the cheapest of all sets is wanted.
+    A richer offer has to be as good as the best poorer one for every response, and better over all, both by standard
+    errors of the differences part by part; with fewer sensors it need not be clearly better. With the patent's rule the
+    richest offer stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is
+    wanted.
     """
     errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
     offers = dict.fromkeys(offer for offer, _ in errors)
@@ -212,9 +215,11 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
         return best_of_offer, list(errors)[-1]
     taken, *richer = best_of_offer.values()
     for plan in richer:
-        no_worse = (errors[plan] <= WORTH_A_RICHER_MODEL * errors[taken]).all()
+        loses = (errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]) & _losses(unseen[taken], unseen[plan])
         better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
-        if no_worse and better and _is_clear(unseen[taken], unseen[plan], spread):
+        # what is won with fewer sensors need not be clear: these are what costs
+        is_clear = plan[1] < taken[1] or _is_clear(unseen[taken], unseen[plan], spread)
+        if better and is_clear and not loses.any():
             taken = plan
     return best_of_offer, taken
 
@@ -228,10 +233,19 @@ def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
 
 def _is_clear(poorer: HeldOut, richer: HeldOut, spread: Array) -> bool:
     """Whether the gain in squared error, part by part, is more than one standard error from zero."""
-    gain = ((poorer.mse - richer.mse) / spread**2).mean(axis=1)
-    share, n = poorer.n_samples / poorer.n_samples.sum(), len(gain)
-    mean = float(gain @ share)
-    return n < 2 or mean > np.sqrt((gain - mean) ** 2 @ share / (n - 1))
+    share = poorer.n_samples / poorer.n_samples.sum()
+    return bool(_more_than_its_error(((poorer.mse - richer.mse) / spread**2).mean(axis=1), share))
+
+
+def _losses(poorer: HeldOut, richer: HeldOut) -> Mask:
+    """Whether the loss in squared error of each response is more than one standard error from zero."""
+    return _more_than_its_error(richer.mse - poorer.mse, poorer.n_samples / poorer.n_samples.sum())
+
+
+def _more_than_its_error(differences: Array, share: Array) -> Mask:
+    """Whether the mean of differences, one row a part, is above its standard error; of one part it always is."""
+    mean, n = share @ differences, len(differences)
+    return np.asarray(mean > (np.sqrt(share @ (differences - mean) ** 2 / (n - 1)) if n > 1 else -np.inf))
 
 
 def _poorest_of(errors: Errors, offer: Offer, noise: Array) -> Plan:

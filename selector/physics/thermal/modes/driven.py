@@ -29,6 +29,7 @@ from selector.physics.thermal.modes.fit import (
     limits,
 )
 from selector.physics.thermal.modes.thermal_test import ModeData
+from selector.recording import restarts
 from selector.types import Vector
 
 Rows = NDArray[np.bool_]
@@ -42,7 +43,6 @@ COST = 2.0  #: What a searched parameter has to add to the logarithm of the like
 FLATTEST = 0.25
 APART = 2.2  #: Neighbouring time constants have at least this ratio: a walk and a ripple leave no more to be told.
 FURTHEST = 5.0  #: Spreads stay within so many of the widths that are expected of them.
-REST, SHORTEST_REST_S = 0.25, 1800.0
 #: What is left of the square of an error, at least, when the noise of the gauge is taken off.
 LEAST_SHARE = 0.25
 PRIOR_TESTS = 2.0  #: As many tests as expected are counted to those that were left out.
@@ -259,30 +259,17 @@ class Part:
 
 
 def parts_of(data: ModeData) -> tuple[Part, ...]:
-    """The tests of all runs: one begins where the spindle turns again after a rest worth the name.
-
-    A rest counts that lasts at least `REST` of the time since the test began; so breaks of an intermittent duty cycle
-    do not cut it, and a record of days is cut at every warming after a cooling.
-    """
+    """The tests of all runs, cut as `restarts` says."""
     found = []
     still = data.speed_rpm < 0.01 * data.fastest_rpm
     length = data.before_s + data.after_s
     for run, (begin, end) in enumerate(data.bounds):
         edges = np.r_[0.0, np.cumsum(length[begin:end])]
-        cuts, rested, turned = [begin], 0.0, False
-        for i in range(begin, end):
-            if still[i]:
-                rested += length[i]
-                continue
-            since = edges[i - begin] - edges[cuts[-1] - begin]
-            if turned and rested >= max(REST * since, SHORTEST_REST_S):
-                # the last block at rest is the zero of the test
-                cuts.append(i - 1)
-                since = 0.0
-            rested, turned = 0.0, True
-        stops = [*cuts[1:], end]
+        # the last block at rest is the zero of the test
+        cuts = restarts(still[begin:end], length[begin:end])
         found += [
-            Part(run, a, b, float(edges[a - begin]), float(edges[b - begin])) for a, b in zip(cuts, stops, strict=True)
+            Part(run, begin + a, begin + b, float(edges[a]), float(edges[b]))
+            for a, b in zip(cuts, [*cuts[1:], end - begin], strict=True)
         ]
     return tuple(found)
 

@@ -1,0 +1,100 @@
+"""One long record is the runs that it consists of: cut where the spindle turns again after a rest worth the name."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.models.run_before import PARTS, in_parts
+from selector.recording import Channel, Recording, restarts
+from selector.selection import Options, select
+from selector.selection.exploration import Exploration
+
+HOUR = 60
+CHANNELS = (
+    Channel("n", "spindle_speed", "rpm"),
+    Channel("T1", "temperature", "degC"),
+    Channel("Z", "displacement", "um", axis="Z"),
+)
+
+
+def record(speed, channels=CHANNELS, runs=("long",)):
+    time = 60.0 * np.arange(len(speed))
+    table = {"n": speed, "T1": 20 + 1e-3 * time, "Z": 1e-2 * time}
+    frame = pd.DataFrame({one.name: table[one.name] for one in channels}, index=pd.Index(time, name="time_s"))
+    return Recording.from_runs(dict.fromkeys(runs, frame), channels, {"machine": "M"})
+
+
+def days(*hours):
+    """Hours turning and standing by turns, standing first; a sample a minute."""
+    return np.concatenate([np.full(round(HOUR * h), 3000.0 * (k % 2)) for k, h in enumerate(hours)])
+
+
+def test_every_warming_after_a_rest_begins_a_run_with_its_last_sample_at_rest():
+    whole = record(days(0.2, 4, 4, 4, 4, 4, 4))
+    parts = in_parts(whole)
+
+    assert parts.runs == ("long 1", "long 2", "long 3")
+    assert parts.provenance[PARTS] == 3
+    assert sum(len(parts.time_s(run)) for run in parts.runs) == len(whole.time_s("long"))
+    for run in parts.runs[1:]:
+        assert parts.time_s(run)[0] == 0.0
+        assert parts.values(run, ["n"])[:2, 0].tolist() == [0.0, 3000.0]
+    readings = np.concatenate([parts.values(run, ["T1", "Z"]) for run in parts.runs])
+    assert np.array_equal(readings, whole.values("long", ["T1", "Z"]))
+
+
+@pytest.mark.parametrize(
+    "hours",
+    [(0.2, 4, 4, 4, 4), (0.2, 4, 0.3, 4, 0.3, 4, 0.3, 4), (0.2, 12, 1, 12, 1, 12), (0.2, 20)],
+    ids=["two parts prove less than stretches", "breaks", "short beside what turned before", "one warming"],
+)
+def test_what_makes_too_few_parts_stays_as_it_is(hours):
+    whole = record(days(*hours))
+    assert in_parts(whole) is whole
+
+
+def test_only_one_run_with_a_speed_is_cut():
+    course = days(0.2, 4, 4, 4, 4, 4, 4)
+    two, silent = record(course, runs=("a", "b")), record(course, channels=CHANNELS[1:])
+    assert in_parts(two) is two
+    assert in_parts(silent) is silent
+
+
+def test_a_speed_that_is_missing_is_the_one_before():
+    course = days(0.2, 4, 4, 4, 4, 4, 4)
+    gaps = course.copy()
+    gaps[30:200] = np.nan
+    assert [len(in_parts(record(gaps)).time_s(run)) for run in ("long 1", "long 2", "long 3")] == [
+        len(in_parts(record(course)).time_s(run)) for run in ("long 1", "long 2", "long 3")
+    ]
+
+
+def test_rests_count_against_what_turned_before_them():
+    rests = np.array([True, False, True, False, True, False])
+    assert restarts(rests, 3600.0 * np.array([1, 8, 1, 8, 5, 8])) == [0]
+    assert restarts(rests, 3600.0 * np.array([1, 8, 1, 8, 6, 8])) == [0, 4]
+    assert restarts(rests, 3600.0 * np.array([1, 2, 1, 2, 1, 8])) == [0, 2, 4]
+
+
+def test_a_selection_from_one_record_is_proved_on_its_parts():
+    rng = np.random.default_rng(3)
+    speed = days(0.2, *[4] * 10)
+    time = 60.0 * np.arange(len(speed))
+    warm = np.zeros((len(speed), 3))
+    for k, (tau_s, gain) in enumerate(((1500.0, 8.0), (6000.0, 5.0), (20000.0, 3.0))):
+        for i in range(1, len(speed)):
+            warm[i, k] = warm[i - 1, k] + 60.0 / tau_s * (
+                gain * speed[i] / 3000.0 * rng.uniform(0.9, 1.1) - warm[i - 1, k]
+            )
+    channels = (*(Channel(f"T{k}", "temperature", "degC") for k in (1, 2, 3)), CHANNELS[0], CHANNELS[2])
+    courses = {f"T{k + 1}": 20 + warm[:, k] + 0.02 * rng.standard_normal(len(speed)) for k in range(3)}
+    courses |= {"n": speed, "Z": 2.0 * warm[:, 0] - 3.0 * warm[:, 1] + 0.2 * rng.standard_normal(len(speed))}
+    whole = Recording.from_runs({"long": pd.DataFrame(courses, index=pd.Index(time, name="time_s"))}, channels)
+
+    found = select(whole, Options(responses=("Z",)))
+    one_run = next(one for one in found.findings if one.id == "one-run-only")
+    assert [part.name for part in found.proof.per_response["Z"]] == [f"long {k}" for k in range(1, 6)]
+    assert one_run.evidence == {"runs": 1, "parts": 5}
+    assert found.proof.rmse_um("Z") < 0.3
+    assert found.statsmodels_results("Z", whole).nobs == len(speed)
+    assert Exploration.of(whole, Options(responses=("Z",))).parts == "run"
