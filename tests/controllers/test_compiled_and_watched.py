@@ -131,3 +131,12 @@ def test_hostile_rows_reach_the_generated_program(tmp_path):
     # a statement before them has made true
     assert reached[0] >= 0.95, reached
     assert reached[1] >= 0.9, reached
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
+def test_fast_mathematics_is_refused(tmp_path):
+    model = hostile.model()
+    assert built(tmp_path, model, ("-O2",)).returncode == 0
+    done = built(tmp_path, model, ("-O2", "-ffast-math"))
+    assert done.returncode != 0
+    assert "without -ffast-math" in done.stderr
