@@ -62,6 +62,7 @@ def commissioning_account(
             Section("limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"),
             Section("silently", "What the control does silently", (Items(program.silently or ("Nothing is known.",)),)),
             Section("replay", "Replay", _replay_blocks(model, replay)),
+            *([Section("files", "Each file", (Captioned("", parts_table(replay)),))] if replay else []),
             Section(
                 "card",
                 "Model card",
@@ -191,7 +192,6 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("Each file", parts_table(replay)),
         *(Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
         *_courses(model, replay),
     )
