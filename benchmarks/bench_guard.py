@@ -2,11 +2,12 @@
 
 The guard is there as a person reads it (tests/controllers/plain_guard.py), as statements, as generated C and Python.
 
-    python benchmarks/bench_guard.py [--rows 1000000] [--adapted]
+    python benchmarks/bench_guard.py [--rows 1000000] [--adapted] [--all]
 
 The rows are those of tests/controllers/hostile.py: NaN, infinities, break codes, jumps, sensors that stand still, drop
 out and return, any time step, switches and restarts; with --adapted also touch-offs, one in ten false.
-Every correction, mode and sensor code is compared.
+Every correction, mode and sensor code is compared; with --all also those of Structured Text (interpreted), SCL and C in
+single precision, with the statements in binary32, and of the component in LinuxCNC, which prints 10⁻⁶ µm.
 """
 
 from __future__ import annotations
@@ -24,13 +25,45 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from selector.controllers import read_model
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.compiled import c_answers, compiler, compiler_version, python_answers
+from selector.controllers.replay.compiled import (
+    c_answers,
+    compiler,
+    compiler_version,
+    halrun_answers,
+    missing_program,
+    python_answers,
+)
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
+from selector.controllers.replay.structured_text_executed import scl_answers, st_answers
 from tests.controllers import hostile
 from tests.controllers.plain_guard import plain_answers
 
 MODEL = Path(__file__).parents[1] / "fixtures" / "models" / "patent-three-sensors.json"
 PIECE = 100_000
+
+
+def others(n: int, *, is_adapted: bool) -> None:
+    """Structured Text, what is in single precision, and LinuxCNC, each beside the statements in its own numbers."""
+    model = hostile.adapted(hostile.model()) if is_adapted else hostile.model()
+    unequal, off_um, modes = {"ST": 0, "SCL": 0, "C float": 0}, 0.0, 0
+    for seed in range(n // PIECE):
+        rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
+        rows = hostile.touched(rows, 2000 + seed) if is_adapted else rows
+        double, single = reference_answers(model, rows), reference_answers(model, rows, np.float32)
+        given = {"ST": st_answers(model, rows), "SCL": scl_answers(model, rows)}
+        given["C float"] = c_answers(model, rows, "float")
+        for name, answers in given.items():
+            whole = double if name == "ST" else single
+            unequal[name] += sum(
+                int(np.sum(getattr(whole, field.name) != getattr(answers, field.name))) for field in fields(Answers)
+            )
+        if missing_program() is None:
+            shown = halrun_answers(model, rows)
+            off_um = max(off_um, float(np.abs(shown.correction_um - double.correction_um).max()))
+            modes += int(np.sum(shown.mode != double.mode))
+    print(f"{n} rows, values that differ: " + ", ".join(f"{name} {count}" for name, count in unequal.items()))
+    if missing_program() is None:
+        print(f"LinuxCNC: {off_um:.1e} um at most, {modes} other modes")
 
 
 def agreement(n: int, *, is_adapted: bool) -> None:
@@ -105,11 +138,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--adapted", action="store_true", help="with touch-offs")
+    parser.add_argument("--all", action="store_true", help="also Structured Text, SCL, C in single precision, LinuxCNC")
     options = parser.parse_args()
     print(compiler_version(compiler() or "cc"))
     if not options.adapted:
         throughput(options.rows)
     agreement(options.rows, is_adapted=options.adapted)
+    if options.all:
+        others(options.rows, is_adapted=options.adapted)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """Time of the whole selection: 37 sensors, 10 runs × 5 000 samples, everything chosen again inside every fold.
 
 python benchmarks/bench_select.py [--repeat 3]
-python benchmarks/bench_select.py --many-runs 1000
+python benchmarks/bench_select.py --many-runs 1000 [--rows 40] [--sensors 37]
 
-Goals: 20 s with degree 2; 1000 runs of 40 rows in 30 s and 1 GB.
+Goals: 20 s with degree 2; 1000 runs of 40 rows in 30 s and 1 GB; 200 sensors × 50 runs in 40 s.
 The first call also loads or compiles the kernels and is reported apart.
 """
 
@@ -24,49 +24,52 @@ from selector.selection import Options, select
 N_SENSORS, N_RUNS, N_SAMPLES, PERIOD_S = 37, 10, 5_000, 60.0
 
 
-def recording(n_runs: int = N_RUNS, n_samples: int = N_SAMPLES) -> Recording:
+def recording(n_runs: int = N_RUNS, n_samples: int = N_SAMPLES, n_sensors: int = N_SENSORS) -> Recording:
     """First-order responses to three switched sources; the displacement listens to three sensors' true rises."""
     rng = np.random.default_rng(3)
-    weights = rng.dirichlet(np.ones(3) * 0.6, size=N_SENSORS) * rng.uniform(3, 14, size=(N_SENSORS, 1))
-    taus_s = np.exp(rng.uniform(np.log(600), np.log(9000), size=N_SENSORS))
+    weights = rng.dirichlet(np.ones(3) * 0.6, size=n_sensors) * rng.uniform(3, 14, size=(n_sensors, 1))
+    taus_s = np.exp(rng.uniform(np.log(600), np.log(9000), size=n_sensors))
     runs = {}
     for k in range(n_runs):
         sources = np.repeat(rng.integers(0, 3, size=(3, n_samples // 30 + 1)) / 2, 30, axis=1)[:, :n_samples]
         share = PERIOD_S / taus_s
         rise = np.column_stack(
-            [lfilter([share[j]], [1.0, share[j] - 1.0], weights[j] @ sources) for j in range(N_SENSORS)]
+            [lfilter([share[j]], [1.0, share[j] - 1.0], weights[j] @ sources) for j in range(n_sensors)]
         )
         table = pd.DataFrame(
             np.round(21.0 + rise + 0.05 * rng.normal(size=rise.shape), 1),
-            columns=[f"T{j + 1}" for j in range(N_SENSORS)],
+            columns=[f"T{j + 1}" for j in range(n_sensors)],
             index=np.arange(n_samples) * PERIOD_S,
         )
         table["Z"] = rise[:, [3, 17, 30]] @ [5.0, 2.5, -2.0] + 0.5 * rng.normal(size=n_samples)
         runs[f"r{k + 1}"] = table
-    channels = [Channel(f"T{j + 1}", "temperature", "degC") for j in range(N_SENSORS)]
+    channels = [Channel(f"T{j + 1}", "temperature", "degC") for j in range(n_sensors)]
     return Recording.from_runs(runs, [*channels, Channel("Z", "displacement", "um", axis="Z")])
 
 
-def many(n_runs: int) -> None:
-    """Cost of a great many short runs; kernels are loaded before."""
+def many(n_runs: int, n_samples: int, n_sensors: int) -> None:
+    """Cost of a great many runs, samples or sensors; kernels are loaded before."""
     select(recording(4, 60), Options())
-    recorded = recording(n_runs, 40)
+    recorded = recording(n_runs, n_samples, n_sensors)
     start, worked = time.perf_counter(), time.process_time()
     error_um = select(recorded, Options()).proof.rmse_um("Z")
     took, worked = time.perf_counter() - start, time.process_time() - worked
     gb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    print(f"{n_runs} runs: {took:.1f} s, {worked:.1f} s of processor time, {gb:.2f} GB; unseen {error_um:.2f} µm")
+    print(f"{n_runs} runs of {n_samples} rows, {n_sensors} sensors: ", end="")
+    print(f"{took:.1f} s, {worked:.1f} s of processor time, {gb:.2f} GB; unseen {error_um:.2f} µm")
 
 
 def main() -> None:
     """Time the cases."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--repeat", type=int, default=3)
-    parser.add_argument("--many-runs", type=int, metavar="N", help="only this: N runs of 40 rows")
+    parser.add_argument("--many-runs", type=int, metavar="N", help="only this: N runs")
+    parser.add_argument("--rows", type=int, default=40, help="of each of the many runs")
+    parser.add_argument("--sensors", type=int, default=N_SENSORS, help="of each of the many runs")
     asked = parser.parse_args()
     repeat = asked.repeat
     if asked.many_runs:
-        many(asked.many_runs)
+        many(asked.many_runs, asked.rows, asked.sensors)
         return
     recorded = recording()
     start = time.perf_counter()

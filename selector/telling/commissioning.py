@@ -62,6 +62,7 @@ def commissioning_account(
             Section("limits", "Limits, faults and restarts", (_limits(model, target),), link="Limits and faults"),
             Section("silently", "What the control does silently", (Items(program.silently or ("Nothing is known.",)),)),
             Section("replay", "Replay", _replay_blocks(model, replay)),
+            *([Section("files", "Each file", (Captioned("", parts_table(replay)),))] if replay else []),
             Section(
                 "card",
                 "Model card",
@@ -141,8 +142,8 @@ def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is
 
 
 def _install_blocks(program: Exported) -> tuple[Block, ...]:
-    files = ", ".join(f"`{file}`" for file in program.files)
-    return Paragraph(f"Files: {files}."), Items(tuple(f"☐ {step}" for step in program.install), are_steps=True)
+    files = "Files: " + ", ".join(f"`{file}`" for file in program.files) + ". This is not a safety function."
+    return Paragraph(files), Items(tuple(f"☐ {step}" for step in program.install), are_steps=True)
 
 
 def _wiring_blocks(model: ModelFile, target: Target) -> tuple[Block, ...]:
@@ -191,7 +192,6 @@ def _replay_blocks(model: ModelFile, replay: Replay | None) -> tuple[Block, ...]
     return (
         Paragraph(verdict_of(replay)),
         Captioned("", replay_table(replay)),
-        Captioned("Each file", parts_table(replay)),
         *(Captioned("Faults rehearsed", rehearsal_table(replay)) for _ in replay.rehearsal[:1]),
         *_courses(model, replay),
     )
@@ -296,7 +296,7 @@ def rehearsal_table(replay: Replay) -> Table:
         rows,
         f"Faults rehearsed on run {first.run}, each from {first.from_s:.0f} s to its end: dead, no reading; stuck, the "
         f"last reading; jumping, by {JUMP_SHARE:.0%} of the valid range; noisy, by {NOISE_SHARE:.0%} of it; power "
-        f"cycle and stop of {OUTAGE_S:.0f} s; the clock put by {CLOCK_S:.0f} s. This is not a safety function.",
+        f"cycle and stop of {OUTAGE_S:.0f} s; the clock put by {CLOCK_S:.0f} s.",
     )  # fmt: skip
 
 

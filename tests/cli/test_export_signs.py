@@ -130,6 +130,7 @@ def test_no_limits_are_promised_where_there_are_none(drive, tmp_path, capsys):
     for promise in ("largest correction of", "when a sensor breaks", "is limited to it", "Warming a sensor by hand"):
         assert promise not in page
     assert "This control has none of them" in page
+    assert "This is not a safety function." in page
     for option in ("--clamp", "--slew"):
         said = refused(capsys, drive, "--for", "rexroth", "--out", tmp_path / "other", option, "Z=20")
         assert "neither a clamp nor a slew limit" in said
@@ -140,6 +141,7 @@ def test_limits_are_promised_where_there_are_some(drive, tmp_path, capsys):
     out = tmp_path / "out"
     assert "limit-not-decided" in told(capsys, drive, "--for", "st", "--out", out)
     page = (out / "commissioning.html").read_text(encoding="utf-8")
+    assert page.count("This is not a safety function.") == 1
     for promise in ("largest correction of Z", "when a sensor breaks", "is limited to it", "Warming a sensor by hand"):
         assert promise in page
 

@@ -99,6 +99,17 @@ def test_without_a_compiler_the_program_is_written_and_the_lack_told(tmp_path, c
     ]
 
 
+@needs_cc
+def test_the_screen_holds_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "140")
+    arguments = ["--replay", PATENT8 / "recording.csv", "--machine", PATENT8 / "machine.toml"]
+    assert export(PATENT, "--for", "c", "--out", tmp_path / "out", *arguments) == 0
+    shown = capsys.readouterr().out
+    assert "Faults rehearsed" in shown
+    assert len(shown.splitlines()) <= 40
+    assert "Each file" in (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from selector.controllers import Input, ModelFile, Output, PositionPart, Term
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import read_model
+from selector.controllers.replay.parts import reference_answers
 from selector.controllers.writers.beckhoff import ads_offset, beckhoff_export, list_values, temp_comp_mm
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.structured_text import tcpou_export
+from selector.controllers.writers.targets import TARGETS
 from tests.controllers import hostile
 from tests.controllers.golden_text import GOLDEN, golden, without_version
 
@@ -130,3 +134,15 @@ def test_what_the_axis_lists_cannot_take_is_refused():
             beckhoff_export(hostile.model().model_copy(update={"outputs": outputs}))
     with pytest.raises(ExportRefusedError, match="SGN32"):
         beckhoff_export(with_slope(300.0))
+
+
+@pytest.mark.parametrize("target", ["tcpou", "beckhoff"])
+def test_what_stops_twincat_is_on_the_sheet(target):
+    """Comparisons with NaN raise an exception there, and stop the runtime (infosys.beckhoff.com, NaN values)."""
+    (said,) = [line for line in TARGETS[target].write(hostile.model()).silently if "Floating point exceptions" in line]
+    assert "1.0E30" in said
+    # which is a missing reading, like NaN
+    model, rows = hostile.model(), hostile.rows(3000, 5)
+    missing = np.where(np.isfinite(rows.readings), rows.readings, 1e30)
+    instead = reference_answers(model, replace(rows, readings=missing))
+    assert np.array_equal(instead.correction_um, reference_answers(model, rows).correction_um)

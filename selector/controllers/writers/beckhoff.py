@@ -59,6 +59,8 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             "offset_0 has steps of 0.1 µm; a jump is filtered over "
             f"{SMOOTHING_CYCLES} interpolation cycles only, so that the slew limit is that of the function block.",
             "Reading V.A.TEMP_COMP_ACTIVE in an NC program empties the channel and breaks G41/G42 (error 20651).",
+            "A reading of NaN stops TwinCAT while 'Floating point exceptions' is ticked at the task (its default): "
+            "pass a missing reading on as 1.0E30, or take the tick off.",
             "If the PLC stops, the CNC keeps the last offset and coefficient.",
             "Beyond the valid positions of the model the straight line goes on, past the clamp.",
         ),

@@ -17,6 +17,7 @@ from selector.errors import OptionError
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
 SINGLE_NAME = f"{NAME}_f"
+_COMPILING = " * Compile with -std=c99 -ffp-contract=off: then it computes what the model file means, to the last bit."
 
 
 class _C(Language):
@@ -102,7 +103,7 @@ def c_files(
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *bound]]
     return {
         f"{name}.h": "\n".join(["/*", *head, " */", *_header(program, precision, name)]) + "\n",
-        f"{name}.c": "\n".join(["/*", *head, *_COMPILING, " */", *_source(program, precision, name)]) + "\n",
+        f"{name}.c": "\n".join(["/*", *head, _COMPILING, " */", *_source(program, precision, name)]) + "\n",
     }
 
 
@@ -158,17 +159,11 @@ def _header(program: Program, precision: Precision, name: str) -> list[str]:
     ]
 
 
-_COMPILING = (
-    " * Compile without contraction and without fast mathematics (cc -std=c99 -ffp-contract=off): then it computes",
-    " * what the model file means, to the last bit.",
-)
-
-
 def _source(program: Program, precision: Precision, name: str) -> list[str]:
     temporaries, initial, body = c_core(program, precision)
     return [
         f'#include "{name}.h"',
-        "",
+        '\n#ifdef __FAST_MATH__\n#error "compile without -ffast-math: it takes the checks for NaN away"\n#endif\n',
         f"void {name}_init({name} *m)",
         "{",
         *initial,

@@ -237,6 +237,8 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             "After a power failure without a UPS the persistent variables are gone or old: then start readings are "
             "taken anew, on a warm machine too.",
             "Reset origin forgets the start readings.",
+            "A reading of NaN stops TwinCAT while 'Floating point exceptions' is ticked at the task (its default): "
+            "pass a missing reading on as 1.0E30, or take the tick off.",
             "Called with dt_s = 0 for ever, the correction stands still: dt_s must be the real cycle time.",
         ),
     )

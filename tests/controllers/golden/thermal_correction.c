@@ -6,10 +6,13 @@
  * The correction of an axis is the negative of its displacement.
  * Equations SHA-256 a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f
  * Written by selector
- * Compile without contraction and without fast mathematics (cc -std=c99 -ffp-contract=off): then it computes
- * what the model file means, to the last bit.
+ * Compile with -std=c99 -ffp-contract=off: then it computes what the model file means, to the last bit.
  */
 #include "thermal_correction.h"
+
+#ifdef __FAST_MATH__
+#error "compile without -ffast-math: it takes the checks for NaN away"
+#endif
 
 void thermal_correction_init(thermal_correction *m)
 {
