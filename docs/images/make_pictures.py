@@ -21,10 +21,9 @@ WIDTH_PX, HEIGHT_PX = 1180, 860
 def report() -> str:
     """The report of the study that `selector demo` begins with."""
     spindle = ROOT / "fixtures" / "spindle46"
-    responses = [word for name in ("X1", "Y1", "Z") for word in ("--response", name)]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "study")
-        given = [spindle / "tests.parquet", "--machine", spindle / "machine.toml", "--memory", "--out", out, *responses]
+        given = [spindle / "tests.parquet", "--machine", spindle / "machine.toml", "--response", "Y1", "--memory", "--out", out]
         if exit_status(["select", *map(str, given)]) != 0:
             sys.exit("the study failed; its message stands above")
         return (out / "report.html").read_text(encoding="utf-8")

@@ -38,7 +38,7 @@ def demo(
     require_writable_folder(out, "--out")
     console = showing.screen()
     studies = {
-        "spindle46": Options(responses=("X1", "Y1", "Z"), memory=True),
+        "spindle46": Options(responses=("Y1",), memory=True),
         "patent8": Options(responses=("Z", "Y"), level=0.995, must=("T1", "T3"), tolerance=0.001),
     }
     measured = shipped("spindle46")
