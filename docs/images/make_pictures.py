@@ -23,7 +23,8 @@ def report() -> str:
     spindle = ROOT / "fixtures" / "spindle46"
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder, "study")
-        given = [spindle / "tests.parquet", "--machine", spindle / "machine.toml", "--response", "Y1", "--memory", "--out", out]
+        asked = ["--response", "Y1", "--memory", "--out", out]
+        given = [spindle / "tests.parquet", "--machine", spindle / "machine.toml", *asked]
         if exit_status(["select", *map(str, given)]) != 0:
             sys.exit("the study failed; its message stands above")
         return (out / "report.html").read_text(encoding="utf-8")
