@@ -56,6 +56,8 @@ fallback-contradicts [warning] a fallback is farther from the model than no corr
     → look at its terms with `selector model show`; make the model again, or take this fallback out
 limits-never-met [warning, error] limits of readings that a working sensor cannot meet
     → correct reading_min, reading_max or rate_limit_per_min of the input in the model file
+proof-against-it [warning] on unseen data an output of the model was no better than no model
+    → do not hand it to a control: leave this response out of `selector select`, or record what it lacks
 clamp-reached [warning] the clamp cuts off part of the correction
     → choose a larger clamp (--clamp), if the machine may be corrected so far
 output-not-finite [error] an output can overflow while every input is in its valid range

@@ -193,6 +193,7 @@ def _validation(selection: ProvenModel, name: str) -> Validation:
         rmse_um=model.rmse_um,
         heldout_rmse_um=proof.rmse_um(name),
         heldout_max_um=proof.max_um(name),
+        heldout_baseline_um=min(proof.baselines_um[name][way] for way in ("none", "mean")),
         r2=model.r2,
         adjusted_r2=model.adjusted_r2 if np.isfinite(model.adjusted_r2) else None,
         n_runs=len(selection.fit_per_run[name]),

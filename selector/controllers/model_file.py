@@ -213,6 +213,9 @@ class Validation(Closed):
     rmse_um: NonNegative | None = None
     heldout_rmse_um: NonNegative | None = None
     heldout_max_um: NonNegative | None = None
+    heldout_baseline_um: NonNegative | None = Field(
+        default=None, description="error (rms) of no compensation or of a constant on the same data, the smaller one"
+    )
     r2: Number | None = None
     adjusted_r2: Number | None = None
     n_runs: Annotated[int, Field(strict=True, ge=0)] | None = None

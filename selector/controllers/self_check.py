@@ -27,9 +27,22 @@ COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have an
 def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
     """Settings that are allowed, but hardly meant.
 
-    Findings ``break-code-in-valid-range``, ``limits-never-met``, ``slew-too-slow``.
+    Findings ``break-code-in-valid-range``, ``limits-never-met``, ``slew-too-slow``, ``proof-against-it``.
     """
-    return (*_break_codes(model), *_too_slow(model), *_never_met(model))
+    return (*_break_codes(model), *_too_slow(model), *_never_met(model), *_not_proved(model))
+
+
+def _not_proved(model: ModelFile) -> Iterator[Finding]:
+    for name, proof in model.validation.items():
+        error, without = proof.heldout_rmse_um, proof.heldout_baseline_um
+        if error is not None and without is not None and error >= without:
+            yield FINDINGS.finding(
+                "proof-against-it",
+                f"On data that it had not seen the model of {name} left {error:.3g} µm, no model or a constant "
+                f"{without:.3g} µm.",
+                Where(channel=name),
+                {"heldout_rmse_um": error, "without_um": without},
+            )
 
 
 def _break_codes(model: ModelFile) -> Iterator[Finding]:

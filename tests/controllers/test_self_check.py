@@ -18,6 +18,7 @@ from selector.controllers.model_file import (
     Output,
     OutputLimits,
     Term,
+    Validation,
     model_text,
     read_model,
     write_model,
@@ -248,3 +249,15 @@ def test_a_changed_guard_is_found_and_can_be_accepted(tmp_path, capsys):
     document["outputs"][0]["terms"][0]["coefficient"] *= 2.0
     path.write_text(json.dumps(document), encoding="utf-8")
     assert exit_status(["model", "check", str(path), "--accept"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("left_um", "without_um", "is_told"), [(7.0, 6.25, True), (6.0, 6.25, False), (7.0, None, False)]
+)
+def test_a_model_that_its_proof_speaks_against_says_so_wherever_it_goes(left_um, without_um, is_told):
+    proof = Validation(heldout_rmse_um=left_um, heldout_baseline_um=without_um)
+    model = with_vectors(rise_model(validation={"Z": proof}))
+    told = [one for one in model_findings(model) if one.id == "proof-against-it"]
+    assert [(one.level, one.where.channel, one.evidence) for one in told] == is_told * [
+        ("warning", "Z", {"heldout_rmse_um": left_um, "without_um": without_um})
+    ]
