@@ -213,6 +213,13 @@ def test_errors_stand_before_warnings_and_what_they_advise_comes_first():
     assert "What is done: this stretch is left out." in text
 
 
+def test_a_sensor_between_two_groups_concerns_the_groups():
+    between = Finding("between-groups", "info", "T2 stands between two groups.")
+    account = selection_account(dataclasses.replace(studies.small(), findings=(between,)))
+    parts = {section.id for section in account.sections if "between two groups" in str(section.blocks)}
+    assert parts == {"groups", "findings"}
+
+
 def test_nothing_is_loaded_from_anywhere(page):
     for tag, name, value in page.attributes:
         if name in ("src", "href", "action", "data", "poster", "srcset", "background", "formaction", "ping"):
