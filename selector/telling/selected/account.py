@@ -401,7 +401,7 @@ def selection_account(
     )
 
 
-#: Finding → the part of the page that it concerns; others concern the recordings.
+#: Finding → the part of the page that it concerns; those of other rooms concern the recordings.
 _CONCERNS = {
     id_: part
     for part, ids in {
@@ -411,6 +411,7 @@ _CONCERNS = {
         "anticorrelated-sensors between-groups",
         "model": "terms-that-help terms-not-used collinear-terms correlated-residuals influential-sample ridge "
         "dependent-columns constant-column samples-thinned",
+        "recordings": "incomplete-rows memory-goes-on run-without-displacement samples-lost sensor-missing",
     }.items()
     for id_ in ids.split()
 }
