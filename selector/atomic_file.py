@@ -207,7 +207,7 @@ def require_writable_folder(folder: Path, option: str, results: Iterable[str] = 
     """Finds out before long work whether `folder` can be made or written to; leaves nothing behind.
 
     Raises OptionError: it is a file, or its place cannot be written to; or a file that is not of this program stands in
-    the place of one of the `results` (names with the endings ``.json`` and ``.html``).
+    the place of one of the `results`: what ends in ``.html`` is a page, anything else JSON.
     """
     if folder.is_symlink() and not folder.exists():
         raise OptionError(
@@ -223,7 +223,7 @@ def require_writable_folder(folder: Path, option: str, results: Iterable[str] = 
             where=f"{option} {folder}",
             advice="choose another name",
         )
-    require_replaceable(folder, {name: _OURS[Path(name).suffix] for name in results}, option)
+    require_replaceable(folder, {name: _OURS.get(Path(name).suffix, _OURS[".json"]) for name in results}, option)
     place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
     try:
         with tempfile.TemporaryDirectory(dir=place):

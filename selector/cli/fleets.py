@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.progress import fleet_progress, progress_bar
 from selector.cli.shared.showing import AsJson
@@ -15,6 +16,7 @@ from selector.errors import CancelledError, OptionError
 
 if TYPE_CHECKING:
     from selector.fleet import Fleet, Workers
+    from selector.telling.account import Account
 
 FleetPath = Annotated[
     Path, typer.Argument(metavar="FLEET.toml", help="The machines, what is asked of them, and the results folder.")
@@ -62,10 +64,7 @@ def run(
         raise CancelledError(
             f"stopped. What is done is kept in {asked.results}; the same command goes on from there."
         ) from None
-    if as_json:
-        showing.print_json(answer.model_dump(by_alias=True))
-    else:
-        showing.show_account(showing.screen(), fleet_account(answer, title=_title(asked)))
+    _show(fleet_account(answer, title=_title(asked)), as_json=as_json)
 
 
 def watch(
@@ -84,16 +83,14 @@ def watch(
     from selector.telling import write_account
     from selector.telling.fleet import watch_account
 
+    if out is not None:
+        require_writable_folder(out.parent, "--out", (out.name,))
     asked = read_fleet(fleet)
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
+    _show(account, as_json=as_json)
     if out is not None:
         write_account(account, out)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_account(showing.screen(), account)
-    if out is not None:
         showing.show_written(showing.screen(as_json), out)
 
 
@@ -110,15 +107,14 @@ def report(
     from selector.telling import write_account
     from selector.telling.fleet import fleet_account
 
+    if out is not None:
+        require_writable_folder(out.parent, "--out", (out.name,))
     asked = read_fleet(fleet)
     answer = read_answer(asked.results)
     missing = [name for name in asked.studies if name not in answer.machines]
     account = fleet_account(answer, missing, title=_title(asked))
     page = write_account(account, out or asked.results / "fleet.html")
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_account(showing.screen(), account)
+    _show(account, as_json=as_json)
     showing.show_written(showing.screen(as_json), page)
 
 
@@ -142,19 +138,25 @@ def sisters(
     from selector.fleet import read_fleet, sisters_in
     from selector.telling.fleet import sisters_account
 
+    if out is not None:
+        require_writable_folder(out.parent, "--out", (out.name,))
     asked = read_fleet(fleet)
     with progress_bar(spoken=True) as say:
         answer, model = sisters_in(asked, machine, runs, say)
     account = sisters_account(answer, title=_title(asked))
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_account(showing.screen(), account)
+    _show(account, as_json=as_json)
     if out is not None and model is not None:
         write_model(model, out)
         showing.show_written(showing.screen(as_json), out)
     elif out is not None:
         showing.screen(as_json).print(f"{out} was not written: there is no model", markup=False)
+
+
+def _show(account: Account, *, as_json: bool) -> None:
+    if as_json:
+        showing.print_json(account.data)
+    else:
+        showing.show_account(showing.screen(), account)
 
 
 def _title(asked: Fleet) -> str:

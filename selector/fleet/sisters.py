@@ -315,7 +315,7 @@ class Sisters:
             or f"left out in turn, its sisters are predicted better than by {_runs(self.count)} of their own",
             sensors=() if shared is None else shared.recipe.sensors,
             shape=None if shared is None else str(shared.recipe.shape),
-            left_out={**left_out, **dict.fromkeys(few, "fewer than two runs with all sensors and displacements")},
+            left_out={**dict.fromkeys(few, "fewer than two runs with all sensors and displacements"), **left_out},
             responses=responses,
         )
 
@@ -348,13 +348,13 @@ class Sisters:
             )
         squares = self._squares()
         sisters = squares["sisters"]
-        others = ((squares["own"], f"what {known} of their own tell"), (squares["none"], "no correction at all"))
+        others = ((squares["own"], f"{known} of their own"), (squares["none"], "no correction at all"))
         for other, words in others:
             worse = any(least_fall(of, own) > 0.0 for own, of in zip(other, sisters, strict=True))
             if worse or least_fall(other.sum(axis=0), sisters.sum(axis=0)) <= 0.0:
                 return f"{judged} machines, left out in turn, are not predicted better, beyond chance, than by {words}"
         far = [name for name, one in responses.items() if one.distance > one.limit]
-        return f"what {known} show of {' and '.join(far)} is not like any of the others" if far else None
+        return f"in {known}, {' and '.join(far)} is not like that of any of the others" if far else None
 
     def model(self, answer: SistersAnswer) -> ModelFile:
         """The model file of the new machine, from all that is known of machines of its type."""
@@ -438,13 +438,18 @@ def sisters_in(
                 raise
             left_out[name] = str(error)
     pool = Pool.of(sources, machine, options_of(fleet.studies[machine], where=f"machine {machine}"))
+    roles = {one.name: one.role for one in pool.source.channels}
+    for name, source in sources.items():
+        known = {one.name for one in source.channels if roles.get(one.name) == one.role}
+        if lacking := {*pool.question.sensors, *pool.question.speeds, *pool.question.responses} - known:
+            left_out[name] = f"without {', '.join(sorted(lacking))}, or with another role of it"
     usable = len(pool.runs[machine])
     if not usable or (n_runs or 0) > usable:
         raise OptionError(
             f"{_runs(usable)} of {machine} in which the sensors and the displacement are there",
             expected=_runs(n_runs or 1),
             where=f"machine {machine}",
-            advice="record one more, or look with `selector describe` why a run cannot be used",
+            advice="record more, or look with `selector describe` why a run cannot be used",
         )
     found = Sisters.of(pool, [machine], n_runs or usable, say)
     answer = found.answer(machine, left_out)

@@ -151,8 +151,8 @@ class SimulationKind(ABC):
         """What the file describes."""
 
     def runs(self, model: Any) -> Sequence[str]:
-        """Names of its own runs; an empty one is called after the file that is written."""
-        return ("",)
+        """Names of its own runs, the `runs` of the model; without any, one that is called after the file."""
+        return tuple(getattr(model, "runs", ("",)))
 
     def require_options(  # noqa: B027
         self, file: Any, asked: Mapping[str, Any], *, driven: bool, report: bool
@@ -180,8 +180,8 @@ class SimulationKind(ABC):
         return ()
 
     def findings_after(self, done: Simulated, summary: Any) -> tuple[Finding, ...]:
-        """What is odd about what it did, beside what `planned` and `driven` say; `summary` is that of `summary`."""
-        return ()
+        """What is odd about what it did, beside what `planned` and `driven` say: the `findings` of its summary."""
+        return tuple(getattr(summary, "findings", ()))
 
     def summary(self, done: Simulated, progress: Progress) -> Any:
         """The numbers that are told of a simulation."""

@@ -55,10 +55,8 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
     """What is wrong with a recording: where, since when, with which numbers, and what will be left out.
 
     Of some `channels` only these are reported (and what concerns whole runs); the others still serve as siblings. The
-    findings are sorted by run, channel, time and id. Ids: ``gap``, ``clock-jump``, ``sensor-break``,
-    ``out-of-range``, ``wrong-unit``, ``stuck``, ``saturated``, ``spike``, ``step``, ``drifts-from-group``,
-    ``swapped-channels``, ``duplicate-channel``, ``few-values``, ``constant-channel``, ``empty-channel``, ``short-run``,
-    ``run-starts-warm``. O(samples · log samples of a run), and O(channels²) for the comparison of channels.
+    findings are sorted by run, channel, time and id; what they mean stands in `finding_table.py`. O(samples · log
+    samples of a run), and O(channels²) for the comparison of channels.
 
     Raises RecordingError: a name in `channels` is not in the recording.
     """

@@ -29,7 +29,6 @@ Count = Annotated[int, Field(strict=True, ge=0)]
 Names = tuple[str, ...]
 #: What stands in the document under the names of its fields.
 OfNumbers = BeforeValidator(lambda of: {name: float("nan") if value is None else value for name, value in of.items()})
-ByName = dict[str, Number]
 
 
 class Part(BaseModel):

@@ -183,9 +183,8 @@ def table(
 
 def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
     """Findings of these levels (all when none is given), the worst first."""
-    wanted = levels or _LEVELS
     ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
-    return tuple(_remark(one) for one in ordered if one.level in wanted)
+    return tuple(_remark(one) for one in ordered if one.level in (levels or _LEVELS))
 
 
 def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:

@@ -159,3 +159,10 @@ def test_links_to_nothing_are_not_replaced(folder, capfd, link):
     err = refused(capfd, "model.toml", "--out", where, "--report", "page.html")
     assert "a link to nowhere, which does not exist" in err
     assert Path(link).is_symlink()
+
+
+def test_one_run_goes_into_a_file_and_only_several_into_a_folder(folder, capfd):
+    told = refused(capfd, "model.toml", "--out", "simulated")
+    assert "a file that ends in .csv" in told
+    # circles of a ball-bar test and parts of a batch go into one without --inputs
+    assert "only several runs go into a folder" in told

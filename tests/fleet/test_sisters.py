@@ -62,6 +62,7 @@ def test_sisters_help_with_one_run_and_what_is_no_sister_is_told(plant, tmp_path
         "selector.fleet-sisters/1", "sisters", "new", ["r1"],
     )  # fmt: skip
     assert set(told["left_out"]) == {"without-T1", "once", "nothing"}
+    assert "T1" in told["left_out"]["without-T1"]
     z = told["responses"]["Z"]
     assert "millimetres" in z["alone"]
     assert set(z["alone"]) <= {"millimetres", "broken-run"}
@@ -134,6 +135,16 @@ def test_what_cannot_be_done_ends_with_2(plant, tmp_path, capsys, arguments, whe
     assert exit_status(["fleet", "sisters", str(path), *arguments, "--out", str(out)]) == 2
     assert where in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_what_is_read_is_not_replaced_by_the_model(plant, tmp_path, capsys):
+    path = fleet_of(plant, ["s0", "s1", "s2", "new"], tmp_path)
+    before, recording = path.read_bytes(), plant / "s0" / "r1.csv"
+    for out in (path, recording, plant / "s0", recording / "model.json"):
+        assert exit_status(["fleet", "sisters", str(path), "--machine", "new", "--out", str(out)]) == 2
+        assert "--out" in capsys.readouterr().err
+    assert path.read_bytes() == before
+    assert recording.read_bytes()[:1] != b"{"
 
 
 def test_memory_is_shared(plant, tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from selector.number_text import number_text
 from selector.telling.page import write_account
 from selector.telling.simulated import account_of
-from selector.telling.simulated.gauging import percent
+from selector.telling.simulated.gauging import percent, trade_off_table
 from selector.telling.simulated.gauging_pictures import size_density
 from tests.report import gaugings
 from tests.report.simulated import html
@@ -69,6 +70,16 @@ def test_a_process_that_is_as_good_as_it_can_be_is_left_alone():
     text = text_of(Page(html(gaugings.page("chain"))))
     assert "neither another filter nor another last threshold would make them much better" in text
     assert "none of 200 is out of tolerance" in text
+
+
+def test_thresholds_that_follow_the_parts_are_not_said_to_be_centred():
+    summary = gaugings.page("line").summary
+    assert {one.name for one in summary.settings} == {"present", "centred", "best-filter-centred"}
+    followed = [replace(one, name="uncorrected") if one.name == "centred" else one for one in summary.settings]
+    told = trade_off_table(replace(summary, settings=tuple(followed)))
+    assert [row[0] for row in told.rows] == ["as it is", "without correction by measured parts", "best filter"]
+    assert "centred" not in told.note
+    assert "centred" in trade_off_table(summary).note
 
 
 def test_what_was_recorded_is_told_first(page, kind):

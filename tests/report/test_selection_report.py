@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import hashlib
 import html
+import importlib
 import json
 import math
 import re
@@ -18,9 +19,11 @@ from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import design_matrix
 from selector.number_text import number_text
+from selector.quality.finding_table import FINDINGS as QUALITY
 from selector.telling.numbers import beside_text, given_text, listed, p_text, place_text, span_text, uncertain_text
 from selector.telling.origin import label_of
 from selector.telling.page import account_page
+from selector.telling.selected import account
 from selector.telling.selected.account import selection_account, write_report
 from selector.telling.selected.advice import advice, rmse_error_um
 from selector.telling.selected.formula import coefficient_rows, formula_text
@@ -211,6 +214,19 @@ def test_errors_stand_before_warnings_and_what_they_advise_comes_first():
     assert text.index(reasons) < text.index("An error.", text.index(reasons)) < text.index("A warning.")
     assert "day 2, 1 min to 1 h" in text
     assert "What is done: this stretch is left out." in text
+
+
+def test_a_sensor_between_two_groups_concerns_the_groups():
+    between = Finding("between-groups", "info", "T2 stands between two groups.")
+    told = selection_account(dataclasses.replace(studies.small(), findings=(between,)))
+    parts = {section.id for section in told.sections if "between two groups" in str(section.blocks)}
+    assert parts == {"groups", "findings"}
+
+
+def test_every_finding_of_a_selection_has_its_part_of_the_page():
+    tables = [importlib.import_module(f"selector.{room}.finding_table") for room in ("sensors", "models", "selection")]
+    own = {id_ for one in tables for id_ in one.FINDINGS} - set(QUALITY)
+    assert own - set(account._CONCERNS) == set()
 
 
 def test_nothing_is_loaded_from_anywhere(page):

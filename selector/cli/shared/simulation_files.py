@@ -57,7 +57,7 @@ def own_destination(
             f"{out.name!r}",
             expected="a file that ends in .csv",
             where="--out",
-            advice="name the recording, e.g. --out run1.csv; only --inputs writes a folder",
+            advice="name the recording, e.g. --out run1.csv; only several runs go into a folder",
         )
     return _checked(Destination({runs[0] or out.stem or "simulation": out}, _beside(out)), report, read)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from selector.errors import OptionError
@@ -45,10 +45,6 @@ class DriveKind(SimulationKind):
         from selector.physics.drive.drive_model import drive_model
 
         return drive_model(file, columns)
-
-    def runs(self, model: Any) -> Sequence[str]:
-        """One, or one for each circle."""
-        return tuple(model.runs)
 
     def require_options(self, file: Any, asked: Mapping[str, Any], *, driven: bool, report: bool) -> None:
         """An open loop needs a recorded output."""

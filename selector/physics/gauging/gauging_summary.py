@@ -117,6 +117,13 @@ def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> 
     off_um = sizes.mean_um - model.setup.wanted_um
     if abs(off_um) <= max(mattering_um(model), _ERRORS * sizes.mean_error_um):
         return
+    advice = "no last threshold centres them: look at the stages, the reach of the gauge and the filter"
+    if model.values.correction is not None:
+        advice = "correct by a larger share: thresholds follow the parts too slowly"
+    elif centred is not None:
+        advice = (
+            f"set {volts_text(centred)}: parts that are ground with it are off by {centred.bias_um:.2g} µm on average"
+        )
     yield FINDINGS.finding(
         "sizes-off-what-is-wanted",
         f"Parts come out {abs(off_um):.3g} µm {'larger' if off_um > 0 else 'smaller'} than wanted, on average.",
@@ -126,9 +133,7 @@ def _off(model: GaugingModel, sizes: FinishedSizes, centred: Setting | None) -> 
             "centred_v": None if centred is None else centred.threshold_v,
             "left_um": None if centred is None else centred.bias_um,
         },
-        suggestion="no last threshold centres them: look at the stages, the reach of the gauge and the filter"
-        if centred is None
-        else f"set {volts_text(centred)}: parts that are ground with it are off by {centred.bias_um:.2g} µm on average",
+        suggestion=advice,
     )
 
 
@@ -148,6 +153,8 @@ def _capability(
         advice = "dress more often and set the gauge again for its worn tip: most of the spread is between parts"
     else:
         advice = "no filter makes it capable: feed slower in the last stage, steady the feed, lower the noise"
+        if model.values.correction is not None:
+            advice += ", or correct by a smaller share"
     yield FINDINGS.finding(
         "low-capability",
         f"Cpk is {known.cpk:.3g} ({known.cpk_low:.3g} to {known.cpk_high:.3g}), below {CAPABLE:g}: "

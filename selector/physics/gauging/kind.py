@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from selector.physics.simulation_kind import Columns, Progress, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
-    from selector.findings import Finding
     from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
@@ -44,10 +43,6 @@ class GaugingKind(SimulationKind):
 
         return gauging_model(file)
 
-    def runs(self, model: Any) -> Sequence[str]:
-        """One for each part."""
-        return tuple(model.runs)
-
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The parts that the file describes."""
         done = model.simulation(run=run, seed=how.seed, progress=how.progress)
@@ -74,7 +69,3 @@ class GaugingKind(SimulationKind):
 
         progress(0, 1, "sizes and filters")
         return gauging_summary(done.model, done.details, progress=progress)
-
-    def findings_after(self, done: Simulated, summary: Any) -> tuple[Finding, ...]:
-        """What the numbers tell."""
-        return tuple(summary.findings)

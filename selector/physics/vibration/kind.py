@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from selector.physics.simulation_kind import Columns, Progress, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
-    from selector.findings import Finding
     from selector.physics.model_text import ModelFamily
     from selector.recording import Recording
 
@@ -70,7 +69,3 @@ class VibrationKind(SimulationKind):
 
         progress(0, 1, "modes, lines and errors")
         return vibration_summary(done.model, done.details)
-
-    def findings_after(self, done: Simulated, summary: Any) -> tuple[Finding, ...]:
-        """What the numbers tell."""
-        return tuple(summary.findings)

@@ -401,16 +401,17 @@ def selection_account(
     )
 
 
-#: Finding → the part of the page that it concerns; others concern the recordings.
+#: Finding → the part of the page that it concerns; those of other rooms concern the recordings.
 _CONCERNS = {
     id_: part
     for part, ids in {
         "proof": "regimes one-run-only few-runs runs-left-out-in-groups no-better-than-nothing runs-not-proved "
         "one-part-unlike-the-others choice-at-limit target-missed runs-outside-the-others unstable-choice",
         "groups": "chaining round-without-effect constant-must constant-sensor duplicate-sensors "
-        "anticorrelated-sensors",
+        "anticorrelated-sensors between-groups",
         "model": "terms-that-help terms-not-used collinear-terms correlated-residuals influential-sample ridge "
         "dependent-columns constant-column samples-thinned",
+        "recordings": "incomplete-rows memory-goes-on run-without-displacement samples-lost sensor-missing",
     }.items()
     for id_ in ids.split()
 }

@@ -175,9 +175,11 @@ def capability_table(one: Capability) -> Table:
 
 def trade_off_table(summary: GaugingSummary) -> Table:
     """Filter and thresholds as they are, and what others give."""
+    # thresholds that follow the parts are not centred
+    follow = UNCORRECTED in {one.name for one in summary.settings}
     rows = [
         (
-            SETTINGS[one.name],
+            "best filter" if follow and one.name == BEST_CENTRED else SETTINGS[one.name],
             number_text(1e3 * one.time_constant_s),
             volts_text(one),
             uncertain_text(one.bias_um, one.bias_error_um, least=0),
@@ -188,8 +190,9 @@ def trade_off_table(summary: GaugingSummary) -> Table:
     ]
     note = (
         f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
-        "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one. "
-        "A centred threshold is moved until the mean is as wanted."
+        "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one."
+        + " A centred threshold is moved until the mean is as wanted."
+        * (not follow)
     )
     if summary.filters:
         ends = (summary.filters[0], summary.filters[-1])
@@ -283,7 +286,8 @@ def _advice(summary: GaugingSummary) -> list[str]:
             f"a filter of {ms_text(narrower.time_constant_s)} in place of {ms_text(present.time_constant_s)}, with "
             f"{_thresholds(narrower)}, would narrow the spread to {number_text(narrower.sd_um, 2)} µm (simulated)"
         )
-    first, *more = found or ["neither another filter nor another last threshold would make them much better"]
+    thing = "no other filter" if UNCORRECTED in by_name else "neither another filter nor another last threshold"
+    first, *more = found or [f"{thing} would make them much better"]
     return [first, *(f"{one[0].upper()}{one[1:]}." for one in more)]
 
 

@@ -296,3 +296,12 @@ def test_a_correction_is_told_beside_what_the_same_thresholds_give_without_it():
     eq_23_v = followed.gauge.bias_v + followed.gauge.gain_v_per_um * 2.0 * best.time_constant_s
     assert best.threshold_v == pytest.approx(eq_23_v, abs=1e-4)
     assert len(followed.sizes.size_um) % 60 == 0
+
+
+def test_of_a_correction_that_follows_too_slowly_a_larger_share_is_advised():
+    worn = changed(LINEAR, ("grinding.probe_wear_um_per_part", 0.05), ("run.parts", 60), TOLERANCE)
+    off = told(of(worn, ("correction", {"share": 0.02})))["sizes-off-what-is-wanted"]
+    # no threshold was looked for, so that none can be said not to be there
+    assert off.evidence["centred_v"] is None
+    assert "larger share" in off.suggestion
+    assert "no last threshold" not in off.suggestion

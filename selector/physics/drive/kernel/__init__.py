@@ -1,1 +1,1 @@
-"""The compiled simulation of an axis, and its slow twin."""
+"""The compiled simulation of an axis; its slow, plain twin stands beside its tests."""
