@@ -102,8 +102,8 @@ def report(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Makes one page about all machines from the results folder: errors, sensors, reasons, the worst first."""
-    from selector.fleet import read_answer, read_fleet
+    """Makes one page from the results folder: what to do this week, all machines, sensor places that serve all."""
+    from selector.fleet import overview, read_answer, read_fleet
     from selector.telling import write_account
     from selector.telling.fleet import fleet_account
 
@@ -112,7 +112,7 @@ def report(
     asked = read_fleet(fleet)
     answer = read_answer(asked.results)
     missing = [name for name in asked.studies if name not in answer.machines]
-    account = fleet_account(answer, missing, title=_title(asked))
+    account = fleet_account(answer, missing, title=_title(asked), beside=overview(asked.results, answer))
     page = write_account(account, out or asked.results / "fleet.html")
     _show(account, as_json=as_json)
     showing.show_written(showing.screen(as_json), page)

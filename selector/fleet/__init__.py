@@ -2,6 +2,7 @@
 
 from selector.fleet.fleet_file import Fleet, read_fleet
 from selector.fleet.machine_study import Answer, Refit, answered, key_of
+from selector.fleet.overview import Overview, overview
 from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
 from selector.fleet.sisters import SistersAnswer, sisters_in
 from selector.fleet.watching import FleetWatch, WatchedMachine, watch_fleet
@@ -14,6 +15,7 @@ __all__ = [
     "Fleet",
     "FleetAnswer",
     "FleetWatch",
+    "Overview",
     "Processes",
     "Refit",
     "SistersAnswer",
@@ -21,6 +23,7 @@ __all__ = [
     "Workers",
     "answered",
     "key_of",
+    "overview",
     "read_answer",
     "read_fleet",
     "run_fleet",

@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from selector.adaptation.still_true import FEWEST_KNOWN, Chart, charted
+from selector.atomic_file import write_whole
 from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
 from selector.errors import InputError, ResultError
@@ -19,6 +20,7 @@ from selector.fleet.later_runs import by_age, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer
 from selector.fleet.places import local_paths
 from selector.fleet.running import has_model, read_answer
+from selector.json_text import json_text
 from selector.readers import read
 from selector.readers.files import recording_files
 from selector.study.applied import applied
@@ -26,6 +28,7 @@ from selector.study.asked import overrides_of
 from selector.study.inputs import sha256_of
 from selector.study.study_file import Study
 
+WATCH_FILE = "watch.json"  #: In the results folder: what the last watch found.
 #: Of a machine, in the mean, as long as nothing changes: eight years with a recording a day.
 RUNS_BETWEEN_ALARMS = 3000.0
 
@@ -68,7 +71,7 @@ class FleetWatch(Document):
 
 
 def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], None] | None = None) -> FleetWatch:
-    """Every machine's model on the recordings that it was not made of.
+    """Every machine's model on the recordings that it was not made of; kept in the results folder.
 
     Raises ResultError: the fleet was never run.
     """
@@ -88,7 +91,9 @@ def watch_fleet(fleet: Fleet, tell: Callable[[str, WatchedMachine, int, int], No
                 found[name] = WatchedMachine(status="failed", error=said, key=answer.key)
         if tell is not None:
             tell(name, found[name], len(found), len(fleet.studies))
-    return FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)
+    watch = FleetWatch(alarms=sum(one.status == "alarm" for one in found.values()), machines=found)
+    write_whole(fleet.results / WATCH_FILE, (json_text(watch.model_dump(by_alias=True)) + "\n").encode("utf-8"))
+    return watch
 
 
 def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:

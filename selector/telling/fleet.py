@@ -2,16 +2,20 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from statistics import median
+from typing import Any
 
-from selector.fleet import Answer, FleetAnswer, FleetWatch, SistersAnswer
+from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
 from selector.number_text import number_text
-from selector.telling.account import Account, Captioned, Table, section, sections, table
+from selector.telling.account import Account, Captioned, Items, Table, section, sections, table
 from selector.telling.numbers import NONE
 
 
-def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: str = "Fleet") -> Account:
-    """All that is told of a fleet; `missing` are machines that have no answer yet."""
+def fleet_account(
+    answer: FleetAnswer, missing: Sequence[str] = (), *, title: str = "Fleet", beside: Overview | None = None
+) -> Account:
+    """All that is told of a fleet; `missing` are machines without an answer yet, `beside` what lies in its results."""
     failed = [name for name, one in answer.machines.items() if one.status == "failed"]
     n, right = len(answer.machines) + len(missing), answer.done + answer.reused
     again = f", {answer.reused} of them from an earlier run" if answer.reused else ""
@@ -31,8 +35,18 @@ def fleet_account(answer: FleetAnswer, missing: Sequence[str] = (), *, title: st
         verdict="bad" if failed or absent else "good" if not missing else "plain",
         sentences=tuple(sentences),
         sections=sections(
-            section("machines", "Machines, the worst first", Captioned("", _table(answer, missing)), link="Machines"),
-            section("sensors", "Sensors over the fleet", *_sensors(answer), link="Sensors"),
+            None
+            if beside is None
+            else section(
+                "next", "What to do this week", Items(tuple(_to_do(answer, missing, beside))), link="This week"
+            ),
+            section(
+                "machines",
+                "Machines, the worst first",
+                Captioned("", _table(answer, missing, beside or Overview())),
+                link="Machines",
+            ),
+            section("sensors", "Sensors over the fleet", *_serving(beside), *_sensors(answer), link="Sensors"),
         ),
         data=answer.model_dump(by_alias=True),
     )
@@ -130,8 +144,7 @@ def _watched(watch: FleetWatch) -> Table:
 def _readings(watch: FleetWatch) -> list[Captioned]:
     rows = []
     for name, one in watch.machines.items():
-        gravest = sorted(one.findings, key=lambda finding: finding["level"] != "error")[:1]
-        rows += [(name, finding["statement"], str(len(one.findings))) for finding in gravest]
+        rows += [(name, _gravest(one.findings)["statement"], str(len(one.findings)))] if one.findings else []
     note = "The gravest finding of each machine; --json has all."
     return [Captioned("", table(("machine", "what", ">findings"), rows, note))] if rows else []
 
@@ -140,32 +153,116 @@ def _machines(n: int) -> str:
     return f"{n} machine{'s' * (n != 1)}"
 
 
-def _table(answer: FleetAnswer, missing: Sequence[str]) -> Table:
-    responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
+_UNLIKE = 2.0  #: Times the median error of the fleet from which a machine is worth a look.
+_MOST_LOOKED_AT = 5
+_BARS = "▁▂▃▄▅▆▇█"
+
+
+def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Iterator[str]:
+    """What somebody can do, the most urgent first."""
+    watched = {} if beside.watch is None else beside.watch.machines
+    for name, one in watched.items():
+        for response, of in one.responses.items():
+            if of.alarm is not None:
+                yield f"{name}: {_CHANGED[of.alarm]} in {response} since {of.since}. Look at gauge, sensors and setup."
+    for name, one in watched.items():
+        if one.status != "alarm" and any(finding["level"] == "error" for finding in one.findings):
+            yield f"{name}: {_gravest(one.findings)['statement']}"
+    unwell = [(name, one.error) for name, one in answer.machines.items() if one.status in _UNWELL]
+    yield from (f"{name}: {error}" for name, error in unwell[:_MOST_LOOKED_AT])
+    if len(unwell) > _MOST_LOOKED_AT:
+        yield f"{len(unwell) - _MOST_LOOKED_AT} more machines without an answer stand in the table."
+    if missing:
+        yield f"Go on with `selector fleet run`: {_machines(len(missing))} had no turn yet."
+    worst = [name for name in _by_error(answer) if _relative(answer).get(name, 0.0) > _UNLIKE][:_MOST_LOOKED_AT]
+    if worst:
+        yield (
+            f"Record more runs, and other ones, on {', '.join(worst)}: the error on unseen runs is more than "
+            f"{_UNLIKE:g} times that of most machines."
+        )
+    quiet = sum(one.status == "nothing-new" for one in watched.values())
+    if quiet:
+        yield f"Record the displacement now and then: nothing new of {_machines(quiet)} since its model was made."
+    if beside.watch is None:
+        yield "`selector fleet watch` says which models are no longer true; nobody has asked it yet."
+
+
+def _relative(answer: FleetAnswer) -> dict[str, float]:
+    """Machine → its largest error on unseen runs, each response in parts of the fleet's median."""
+    errors: dict[str, dict[str, float]] = {}
+    for name, one in answer.machines.items():
+        for response, error in one.heldout_rmse_um.items():
+            if error:
+                errors.setdefault(response, {})[name] = error
+    found: dict[str, float] = {}
+    for of in errors.values():
+        usual = median(of.values())
+        for name, error in of.items():
+            found[name] = max(found.get(name, 0.0), error / usual)
+    return found
+
+
+def _by_error(answer: FleetAnswer) -> list[str]:
+    """Machines, failed ones first, then by their largest error on unseen runs."""
 
     def rank(item: tuple[str, Answer]) -> tuple[bool, float]:
         return item[1].status not in _UNWELL, -max((e for e in item[1].heldout_rmse_um.values() if e), default=math.inf)
 
-    ordered = sorted(answer.machines.items(), key=rank)
+    return [name for name, _ in sorted(answer.machines.items(), key=rank)]
+
+
+def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Table:
+    responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
+    ordered = [(name, answer.machines[name]) for name in _by_error(answer)]
+    watched = {} if beside.watch is None else beside.watch.machines
     rows = [
         (
             name,
             one.status,
-            *(_error(one.heldout_rmse_um.get(response)) for response in responses),
+            *(
+                f"{_error(one.heldout_rmse_um.get(response))} {_bars(beside.by_run_um.get(name, {}).get(response, ()))}"
+                for response in responses
+            ),
             ", ".join(one.sensors) or NONE,
-            f"{one.seconds:.1f}",
+            _STATES[watched[name].status] if name in watched else NONE,
             one.error or ("" if one.refit is None else f"{one.outcome}: {one.refit.because}"),
         )
         for name, one in ordered
     ]
     rows += [(name, "no turn yet", *(NONE for _ in responses), NONE, NONE, "") for name in missing]
     return table(
-        ("machine", "status", *(f">{name}, unseen [µm]" for name in responses), "sensors", ">seconds", "reason"),
+        ("machine", "status", *(f"{name}, unseen [µm]" for name in responses), "sensors", "last watch", "reason"),
         rows,
-        "Failed ones first, then by the largest root mean square error on unseen runs. An answer lies in the folder "
-        "that is called by its key.",
-        marked=[i for i, (_, one) in enumerate(ordered) if one.status in _UNWELL],
+        "Failed ones first, then by the largest root mean square error on unseen runs. Bars: this error run by run, "
+        "the highest of a machine is full. An answer lies in the folder that is called by its key.",
+        marked=[i for i, (name, one) in enumerate(ordered) if one.status in _UNWELL or _has_alarm(watched.get(name))],
     )
+
+
+def _bars(errors: Sequence[float]) -> str:
+    """Numbers as a small row of bars; of many the last ones."""
+    top = max(errors, default=0.0)
+    return "".join(_BARS[min(int(len(_BARS) * error / top), len(_BARS) - 1)] for error in errors[-24:]) if top else ""
+
+
+def _has_alarm(one: WatchedMachine | None) -> bool:
+    return one is not None and one.status == "alarm"
+
+
+def _gravest(findings: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    return min(findings, key=lambda finding: finding["level"] != "error")
+
+
+def _serving(beside: Overview | None) -> list[Captioned]:
+    """The places that serve all machines, as a list that may be cut anywhere."""
+    if beside is None or not beside.serving:
+        return []
+    rows = [(str(k + 1), name, str(served)) for k, (name, served) in enumerate(beside.serving)]
+    note = (
+        "With the places down to a row, so many machines have all sensors of a set that is about as good as their "
+        "best. Sensors of one name are taken for the same place. A greedy choice: few places, not surely the fewest."
+    )
+    return [Captioned("Places for all", table((">places", "sensor to add", ">machines served"), rows, note))]
 
 
 def _sensors(answer: FleetAnswer) -> list[Captioned]:

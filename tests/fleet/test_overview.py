@@ -1,0 +1,109 @@
+"""The page of a fleet: errors run by run, what the last watch found, places that serve all, what to do this week."""
+
+import json
+
+import pytest
+
+from selector.cli import exit_status
+from selector.fleet import read_answer, read_fleet
+from selector.fleet.overview import overview, serving
+from selector.fleet.watching import WATCH_FILE
+from selector.telling.fleet import fleet_account
+from tests.fleet.machines import changed, fleet_file, machine
+
+
+def sets(*several):
+    return [frozenset(one.split()) for one in several]
+
+
+def test_places_that_serve_all_come_one_after_the_other():
+    of = {"a": sets("T1 T2", "T1 T3"), "b": sets("T3 T4", "T1 T3"), "c": sets("T3"), "d": sets("T5 T6")}
+    found = serving(of)
+    names, served = [name for name, _ in found], [count for _, count in found]
+    assert names[:2] == ["T3", "T1"]
+    assert served[:2] == [1, 3]
+    assert set(names[2:]) == {"T5", "T6"}
+    assert served[-1] == 4
+
+
+def test_few_machines_or_none_are_served_too():
+    assert serving({}) == ()
+    assert serving({"a": []}) == ()
+    assert serving({"a": sets("T2")}) == (("T2", 1),)
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    """Five machines: one much worse than the others, one broken, one whose gauge has moved since."""
+    folder = tmp_path_factory.mktemp("fleet")
+    for k in range(4):
+        machine(folder / f"m{k}", 20 + k, n_runs=8)
+    changed(
+        folder / "m1",
+        range(1, 9),
+        lambda table: table.__setitem__("Z [um]", 30 * table["Z [um]"].sample(frac=1, random_state=1).to_numpy()),
+    )
+    (folder / "m4").mkdir()
+    (folder / "m4" / "r1.csv").write_text("nothing\n", encoding="utf-8")
+    names = "".join(f'm{k} = "m{k}"\n' for k in range(5))
+    path = fleet_file(folder, f"[machines]\n{names}[select]\nresponses = ['Z']\nmax_sensors = 2\n")
+    assert exit_status(["fleet", "run", str(path), "--jobs", "1"]) == 0
+    return path
+
+
+def told(path):
+    asked = read_fleet(path)
+    answer = read_answer(asked.results)
+    return fleet_account(answer, beside=overview(asked.results, answer))
+
+
+def block(account, id_):
+    return next(section for section in account.sections if section.id == id_).blocks
+
+
+def test_what_to_do_names_the_broken_and_the_worst_and_asks_for_a_watch(fleet):
+    items = block(told(fleet), "next")[0].items
+    assert items[0].startswith("m4: ")
+    assert "on m1:" in items[1]
+    assert "fleet watch" in items[-1]
+
+
+def test_the_table_has_errors_run_by_run(fleet):
+    asked = read_fleet(fleet)
+    beside = overview(asked.results, read_answer(asked.results))
+    for name in ("m0", "m2", "m3"):
+        proved = json.loads(
+            next(asked.results.glob(f"{read_answer(asked.results).machines[name].key}/selection.json")).read_text(
+                encoding="utf-8"
+            )
+        )
+        runs = [one["heldout_rmse_um"] for one in proved["models"]["Z"]["per_run"].values()]
+        assert beside.by_run_um[name]["Z"] == tuple(runs)
+    assert "m4" not in beside.by_run_um
+    rows = {row[0]: row for row in block(told(fleet), "machines")[0].table.rows}
+    assert len(rows["m0"][2].split()[1]) == 8
+    assert "█" in rows["m0"][2]
+    assert beside.serving[-1][1] == 4
+
+
+def test_the_last_watch_is_kept_and_comes_first(fleet, tmp_path):
+    folder = fleet.parent
+    for run in range(9, 15):
+        extra = machine(tmp_path / "more", 22, n_runs=run)
+        (folder / "m2" / f"r{run}.csv").write_bytes((extra / f"r{run}.csv").read_bytes())
+    changed(folder / "m2", range(9, 15), lambda table: table.__setitem__("Z [um]", table["Z [um]"] * 1.8))
+    assert exit_status(["fleet", "watch", str(fleet)]) == 0
+    assert (read_fleet(fleet).results / WATCH_FILE).exists()
+    items = block(told(fleet), "next")[0].items
+    assert items[0].startswith("m2: ")
+    rows = {row[0]: row for row in block(told(fleet), "machines")[0].table.rows}
+    assert rows["m2"][-2] == "no longer as it was"
+    assert rows["m4"][-2] == "without a model"
+    assert exit_status(["fleet", "report", str(fleet)]) == 0
+    assert "What to do this week" in (read_fleet(fleet).results / "fleet.html").read_text(encoding="utf-8")
+
+
+def test_a_watch_of_something_else_is_none(fleet):
+    asked = read_fleet(fleet)
+    (asked.results / WATCH_FILE).write_text("{}", encoding="utf-8")
+    assert overview(asked.results, read_answer(asked.results)).watch is None
