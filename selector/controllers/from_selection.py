@@ -188,12 +188,13 @@ def _limits(selection: ProvenModel, name: str) -> OutputLimits:
 
 def _validation(selection: ProvenModel, name: str) -> Validation:
     model, proof = selection.models[name], selection.proof
+    ways = proof.baselines_um.get(name, {})
     return Validation(
         method=f"leave-one-{proof.left_out}-out, sensors and terms chosen inside each fold",
         rmse_um=model.rmse_um,
         heldout_rmse_um=proof.rmse_um(name),
         heldout_max_um=proof.max_um(name),
-        heldout_baseline_um=min(proof.baselines_um[name][way] for way in ("none", "mean")),
+        heldout_baseline_um=min((ways[way] for way in ("none", "mean") if way in ways), default=None),
         r2=model.r2,
         adjusted_r2=model.adjusted_r2 if np.isfinite(model.adjusted_r2) else None,
         n_runs=len(selection.fit_per_run[name]),
