@@ -77,7 +77,7 @@ def test_an_input_is_never_replaced(tmp_path):
     recording.write_text("mine", encoding="utf-8")
     (tmp_path / "sub").mkdir()
     # the same file under another name
-    with pytest.raises(OptionError, match="one of the inputs"):
+    with pytest.raises(OptionError, match="inputs"):
         refuse_to_replace_input(tmp_path / "sub" / ".." / "r1.csv", [recording], "--out")
     refuse_to_replace_input(tmp_path / "new.csv", [recording], "--out")
 
@@ -152,7 +152,7 @@ def test_what_another_program_wrote_is_not_replaced(tmp_path):
     (tmp_path / "report.html").write_text("<html>mine", encoding="utf-8")
     (tmp_path / "model.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
     require_writable_folder(tmp_path, "--out", ["model.json", "selection.json"])
-    with pytest.raises(OptionError, match=r"report\.html in .*did not write"):
+    with pytest.raises(OptionError, match=r"^[^,]*report\.html in "):
         require_writable_folder(tmp_path, "--out", ["model.json", "report.html"])
 
 

@@ -96,7 +96,7 @@ def test_the_command_prints_the_contract_and_a_page(watched, capsys, tmp_path):
 
 def test_a_fleet_that_was_never_run_has_nothing_to_watch(tmp_path):
     fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"'))
-    with pytest.raises(ResultError, match="run the fleet first"):
+    with pytest.raises(ResultError, match="fleet"):
         watch_fleet(fleet)
 
 
