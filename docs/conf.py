@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 import re
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 
 import selector
@@ -47,6 +49,11 @@ copybutton_prompt_text = r"\$ |>>> |\.\.\. "
 copybutton_prompt_is_regexp = True
 copybutton_line_continuation_character = "\\"
 
+_FOREIGN = {
+    "None", "annotated_types", "bool", "bytes", "collections", "complex", "dict", "float", "int", "list", "numpy",
+    "pathlib", "plotly", "pydantic", "scipy", "str", "tuple", "typing",
+}  # fmt: skip
+
 html_theme = "furo"
 html_title = f"selector {release}"
 html_show_sourcelink = False
@@ -82,6 +89,14 @@ def _without_note(_app: Sphinx, obj: object, _bound_method: bool) -> None:
         obj.__func__.__dict__.pop("__signature__", None)
 
 
+def _without_dead_links(_app: Sphinx, page: nodes.document) -> None:
+    """Types of Python and of other packages lead nowhere; Sphinx would compare each with every name of this one."""
+    for link in list(page.findall(addnodes.pending_xref)):
+        is_foreign = link.get("refdomain") == "py" and link["reftarget"].partition(".")[0] in _FOREIGN
+        if is_foreign and len(link) == 1 and not isinstance(link[0], addnodes.pending_xref_condition):
+            link.replace_self(link[0])
+
+
 def _escaped(found: re.Match[str]) -> str:
     return "".join(f"\\{letter}" for letter in found[0])
 
@@ -91,3 +106,4 @@ def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-docstring", _plain_docstring, priority=600)
     app.connect("autodoc-process-signature", _short_signature)
     app.connect("autodoc-before-process-signature", _without_note, priority=900)
+    app.connect("doctree-read", _without_dead_links)

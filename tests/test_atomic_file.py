@@ -77,7 +77,7 @@ def test_an_input_is_never_replaced(tmp_path):
     recording.write_text("mine", encoding="utf-8")
     (tmp_path / "sub").mkdir()
     # the same file under another name
-    with pytest.raises(OptionError, match="one of the inputs"):
+    with pytest.raises(OptionError, match="inputs"):
         refuse_to_replace_input(tmp_path / "sub" / ".." / "r1.csv", [recording], "--out")
     refuse_to_replace_input(tmp_path / "new.csv", [recording], "--out")
 
@@ -86,7 +86,7 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(tmp_path):
     require_writable_folder(tmp_path / "new" / "deep", "--out")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "file").write_text("mine", encoding="utf-8")
-    with pytest.raises(OptionError, match="a file of this name"):
+    with pytest.raises(OptionError, match="file"):
         require_writable_folder(tmp_path / "file", "--out")
 
 
@@ -152,12 +152,12 @@ def test_what_another_program_wrote_is_not_replaced(tmp_path):
     (tmp_path / "report.html").write_text("<html>mine", encoding="utf-8")
     (tmp_path / "model.json").write_text('{"schema": "selector.model/1"}', encoding="utf-8")
     require_writable_folder(tmp_path, "--out", ["model.json", "selection.json"])
-    with pytest.raises(OptionError, match=r"report\.html in .*did not write"):
+    with pytest.raises(OptionError, match=r"^[^,]*report\.html in "):
         require_writable_folder(tmp_path, "--out", ["model.json", "report.html"])
 
 
 def test_a_link_to_nowhere_is_called_one(tmp_path):
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "gone")
-    with pytest.raises(OptionError, match="a link that leads nowhere"):
+    with pytest.raises(OptionError, match="link"):
         require_writable_folder(link, "--out")

@@ -34,7 +34,7 @@ def test_courses_and_difference_with_a_spike_of_one_sample():
     assert difference.x[int(np.argmax(difference.y))] == pytest.approx(12.345, rel=1e-6)
     assert [drawn.layout[axis].title.text for axis in ("yaxis", "yaxis2")] == ["course [mm]", "difference [µm]"]
     # 1 everywhere and 41 once: √(1 + (41² − 1)/20 001)
-    assert "differ by 1.04 µm rms, at most 41.0 µm (after 12.3 s)" in title_text(drawn)
+    assert all(said in title_text(drawn) for said in ("1.04 µm rms", "41.0 µm", "12.3 s"))
 
 
 def test_units_of_other_channels():

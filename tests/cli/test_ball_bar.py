@@ -65,4 +65,4 @@ def test_one_direction_is_not_enough(tmp_path, capsys):
     path = tmp_path / "one.csv"
     path.write_text("angle_deg,deviation_um\n" + "".join(f"{a},{a % 7}\n" for a in range(360)), encoding="utf-8")
     assert exit_status(["ballbar", str(path), "--radius", "100", "--feed", "1000"]) == 2
-    assert "give both directions" in capsys.readouterr().err
+    assert "both directions" in capsys.readouterr().err

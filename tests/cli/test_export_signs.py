@@ -88,10 +88,11 @@ def test_trust_is_told(tmp_path, capsys):
 def test_what_to_do_about_the_other_sign_is_never_the_same_again(target):
     model = read_model(PATENT)
     straight = TARGETS[target].write(model).sign_test.wrong
-    assert straight.startswith("of Z, Y: export again with --invert")
+    assert straight.startswith("of Z, Y: ")
+    assert "--invert" in straight
     mixed = TARGETS[target].write(with_turned_signs(model, ["Z"])).sign_test.wrong
-    assert "of Y: export again with --invert" in mixed
-    assert "of Z: it is turned already" in mixed
+    assert re.search(r"\bof Y: [^;.]*--invert", mixed)
+    assert re.search(r"\bof Z: [^;.]*already", mixed)
 
 
 def test_kept_readings_are_as_good_with_the_other_sign():
@@ -107,7 +108,7 @@ def test_kept_readings_are_as_good_with_the_other_sign():
 def test_show_tells_the_sign(tmp_path, capsys):
     write_model(with_turned_signs(read_model(PATENT), ["Y"]), tmp_path / "turned.json")
     assert exit_status(["model", "show", str(tmp_path / "turned.json")]) == 0
-    assert "sign of Y: turned round" in capsys.readouterr().out
+    assert "Y: turned" in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -129,11 +130,11 @@ def test_no_limits_are_promised_where_there_are_none(drive, tmp_path, capsys):
     page = re.sub("<[^>]*>", " ", (out / "commissioning.html").read_text(encoding="utf-8").split("<script>")[0])
     for promise in ("largest correction of", "when a sensor breaks", "is limited to it", "Warming a sensor by hand"):
         assert promise not in page
-    assert "This control has none of them" in page
+    assert "none of them" in page
     assert "This is not a safety function." in page
     for option in ("--clamp", "--slew"):
         said = refused(capsys, drive, "--for", "rexroth", "--out", tmp_path / "other", option, "Z=20")
-        assert "neither a clamp nor a slew limit" in said
+        assert option in said
     assert not (tmp_path / "other").exists()
 
 

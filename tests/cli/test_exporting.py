@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,7 @@ def test_python_with_a_replay(tmp_path, capsys):
     assert {"limit-not-decided", "sign-unverified"} <= {finding["id"] for finding in said["findings"]}
     page = (out / "commissioning.html").read_text(encoding="utf-8")
     assert "SIGN UNVERIFIED" in page
-    assert "every bit is the same" in page
+    assert "every bit" in page
     assert "http://" not in page.split("<script>")[0]
 
 
@@ -55,7 +56,7 @@ def test_c_with_a_replay_for_people(tmp_path, capsys):
     )  # fmt: skip
     assert status == 0
     said = capsys.readouterr().out
-    assert "every bit is the same" in said
+    assert "every bit" in said
     assert "sign-unverified" not in said
     assert "limit-not-decided" not in said
     assert "UNVERIFIED" not in (tmp_path / "out" / "thermal_correction.c").read_text()
@@ -72,12 +73,12 @@ def test_a_turned_output_is_replayed_as_such_and_said_everywhere(tmp_path, capsy
     assert said["replay"]["max_abs_difference_um"] == 0.0
     assert "sign-turned" in {finding["id"] for finding in said["findings"]}
     assert "worse-than-nothing" not in {finding["id"] for finding in said["findings"]}
-    assert "TURNED ROUND: the correction of Y" in (out / "thermal_correction.py").read_text()
+    assert re.search(r"TURNED ROUND: .*\bY\b", (out / "thermal_correction.py").read_text())
     assert [output.sign for output in read_model(out / "model.json").outputs] == [
         "correction = -displacement", "correction = displacement",
     ]  # fmt: skip
     sheet = (out / "commissioning.html").read_text()
-    assert "Turned round in this program: Y" in sheet
+    assert re.search(r"Turned round [^<:]*: Y\b", sheet)
     assert sheet.index("+10</td>") < sheet.index("−10</td>")
 
 
@@ -160,11 +161,13 @@ def test_a_model_whose_numbers_were_changed_is_not_exported(tmp_path, capsys):
     changed = tmp_path / "model.json"
     changed.write_text(json.dumps(document), encoding="utf-8")
     assert export(changed, "--for", "c", "--out", tmp_path / "out") == 2
-    assert "as it had when selector wrote it" in capsys.readouterr().err
+    assert "digest" in capsys.readouterr().err
     del document["digest"]
     changed.write_text(json.dumps(document), encoding="utf-8")
     assert export(changed, "--for", "c", "--out", tmp_path / "out") == 2
-    assert "was changed after it was exported" in capsys.readouterr().err
+    # what the file's own test vector says, and what the changed coefficients give
+    said = capsys.readouterr().err
+    assert all(value in said for value in ("-1.871 µm", "-0.871 µm"))
 
 
 @pytest.mark.parametrize(
@@ -206,7 +209,7 @@ def test_no_input_is_lost(tmp_path, capsys):
     named.parent.mkdir()
     named.write_bytes(PATENT.read_bytes())
     assert export(named, "--for", "python", "--out", named.parent) == 2
-    assert "would be lost" in capsys.readouterr().err
+    assert "thermal_correction.py" in capsys.readouterr().err
     assert named.read_bytes() == PATENT.read_bytes()
 
 
@@ -254,8 +257,9 @@ def test_a_model_beside_its_program_that_says_other_limits_is_told(tmp_path, cap
 def test_a_page_that_is_no_sheet_is_not_replaced(tmp_path, capsys):
     (tmp_path / "commissioning.html").write_text("mine", encoding="utf-8")
     assert export(PATENT, "--for", "python", "--out", tmp_path) == 2
-    assert "did not write" in capsys.readouterr().err
+    assert "commissioning.html" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["commissioning.html"]
+    assert (tmp_path / "commissioning.html").read_text(encoding="utf-8") == "mine"
 
 
 def test_a_folder_in_the_place_of_the_predictions_is_called_one(tmp_path, capsys):

@@ -151,7 +151,7 @@ def test_out_is_written_whole(capfd, tmp_path):
     ]  # fmt: skip
     code, text, err = run(capfd, *arguments, "--operations", "60,60,60,60,60", "--resolution", "1", "--all")
     assert code == 0, err
-    assert "10 µm was taken" in text
+    assert " 10 µm " in text
     assert sorted(path.name for path in out.iterdir()) == [
         "prediction.json",
         "program.csv",
@@ -401,7 +401,7 @@ def test_the_page_is_made_again_from_its_json(staircase, capfd):
     capfd.readouterr()
     assert exit_status(["report", str(out / "prediction.json"), "--out", str(out.parent / "again.html")]) == 0
     page = (out.parent / "again.html").read_text(encoding="utf-8")
-    assert "tests that were left out" in page or "left out" in page
+    assert "left out" in page
     assert "10, 8 and 5" in page
 
 
@@ -479,9 +479,7 @@ def test_another_order_of_operations_may_need_fewer_corrections(one_mode, tmp_pa
     best = json.loads(asked([k - 1 for k in found["operations"]], "--json"))
     assert sum(len(one["corrections_um"]) - 1 for one in best["program"]) == found["corrections"] < found["as_given"]
     order = ", ".join(map(str, found["operations"]))
-    assert f"In the order {order} {found['corrections']} corrections would do" in " ".join(
-        asked((0, 1, 2), "--order").split()
-    )
+    assert f" {order} {found['corrections']} corrections" in " ".join(asked((0, 1, 2), "--order").split())
 
 
 def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
@@ -489,4 +487,4 @@ def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
     cycle.write_text("time_s,spindle_speed\n0,1000\n3600,0\n", encoding="utf-8")
     arguments = ["--machine", str(one_mode / "machine.toml"), "--cycle", str(cycle), "--tolerance", "5", "--order"]
     assert exit_status(["predict", str(one_mode), *arguments]) == 2
-    assert "at least two operations" in capsys.readouterr().err
+    assert "two operations" in capsys.readouterr().err

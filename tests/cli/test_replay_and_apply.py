@@ -71,19 +71,19 @@ def test_the_first_minutes_without_a_correction_are_told(tmp_path, capsys):
     words = ["export", model, "--for", "python", "--out", tmp_path / "out", "--replay", run, "--machine", machine]
     assert exit_status([*map(str, words), "--all"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "No correction in the first 360 s of a run: readings have to be good" in said
-    assert "Without correction: displacement as recorded, from its start." in said
+    assert "first 360 s" in said
+    assert "Without correction:" in said
     # samples, difference, rms without correction, rms with it, the largest with it, share
     assert re.search(r"r Z \d+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ [0-9.]+ %", said)
     page = (tmp_path / "out" / "commissioning.html").read_text(encoding="utf-8")
-    assert "No correction in the first 360 s" in page
+    assert "first 360 s" in page
     headings = ["samples", "program − reference", "without correction: rms", "with correction: rms",
                 "with correction: largest", "not the whole model"]  # fmt: skip
     assert sorted(headings, key=page.index) == headings
     # a drive waits for nothing
     words[3:6] = ["rexroth", "--out", tmp_path / "drive"]
     assert exit_status([*map(str, words), "--all"]) == 0
-    assert "No correction in the first" not in " ".join(capsys.readouterr().out.split())
+    assert "No correction" not in " ".join(capsys.readouterr().out.split())
 
 
 def test_the_default_zero_of_apply_model_is_the_same(tmp_path):

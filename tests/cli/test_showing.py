@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -75,7 +76,7 @@ def test_tables_degrade_on_a_code_page_that_lacks_letters(monkeypatch):
     text = raw.getvalue().decode("cp1252")
     assert "1.23" in text
     assert "T[2]" in text
-    assert "this stretch is left out" in text
+    assert "left out" in text
 
 
 ROWS = [["longitudinal motor", "12 × longitudinal motor", "1.19e-6", "0.0684"], ["spindle", "–", "123.4", "1.2"]]
@@ -107,7 +108,7 @@ def test_no_colours_in_a_file(capfd):
     showing.show_findings(showing.screen(), [FINDING])
     out = capfd.readouterr().out
     assert "\x1b" not in out
-    assert out.startswith("warning (r2, T4, 1 h to 2 h 30 min): T4 does not change.\n")
+    assert out.startswith(f"warning (r2, T4, 1 h to 2 h 30 min): {FINDING.statement}\n")
 
 
 def test_findings_of_a_kind_are_one_and_a_fault_is_told_once(capfd):
@@ -121,7 +122,7 @@ def test_findings_of_a_kind_are_one_and_a_fault_is_told_once(capfd):
     assert "T9 is empty." in out
     assert "T9 does not move." not in out
     assert out.count("warning") == 5
-    assert "--all shows 6 more kinds of finding" in out
+    assert re.search(r"--all .*\b6 more", out)
     showing.show_findings(showing.screen(), [*several, again, gone, *others], everything=True)
     assert capfd.readouterr().out.count("warning") == 15
 

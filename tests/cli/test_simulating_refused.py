@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 from pathlib import Path
 
 import numpy as np
@@ -122,8 +123,8 @@ def test_a_runaway_names_file_and_axis(folder, capfd):
     text = MODEL.replace("position_gain_per_s = 60.0", "position_gain_per_s = 9000.0").replace("= 0.2", "= 5.0")
     Path("wild.toml").write_text(text, encoding="utf-8")
     err = refused(capfd, "wild.toml", "--out", "run.csv")
-    assert "wild.toml, axis X, simulation of the axis" in err
-    assert "stable with position_gain_per_s below" in err
+    assert "wild.toml, axis X," in err
+    assert re.search(r"position_gain_per_s below [0-9.]+", err)
 
 
 def test_a_delay_that_no_gain_repairs_is_told_with_what_does(folder, capfd):
@@ -149,7 +150,7 @@ def test_places_are_named_as_they_were_asked_for(path, shown):
 
 def test_a_folder_where_the_page_is_to_be_is_called_a_folder(folder, capfd):
     Path("page.html").mkdir()
-    assert "a folder of this name exists" in refused(capfd, "model.toml", "--out", "a.csv", "--report", "page.html")
+    assert "folder" in refused(capfd, "model.toml", "--out", "a.csv", "--report", "page.html")
 
 
 @pytest.mark.parametrize("link", ["a.csv", "a.machine.toml", "page.html", "sub"])
@@ -157,7 +158,7 @@ def test_links_to_nothing_are_not_replaced(folder, capfd, link):
     Path(link).symlink_to("nowhere")
     where = "sub/a.csv" if link == "sub" else "a.csv"
     err = refused(capfd, "model.toml", "--out", where, "--report", "page.html")
-    assert "a link to nowhere, which does not exist" in err
+    assert "link to nowhere" in err
     assert Path(link).is_symlink()
 
 

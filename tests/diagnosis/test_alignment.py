@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pandas as pd
@@ -71,8 +72,9 @@ def test_hold_outs_that_are_none(holdout):
 
 
 def test_the_only_run_cannot_be_held_out():
-    with pytest.raises(OptionError, match="the only run"):
+    with pytest.raises(OptionError, match="only run") as told:
         comparison_of(*pair(runs=("a",)), holdout="a")
+    assert told.value.where == "--holdout"
 
 
 @settings(max_examples=20)
@@ -180,20 +182,20 @@ def test_what_cannot_be_compared_is_refused():
     assert "held out" in refused(recording({"a": (time[:20], {"Z": noisy(20)})}), early).expected
     empty = recording({run: (time, {"Z": np.full(200, np.nan)}) for run in "abc"})
     assert "no value" in refused(rec, empty).found
-    assert "no recorded value" in refused(empty, sim).found
+    assert "recorded" in refused(empty, sim).found
     still = recording({run: (time, {"Z": np.zeros(200)}) for run in "abc"})
     assert "never moves" in refused(still, sim).found
 
 
 def test_twenty_samples_are_too_few():
-    assert "samples that can be compared" in refused(*pair(n=20, runs=("a",))).found
+    assert re.match(r"Z .* 14 samples", refused(*pair(n=20, runs=("a",))).found)
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-3, 1e6])
 def test_simulations_in_another_unit_are_refused(factor):
     rec, sim = pair()
     error = refused(rec, sim.with_values(sim.frame * factor))
-    assert "times what was simulated" in error.found
+    assert re.search(r"[\d.e+-]+ times", error.found)
     assert "unit" in error.expected
 
 
@@ -211,8 +213,8 @@ def test_a_response_that_differs_on_held_out_rows_only_is_told():
     assert identical_responses(same) == ()
     answer = diagnosis(same)
     assert answer.verdict == "unexplained"
-    assert "differs in Z on what is held out" in answer.headline
     assert [f.id for f in answer.findings] == ["differs-held-out"]
+    assert "Z" in answer.headline
     assert answer.fit["Z"].train.rmse_before == 0.0 < answer.fit["Z"].heldout.rmse_before
 
 

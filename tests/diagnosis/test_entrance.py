@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -86,17 +88,17 @@ def test_a_response_that_is_mostly_codes_is_not_compared():
     def breaks(run, table):
         table.loc[TIME[80:], "Z"] = -999.0
 
-    with pytest.raises(InputError, match="no recorded value"):
+    with pytest.raises(InputError, match="recorded value"):
         comparison_of(recorded(change=breaks), simulated())
 
 
 def test_simulated_runs_under_each_others_names_are_refused():
     with pytest.raises(InputError) as told:
         comparison_of(recorded(), simulated((0, 2, 3, 1)))
-    assert "run r4 of the simulation fits recording r2" in told.value.found
-    assert "run r2 of the simulation fits recording r3" in told.value.found
-    assert "r1" not in told.value.found
-    with pytest.raises(InputError, match="run r2 of the simulation fits recording r1"):
+    # simulated, recorded
+    pairs = r"\b(r\d) of the simulation .*?\b(r\d)\b"
+    assert set(re.findall(pairs, told.value.found)) == {("r4", "r2"), ("r2", "r3"), ("r3", "r4")}
+    with pytest.raises(InputError, match=r"\br2 of the simulation .*\br1\b"):
         comparison_of(recorded(), simulated((1, 0, 2, 3), gain=0.6))
 
 
@@ -131,7 +133,7 @@ def test_what_a_simulation_covers_is_told():
 @pytest.mark.parametrize("factor", [60.0, 1e3, 3600.0])
 def test_a_simulation_in_another_unit_of_time_is_refused(factor):
     tables = {run: pd.DataFrame({"Z": warm(k)[0]}, index=pd.Index(factor * TIME)) for k, run in enumerate(RUNS)}
-    with pytest.raises(InputError, match=f"{factor:g} times as long"):
+    with pytest.raises(InputError, match=rf"\b{factor:g} times"):
         comparison_of(recorded(), Recording.from_runs(tables, CHANNELS[2:]))
     # one long run among others is a longer programme
     tables |= {run: pd.DataFrame({"Z": warm(k)[0]}, index=pd.Index(TIME)) for k, run in enumerate(RUNS[:3])}

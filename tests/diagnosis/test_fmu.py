@@ -113,7 +113,7 @@ def test_a_unit_is_refitted(unit):
 def test_an_input_that_was_not_recorded_is_named(unit):
     from selector.diagnosis.open_model.runnable import fmu_model
 
-    with pytest.raises(InputError, match="'heat', which was not recorded"), fmu_model(unit, recording(name="power")):
+    with pytest.raises(InputError, match="'heat'"), fmu_model(unit, recording(name="power")):
         pass
 
 
@@ -122,5 +122,5 @@ def test_what_is_no_unit_is_refused(tmp_path):
 
     path = tmp_path / "text.fmu"
     path.write_text("no zip")
-    with pytest.raises(ReadError, match="cannot be read as an FMU"), fmu_model(path, recording()):
+    with pytest.raises(ReadError, match=r"text\.fmu"), fmu_model(path, recording()):
         pass

@@ -78,7 +78,9 @@ def test_the_improved_file_keeps_the_errors_that_the_answer_says(without_coulomb
 
 def test_the_answer_says_mode_and_what_was_refitted(without_coulomb):
     told = {finding.id: finding for finding in without_coulomb.answer.findings}
-    assert told["mode"].statement.startswith("Mode C: own model, 'axis'; 3 parameters refitted")
+    assert told["mode"].statement.startswith("Mode C")
+    assert "'axis'" in told["mode"].statement
+    assert "; 3 parameters" in told["mode"].statement
     assert "axes.X.mechanics.mass_kg" in told["mode"].evidence["refitted"]
 
 

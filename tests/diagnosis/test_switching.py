@@ -109,7 +109,7 @@ def test_the_answer_says_when_and_names_nothing():
         (told,) = [one for one in found.findings if one.id == "unrecorded-switch"]
         assert len(told.evidence["changes"]) == 2 * len(WINDOWS)
         assert {change["run"] for change in told.evidence["changes"]} == {"r1", "r2", "r3"}
-        assert "as by a switch that nobody recorded" in found.headline
+        assert "switch" in found.headline
         on = np.zeros(3 * N, dtype=bool)
         for place in found.where:
             rows = found.comparison.run_index == found.comparison.runs.index(place.run)

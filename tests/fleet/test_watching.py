@@ -1,6 +1,7 @@
 """Are the models of a fleet still true: quiet while nothing changes, and told where, since when and by how much."""
 
 import json
+import shutil
 
 import pandas as pd
 import pytest
@@ -8,20 +9,28 @@ import pytest
 from selector.cli import exit_status
 from selector.errors import ResultError
 from selector.fleet import Processes, read_fleet, run_fleet, watch_fleet
-from tests.fleet.machines import changed, fleet_file, machine
+from tests.fleet.machines import Here, changed, fleet_file, machine
 
 PROVED, ALL = 6, 18
 
 
-@pytest.fixture
-def watched(tmp_path):
+@pytest.fixture(scope="module")
+def plant(tmp_path_factory):
     """A machine whose model was made of six runs, twelve more of the same machine, and one without a model."""
-    machine(tmp_path / "m", 1, n_runs=PROVED)
-    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\nnone = "nowhere"\n'))
+    folder = tmp_path_factory.mktemp("plant")
+    machine(folder / "m", 1, n_runs=PROVED)
+    fleet = read_fleet(fleet_file(folder, '[machines]\nm = "m"\nnone = "nowhere"\n'))
     assert run_fleet(fleet, Processes(1)).done == 1
     assert watch_fleet(fleet).machines["m"].status == "nothing-new"
-    machine(tmp_path / "m", 1, n_runs=ALL)
-    return fleet
+    machine(folder / "m", 1, n_runs=ALL)
+    return folder
+
+
+@pytest.fixture
+def watched(plant, tmp_path):
+    """A copy of it."""
+    shutil.copytree(plant, tmp_path, dirs_exist_ok=True)
+    return read_fleet(tmp_path / "FLEET.toml")
 
 
 def test_it_is_quiet_while_the_machine_stays_as_it_was(watched):
@@ -60,7 +69,7 @@ def test_errors_that_grow_to_both_sides_are_told(watched):
 
 
 def test_a_dead_sensor_is_among_the_findings(watched):
-    sensor = run_fleet(watched, Processes(1)).machines["m"].sensors[0]
+    sensor = run_fleet(watched, Here()).machines["m"].sensors[0]
     machine(watched.place.parent / "m", 1, n_runs=ALL)
     for number in range(ALL + 1, ALL + 3):
         path = watched.place.parent / "m" / f"r{number}.csv"
@@ -87,7 +96,7 @@ def test_the_command_prints_the_contract_and_a_page(watched, capsys, tmp_path):
 
 def test_a_fleet_that_was_never_run_has_nothing_to_watch(tmp_path):
     fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"'))
-    with pytest.raises(ResultError, match="run the fleet first"):
+    with pytest.raises(ResultError, match="fleet"):
         watch_fleet(fleet)
 
 
@@ -118,7 +127,7 @@ def test_runs_outside_the_window_are_not_new(tmp_path):
 
     dated(range(1, PROVED + 1))
     fleet = read_fleet(fleet_file(tmp_path, f'[reading]\nuntil = "2026-01-{PROVED + 1:02}"\n[machines]\nm = "m"\n'))
-    assert run_fleet(fleet, Processes(1)).done == 1
+    assert run_fleet(fleet, Here()).done == 1
     known = {path: path.read_bytes() for path in (tmp_path / "m").iterdir()}
     machine(tmp_path / "m", 1, n_runs=ALL)
     for path, data in known.items():

@@ -98,7 +98,7 @@ def test_what_is_of_no_machine_or_no_date_is_refused(tmp_path, machine, capsys):
     lake = tmp_path / "lake"
     dated = table(tmp_path / "a.csv", "2026-03-31 10:00:00", 60)
     assert exit_status(["convert", dated, "--out", str(lake), "--lake"]) == 2
-    assert "recordings of no machine" in capsys.readouterr().err
+    assert "no machine" in capsys.readouterr().err
     plain = tmp_path / "plain.csv"
     plain.write_text("time [s],T1,Z [um]\n" + "\n".join(f"{k},20.{k},{k}" for k in range(9)), encoding="utf-8")
     assert put(lake, machine, str(plain)) == 2
@@ -113,7 +113,8 @@ def test_a_channel_that_is_something_else_is_refused_and_nothing_changes(tmp_pat
     odd = tmp_path / "odd.toml"
     odd.write_text('[machine]\nname = "lathe-3"\n[channels.T1]\nrole = "displacement"\nunit = "um"\n', encoding="utf-8")
     assert put(lake, str(odd), table(tmp_path / "b.csv", "2026-04-01 10:00:00", 60, header="time,T1,Z [um]")) == 2
-    assert "T1 with the role displacement in um" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert all(word in said for word in ("T1", "displacement", " um"))
     assert before == {path: path.read_bytes() for path in lake.rglob("*") if path.is_file()}
 
 

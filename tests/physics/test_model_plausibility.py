@@ -39,8 +39,9 @@ def found(values):
 def test_the_unit_that_was_perhaps_meant_is_named():
     (one,) = found({"transducer": {"probe": {"mass_kg": 20.0, "stiffness": 1e9}}})
     assert one.id == "unlikely-value"
-    assert one.statement == ("transducer.probe.mass_kg is 20 kg; machines have 0.0001 to 1 kg. 20 g would be 0.02 kg.")
-    assert one.suggestion == "write transducer.probe.mass_kg = 0.02 if g was meant"
+    for said in ("transducer.probe.mass_kg is 20 kg", "0.0001 to 1 kg", "20 g ", "0.02 kg"):
+        assert said in one.statement
+    assert "transducer.probe.mass_kg = 0.02" in one.suggestion
     assert one.evidence["perhaps"] == pytest.approx(0.02)
 
 
@@ -51,6 +52,8 @@ def test_what_is_usual_and_what_is_switched_off_is_not_told(mass):
 
 def test_entries_of_arrays_count_from_1_and_no_unit_may_fit():
     (one,) = found({"grinding": {"stages": ({"feed": 1.0}, {"feed": -50.0})}})
-    assert one.statement == "grinding.stages[2].feed is -50; machines have up to 10."
+    assert "grinding.stages[2].feed is -50;" in one.statement
+    assert one.statement.endswith(" 10.")
     assert one.evidence["perhaps"] is None
-    assert one.suggestion == "correct it if it is a slip"
+    # no other value is offered
+    assert "=" not in one.suggestion

@@ -79,7 +79,7 @@ def test_standard_errors_are_those_of_repeated_runs(course):
 
 def test_a_force_of_the_other_sign_is_refused(course):
     servo = Servo(160.0, 240.0, 1000.0, 35.0)
-    with pytest.raises(InputError, match="turn the sign"):
+    with pytest.raises(InputError, match="sign"):
         identified_axis_of_servo(PERIOD_S, course.position_m, -force_of(course, 95.0, 200.0, 20.0, -3.0) / 35.0, servo)
 
 

@@ -61,7 +61,7 @@ def test_a_case_that_raises_is_a_scored_failure_with_its_text():
     assert second.stated.verdict == FAILED
     assert second.judged.credits == ("missed",)
     assert "ZeroDivisionError: odd" in second.stated.error
-    assert all("the machine fell over" in one.stated.error and one.truth is None for one in broken)
+    assert all("machine" in one.stated.error and one.truth is None for one in broken)
     assert scores((first, second, *broken))["failed"].value == 0.75
     assert "ZeroDivisionError" in line_of(second)
     result = score_object((first, second, *broken), is_exam=False)

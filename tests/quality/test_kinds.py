@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from selector.quality import inspect
+from selector.quality.finding_table import FINDINGS
 from tests.quality.workshop import plain_recording, plain_tables
 
 
@@ -54,8 +55,8 @@ def test_stuck_at_a_coarse_resolution_is_told_by_the_siblings(tables):
 def test_a_frozen_end_of_a_run_says_so(tables):
     tables["r1"].iloc[600:, tables["r1"].columns.get_loc("Z")] = tables["r1"]["Z"].iloc[600]
     found = the_one(tables, "stuck")
-    assert "the end of the run" in found.statement
     assert found.where.to_s == tables["r1"].index[-1]
+    assert "the end" in found.statement
 
 
 def test_pinned_at_the_end_of_the_range(tables):
@@ -96,7 +97,7 @@ def test_step_of_a_gauge_without_a_recorded_speed_is_a_warning(tables):
     tables["r2"].loc[7000:, "Z"] += 15.0
     found = the_one(tables, "step")
     assert (found.level, found.action) == ("warning", "none")
-    assert "a change of spindle speed can do this, and none is recorded" in found.statement
+    assert "spindle speed" in found.statement
 
 
 def test_a_step_that_several_channels_share_is_no_fault(tables):
@@ -173,12 +174,12 @@ def test_a_unit_that_explains_what_is_out_of_range_agrees_with_it(tables):
     assert ranges
     assert all("Nothing is left out" not in one.suggestion for one in units)
     assert all("°C taken for K" in one.suggestion and "wrong-unit" in one.suggestion for one in ranges)
-    assert all("reads down to −2" in one.statement and "machine tool −60 to 250" in one.statement for one in ranges)
+    assert all("−2" in one.statement and "−60 to 250" in one.statement for one in ranges)
     # another cause keeps its own advice
     tables["r3"].iloc[100:110, tables["r3"].columns.get_loc("T2")] = np.linspace(300, 400, 10)
     (other,) = [one for one in inspect(plain_recording(tables), ["T2"]) if one.id == "out-of-range"]
-    assert "reads up to 400 °C" in other.statement
-    assert other.suggestion.startswith("Check the sensor")
+    assert "400 °C" in other.statement
+    assert other.suggestion == FINDINGS["out-of-range"].advice
 
 
 def test_a_sensor_that_comes_off(tables):
@@ -249,7 +250,7 @@ def test_one_channel_in_fahrenheit_in_every_run_is_told(tables):
     assert [(f.where.channel, f.where.run, f.level, f.action) for f in found] == [
         ("T3", run, "warning", "none") for run in tables
     ]
-    assert all('declare unit = "degF" for this channel in the machine file' in f.suggestion for f in found)
+    assert all('unit = "degF"' in f.suggestion for f in found)
 
 
 def test_all_runs_in_fahrenheit_is_only_a_warning(tables):

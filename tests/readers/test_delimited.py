@@ -90,8 +90,9 @@ def test_quoted_decimal_commas_between_commas(reads, column):
 
 
 def test_comma_as_separator_and_decimal_mark_is_refused_with_advice(reads):
-    with pytest.raises(ReadError, match="export it with ';'"):
+    with pytest.raises(ReadError) as told:
         reads("t,T1,Z\n" + "".join(f"{i},2{i},5,{i},25\n" for i in range(6)))
+    assert "';'" in told.value.advice
 
 
 def test_trailing_separators_make_no_column(reads):

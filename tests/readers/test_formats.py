@@ -200,7 +200,7 @@ class TestMatlab:
         h5py = pytest.importorskip("h5py")
         with h5py.File(tmp_path / "big.h5", "w") as file:
             file.create_dataset("x", shape=(10**12,), dtype="f8", chunks=(1024,))
-        with pytest.raises(ReadError, match="numbers in one table"):
+        with pytest.raises(ReadError, match=r"1e\+12 numbers"):
             read([tmp_path / "big.h5"])
 
 

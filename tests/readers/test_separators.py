@@ -25,5 +25,5 @@ def test_what_cannot_cut_lines_is_refused(reads, mark: str) -> None:
 
 
 def test_a_mark_that_is_not_there_is_told(reads) -> None:
-    with pytest.raises(ReadError, match="when cut at ':'"):
+    with pytest.raises(ReadError, match="cut at ':'"):
         reads("t;T1;Z\n0;20.5;1\n1;21.5;2\n", separator=":")

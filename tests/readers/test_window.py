@@ -91,8 +91,9 @@ def test_windows_that_cannot_be(lake, options, found):
 
 def test_a_clock_without_a_date_has_no_window(tmp_path):
     (tmp_path / "r.csv").write_text("t [s],T1 [degC],Z [um]\n0,20,0\n1,21,1\n2,22,2\n", encoding="utf-8")
-    with pytest.raises(OptionError, match="whose clock has no date"):
+    with pytest.raises(OptionError, match="no date") as caught:
         read([tmp_path / "r.csv"], overrides=Overrides(since="2026-03-30"))
+    assert caught.value.where.startswith("--since")
     assert len(read([tmp_path / "r.csv"], overrides=Overrides(mean_s=2.0)).recording.time_s("r")) == 3
 
 
@@ -107,7 +108,7 @@ def test_the_options_reach_the_command_and_the_study(lake, tmp_path, capsys):
     assert exit_status(["convert", str(lake), *asked, "--out", str(tmp_path / "clean")]) == 0
     assert len(pd.read_csv(tmp_path / "clean" / "2026-03-30.csv")) == 289
     assert exit_status(["describe", str(lake), "--mean-s", "0"]) == 2
-    assert "a positive number of seconds" in capsys.readouterr().err
+    assert "--mean-s" in capsys.readouterr().err
 
 
 def table(path, stamps, columns):
@@ -197,7 +198,7 @@ def test_what_cannot_have_means_or_a_window_says_so(tmp_path, capsys):
     table(tmp_path / "sim" / "r.csv", range(0, 3600, 60), {"T1 [degC]": range(60), "Z [um]": range(60)})
     simulated = ["--simulation", str(tmp_path / "sim"), "--simulation-time-unit", "s"]
     assert exit_status(["diagnose", str(record), *simulated, "--since", "2026-03-30T00:10"]) == 2
-    assert "whose clock has no date" in capsys.readouterr().err
+    assert "no date" in capsys.readouterr().err
     for command in (["diagnose", str(record), "--model", "m.toml"], ["predict", str(record), "--cycle", "c.csv"]):
         assert exit_status([*command, "--mean-s", "300"]) == 2
         assert "--mean-s" in capsys.readouterr().err

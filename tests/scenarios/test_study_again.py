@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -37,7 +38,7 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
 def test_the_same_bytes_again_and_in_another_place(world, tmp_path, capsys, command, name):
     first = bytes_of(world / name)
     assert exit_status([command, "--study", str(world / name), "--out", str(world / f"{name} again")]) == 0
-    assert "the same bytes as the study recorded" in capsys.readouterr().out
+    assert "same bytes" in capsys.readouterr().out
     assert bytes_of(world / f"{name} again") == first
     assert (world / f"{name} again" / "study.toml").read_bytes() == (world / name / "study.toml").read_bytes()
     shutil.copytree(world, tmp_path / "moved" / "far away")
@@ -53,13 +54,13 @@ def test_a_study_in_its_own_folder_says_whether_it_came_out_again(world, tmp_pat
     folder = tmp_path / "here" / "selected"
     before = bytes_of(folder)
     assert exit_status(["select", "--study", str(folder)]) == 0
-    assert "the same bytes as the study recorded" in capsys.readouterr().out
+    assert "same bytes" in capsys.readouterr().out
     assert bytes_of(folder) == before
     text = (folder / "study.toml").read_text(encoding="utf-8")
     sha256 = text.partition('"report.html" = "')[2][:64]
     (folder / "study.toml").write_text(text.replace(sha256, "0" * 64), encoding="utf-8")
     assert exit_status(["select", "--study", str(folder), "--json"]) == 0
-    assert "other bytes than the study recorded: report.html" in capsys.readouterr().err
+    assert re.search(r"other bytes .*report\.html", capsys.readouterr().err)
 
 
 def test_a_changed_recording_ends_with_exit_code_2_unless_it_is_accepted(world, tmp_path, capsys):
@@ -71,13 +72,13 @@ def test_a_changed_recording_ends_with_exit_code_2_unless_it_is_accepted(world, 
     capsys.readouterr()
     assert exit_status(["select", "--study", str(study), "--out", str(out)]) == 2
     told = capsys.readouterr().err
-    assert "../runs/recording.csv has changed: SHA-256" in told
+    assert "../runs/recording.csv has changed" in told
     assert "--accept-changes" in told
     assert not out.exists()
     assert exit_status(["select", "--study", str(study), "--accept-changes", "--out", str(out)]) == 0
     told = capsys.readouterr().out
     assert "accepted: ../runs/recording.csv has changed" in told
-    assert "other bytes than the study recorded" in told
+    assert "other bytes" in told
     # the new study is of the new file
     assert exit_status(["select", "--study", str(out)]) == 0
     assert "other bytes" not in capsys.readouterr().out
@@ -94,7 +95,7 @@ def test_results_and_notes_in_the_folder_of_the_recordings_change_nothing(world,
     capsys.readouterr()
     assert exit_status(["select", "--study", str(renamed), "--out", str(renamed), "--all"]) == 0
     told = capsys.readouterr().out
-    assert "the same bytes as the study recorded" in told
+    assert "same bytes" in told
     assert "notes.docx" in told
     assert {name: (renamed / name).read_bytes() for name in SELECTED} == before
 

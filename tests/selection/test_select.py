@@ -47,8 +47,10 @@ class TestInStatsmodels:
         self.check(found, source)
 
     def test_another_recording_is_refused(self, plain):
-        with pytest.raises(OptionError, match="not the one of this selection"):
+        with pytest.raises(OptionError) as refused:
             plain.statsmodels_results("Z", machine(seed=7))
+        assert refused.value.where == "statsmodels_results"
+        assert f" {plain.models['Z'].n_samples} samples" in refused.value.expected
 
 
 class TestPlantedTruth:
@@ -197,7 +199,7 @@ class TestProof:
         found = selected(machine(n_runs=1))
         assert found.proof.left_out == "block"
         assert "one-run-only" in found_ids(found)
-        assert "stretches of the only run" in found.because
+        assert "only run" in found.because
 
     def test_two_runs(self):
         found = selected(machine(n_runs=2))
@@ -228,7 +230,6 @@ class TestProof:
         found = selected(machine(lambda u: 0 * u["air"]))
         finding = one_finding(found, "no-better-than-nothing")
         assert finding.level == "error"
-        assert "do not use it" in finding.statement
 
     def test_the_error_curve_falls_and_then_stays(self, plain):
         sizes = [point.n_sensors for point in plain.proof.curve]
@@ -259,7 +260,7 @@ class TestProof:
         found = selected(machine(law, n_runs=6))
         said = one_finding(found, "runs-outside-the-others").statement
         assert "day6" in said
-        assert re.search(r"T\d by up to [\d.]+ K", said)
+        assert re.search(r"T\d [^.]*[\d.]+ K", said)
 
 
 class TestResult:
@@ -275,9 +276,10 @@ class TestResult:
     def test_a_choice_at_the_limit_is_told(self, plain):
         found = selected(machine(), max_sensors=1)
         finding = one_finding(found, "choice-at-limit")
-        assert "1 sensor was chosen, the most that --max-sensors allows" in finding.statement
+        assert finding.statement.startswith("1 sensor ")
+        assert "--max-sensors " in finding.statement
         assert "--max-sensors 4" in finding.suggestion
-        assert "the set of at most 1 sensor with the smallest fixed set error" in found.because
+        assert "at most 1 sensor " in found.because
         assert "choice-at-limit" not in found_ids(plain)
         assert "choice-at-limit" not in found_ids(selected(machine(), max_sensors=1, must=("T1",)))
 
@@ -286,18 +288,18 @@ class TestResult:
             advice = one_finding(
                 selected(machine(), must=("T1", "T2", "T3"), ridge=ridge), "collinear-terms"
             ).suggestion
-            assert "the unseen error" in advice
-            assert "use fewer sensors" not in advice
+            assert "unseen" in advice
+            assert "fewer" not in advice
             assert ("--ridge" in advice) is not ridge
 
     def test_the_reason_holds_the_errors_that_the_rule_compares(self, plain):
         errors = {set_.sensors: set_.heldout_rmse_um for set_ in plain.combinations}
         best = min(error for sensors, error in errors.items() if len(sensors) <= len(plain.chosen))
-        assert f"Fixed set errors: best Z {best:.3g} µm" in plain.because
+        assert f"best Z {best:.3g} µm" in plain.because
         fewer = plain.fixed_set_errors_um("Z")[len(plain.chosen) - 1]
         assert f"best with {len(plain.chosen) - 1} Z {fewer:.3g} µm (" in plain.because
-        assert f"{100 * (fewer / best - 1):.0f} % above the best: more than" in plain.because
-        assert "error of the whole procedure goes: Z from" in plain.because
+        assert f"{100 * (fewer / best - 1):.0f} % " in plain.because
+        assert "Z from" in plain.because
 
     def test_json_is_strict_and_complete(self, plain):
         text = json.dumps(plain.as_dict(), allow_nan=False)

@@ -74,7 +74,7 @@ def test_one_and_two_sensors():
     assert [step.partition.labels for step in lambda_axis([[1.0, 0.4], [0.4, 1.0]])] == [(0, 1), (0, 0)]
     assert lambda_axis([[1.0]]).strongest() is None
     for function in (lambda_axis, dendrogram, lambda r: lambda_cut(r, 0.5)):
-        with pytest.raises(InputError, match="at least one sensor"):
+        with pytest.raises(InputError, match=r"\(0, 0\)"):
             function(np.empty((0, 0)))
 
 

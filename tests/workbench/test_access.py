@@ -28,9 +28,25 @@ class Client(FlaskClient):
         return super().open(*arguments, **{"buffered": True, **options})
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def access():
     return Access(PORT)
+
+
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory, access):
+    """A page without a study, for all whose requests change nothing."""
+    server = page(Bench(tmp_path_factory.mktemp("empty").resolve()), access).server
+    server.test_client_class = Client
+    return server
+
+
+@pytest.fixture
+def guest(empty, access):
+    """A client that opened the printed address of the page without a study."""
+    opened = empty.test_client()
+    assert opened.get(f"/?{TOKEN}={access.token}", base_url=OWN).status_code == 303
+    return opened
 
 
 @pytest.fixture
@@ -92,8 +108,8 @@ def test_tokens_are_long_and_never_the_same():
     "path", ["/", "/_dash-layout", "/_dash-dependencies", "/assets/workbench.js", "/results/selection/report.html"]
 )
 @pytest.mark.parametrize("token", [None, "", "wrong", "é", "a" * 43])
-def test_without_the_token_nothing_is_told(stranger, path, token):
-    answer = stranger.get(path, base_url=OWN, query_string={} if token is None else {TOKEN: token})
+def test_without_the_token_nothing_is_told(empty, path, token):
+    answer = empty.test_client().get(path, base_url=OWN, query_string={} if token is None else {TOKEN: token})
     assert answer.status_code == 403
     assert answer.mimetype == "text/plain"
     assert "token" in answer.text
@@ -129,10 +145,10 @@ def test_nothing_is_stored_without_the_token(stranger, study):
     ids=lambda headers: str(next(iter(headers.items()))),
 )
 @pytest.mark.parametrize("method", ["get", "post"])
-def test_other_pages_are_refused_even_with_the_cookie(client, access, headers, method):
-    answer = getattr(client, method)("/", base_url=OWN, headers=headers)
+def test_other_pages_are_refused_even_with_the_cookie(guest, access, headers, method):
+    answer = getattr(guest, method)("/", base_url=OWN, headers=headers)
     assert answer.status_code == 403
-    with_token = getattr(client, method)("/", base_url=OWN, headers=headers, query_string={TOKEN: access.token})
+    with_token = getattr(guest, method)("/", base_url=OWN, headers=headers, query_string={TOKEN: access.token})
     assert with_token.status_code == 403
 
 
@@ -232,15 +248,15 @@ def test_a_study_folder_that_is_gone_is_told_to_who_sends_a_file(client, study):
     study.rmdir()
     answer = client.post("/upload/recordings?name=r1.csv", base_url=OWN, data=b"x")
     assert answer.status_code == 507
-    assert "the study folder is gone" in answer.text
+    assert "folder is gone" in answer.text
     assert not study.exists()
 
 
 @pytest.mark.parametrize("path", ["/_dash-update-component", "/sensors/move", "/nonsense"])
-def test_requests_without_a_file_are_small(client, monkeypatch, path):
+def test_requests_without_a_file_are_small(guest, monkeypatch, path):
     monkeypatch.setattr(refusals, "MOST_REQUEST_BYTES", 1000)
-    assert client.post(path, base_url=OWN, data=b"x" * 1001).status_code == 413
-    pieces = client.post(path, base_url=OWN, input_stream=io.BytesIO(b"x"), headers={"Transfer-Encoding": "chunked"})
+    assert guest.post(path, base_url=OWN, data=b"x" * 1001).status_code == 413
+    pieces = guest.post(path, base_url=OWN, input_stream=io.BytesIO(b"x"), headers={"Transfer-Encoding": "chunked"})
     assert pieces.status_code == 411
 
 
@@ -280,8 +296,8 @@ ENVELOPES = [
 @pytest.mark.parametrize("path", ["/_dash-update-component", "/sensors/move"])
 @pytest.mark.parametrize("body", ENVELOPES, ids=range(len(ENVELOPES)))
 @pytest.mark.parametrize("kind", ["application/json", "text/plain"])
-def test_a_malformed_request_is_answered_in_one_line_and_nothing_is_told_as_a_defect(client, caplog, path, body, kind):
-    answer = client.post(path, base_url=OWN, data=body, content_type=kind)
+def test_a_malformed_request_is_answered_in_one_line_and_nothing_is_told_as_a_defect(guest, caplog, path, body, kind):
+    answer = guest.post(path, base_url=OWN, data=body, content_type=kind)
     # a move is an object; which of its words it has is judged by the page
     if path == "/sensors/move" and kind == "application/json" and answer.status_code == 200:
         assert "refused" in answer.get_json()

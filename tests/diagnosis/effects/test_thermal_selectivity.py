@@ -115,7 +115,7 @@ def test_the_reading_says_what_moves_and_what_it_is_worth(name):
     fitted = Fitted("Z", "um", variant, np.ones(n), np.full(n, 0.1), {"tau_s": (600.0, 1800.0)}, 4.0, 12.3)
     reading = effect.reading(fitted, comparison)
     assert "Z " in reading.statement
-    assert "worth 12.3 µm at most" in reading.statement
+    assert " 12.3 µm " in reading.statement
     assert reading.parameters["largest"].value == 12.3
     if "tau_s" in variant.shape:
         assert (reading.parameters["tau_s"].low, reading.parameters["tau_s"].high) == (600.0, 1800.0)

@@ -177,8 +177,9 @@ def test_steps_at_the_limit_of_stability():
     reference = sine(limit * 0.98, 2.0)
     motion = simulate_axis(axis, reference, step_s=limit)
     assert np.abs(motion.table_m).max() < 0.03
-    with pytest.raises(InputError, match="too long for the fastest vibration") as caught:
+    with pytest.raises(InputError) as caught:
         simulate_axis(axis, sine(limit * 1.05, 2.0), step_s=1.0)
+    assert "vibration" in caught.value.advice
     assert f"{limit:.3g}" in caught.value.advice
 
 

@@ -213,7 +213,7 @@ def test_a_key_that_takes_the_place_of_others_frees_from_them(kind):
     # without that key they are needed, all told at once
     said = refusal(("axes.X", {**PARTS, "parts": written(parts, **{name: (*spared, instead, "rigidity_preload_n")})}))
     assert all(f"'{key}'" in said.found for key in spared)
-    assert f"{instead} takes the place of" in said.advice
+    assert instead in said.advice
     assert said.where.endswith(f"key axes.X.parts.{name}" + (f".{next(iter(spared))}" if len(spared) == 1 else ""))
 
 
@@ -296,8 +296,10 @@ def test_hostile_text_is_refused_quickly(text):
 
 def test_no_file_and_no_text(tmp_path):
     for path in (tmp_path / "none.toml", tmp_path):
-        with pytest.raises(InputError, match="drive model file"):
+        with pytest.raises(InputError) as refused:
             read_model_file(path)
+        assert str(path) in str(refused.value)
+        assert "drive" in str(refused.value)
 
 
 def test_reading_a_model_file_needs_no_compiler_and_no_pictures():

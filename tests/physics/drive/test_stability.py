@@ -81,11 +81,12 @@ def test_an_unstable_loop_is_told_with_its_poles_and_limits():
     assert (finding.id, finding.level, finding.where.channel) == ("unstable-loop", "error", "X")
     growing = max(closed_loop(Axis(MECHANICS, servo)).poles, key=np.real)
     hz = abs(growing.imag) / (2 * math.pi)
-    assert f"an oscillation at {hz:.3g} Hz" in finding.statement
+    assert f"{hz:.3g} Hz" in finding.statement
     assert finding.evidence["frequency_hz"] == [pytest.approx(hz)]
     # the limit in the gain's own unit is that of the stable loop
     limit = 40.0 * stability(AXIS).gain_limits["position_gain_per_s"]
-    assert f"position_gain_per_s below {limit:.4g} ({limit / 800:.3g} times what it is)" in finding.suggestion
+    for said in ("position_gain_per_s", f" {limit:.4g} ", f"({limit / 800:.3g} "):
+        assert said in finding.suggestion
     # two roots, each found to 1e-12 in the logarithm of the factor
     assert finding.evidence["gain_limits"]["position_gain_per_s"] == pytest.approx(limit / 800, rel=1e-8)
 
@@ -94,7 +95,7 @@ def test_little_margin_is_a_warning_and_enough_is_silence():
     servo = replace(thc6350_servo(), position_gain_per_s=450.0)
     (finding,) = stability_findings(Axis(MECHANICS, servo), "axis X")
     assert (finding.id, finding.level) == ("little-stability-margin", "warning")
-    assert "dB of gain margin" in finding.statement
+    assert f"{finding.evidence['gain_margin_db']:.1f} dB" in finding.statement
     assert finding.evidence["gain_margin_db"] < 6
     assert not list(stability_findings(AXIS, "X"))
     assert not list(stability_findings(Axis(MECHANICS), "X"))
@@ -110,9 +111,9 @@ def test_when_no_factor_helps_it_is_said():
     servo = Servo(400.0, 5.0, 0.0, sample_s=0.1, delay_s=1.5)
     found = stability(Axis(RigidMechanics(1.0), servo))
     assert not found.stable
-    assert 0.0 in found.gain_limits.values()
+    assert set(found.gain_limits.values()) == {0.0}
     (finding,) = stability_findings(Axis(RigidMechanics(1.0), servo), "Y")
-    assert "makes it stable" in finding.suggestion
+    assert all(said in finding.suggestion for said in ("No gain", "delay_s (1.5 s)", "sample_s (100 ms)"))
 
 
 def test_a_delay_that_no_gain_repairs_is_told_with_gains_that_do():
@@ -130,8 +131,9 @@ def test_a_pole_that_swings_from_sample_to_sample_is_one():
     # z = 1 − Kvp·T/M = −1.5
     axis = Axis(RigidMechanics(1.0), Servo(1e-3, 2500.0, sample_s=1e-3))
     (finding,) = stability_findings(axis, "X")
-    assert "a pole at z = -1.5, a swing to and fro from sample to sample growing e-fold in 2.47 ms" in finding.statement
-    assert "poles" not in finding.statement
+    # 1 ms/ln(1.5)
+    assert all(said in finding.statement for said in ("z = -1.5", "2.47 ms"))
+    assert finding.evidence["frequency_hz"] == [pytest.approx(500.0)]
 
 
 @pytest.mark.parametrize("more", [{"velocity_integral_gain": 1e-5}, {"position_gain_per_s": 1e-7}])
@@ -146,6 +148,7 @@ def test_very_slow_poles_are_no_instability(more):
 def test_findings_are_json_where_a_margin_is_infinite():
     # second order with little damping: no frequency turns the phase by 180 degrees
     (finding,) = stability_findings(Axis(RigidMechanics(1.0), Servo(1000.0, 40.0)), "X")
-    assert "degrees of phase margin" in finding.statement
+    assert f"{finding.evidence['phase_margin_deg']:.1f} degrees" in finding.statement
+    assert "dB" not in finding.statement
     assert finding.evidence["gain_margin_db"] is None
     assert json.loads(json.dumps(finding.as_dict(), allow_nan=False))["level"] == "warning"

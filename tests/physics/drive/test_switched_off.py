@@ -143,5 +143,6 @@ def test_feedforward():
 
 
 def test_viscous_friction_that_would_push_is_refused():
-    with pytest.raises(InputError, match="viscous friction of -1 N"):
+    with pytest.raises(InputError, match="-1 N·s/m") as refused:
         Axis(RIGID, friction=Friction(viscous_negative_ns_per_m=-1.0 - RIGID.guide_damping_ns_per_m))
+    assert refused.value.where == "friction.viscous_negative_ns_per_m"

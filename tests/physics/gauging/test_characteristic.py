@@ -77,8 +77,10 @@ def test_inverse_and_curve_undo_each_other(shipped, share):
 
 def test_voltages_of_no_allowance_are_refused_with_the_range(shipped):
     for wrong in (shipped.voltage_v[0] * 1.01, 0.0, np.nan):
-        with pytest.raises(InputError, match="µm of allowance"):
+        with pytest.raises(InputError) as refused:
             shipped.allowance_at([1.0, wrong])
+        assert (refused.value.where, refused.value.found) == ("characteristic", f"{wrong:.6g} V")
+        assert all(f"{end:.5g} µm" in refused.value.expected for end in shipped.monotone_um)
 
 
 def test_the_line_is_within_the_tolerance_up_to_its_range_and_not_beyond(shipped):

@@ -197,8 +197,9 @@ def test_a_threshold_that_the_gauge_never_shows():
     (finding,) = sizes.findings()
     assert finding.id == "threshold-never-reached"
     assert finding.evidence == {"parts": 4, "of": 4, "first_part": 1}
-    with pytest.raises(InputError, match="0 of 4 parts reached their thresholds"):
+    with pytest.raises(InputError, match="0 of 4 parts") as refused:
         _ = sizes.mean_um
+    assert refused.value.where == "thresholds_v"
     course = part_course(setup, 1, period_s=0.0063)
     assert not course.tripped
     assert len(course.stage_end_s) == 1
@@ -239,7 +240,7 @@ def test_what_cannot_be_ground_is_refused(change, key):
     ],
 )
 def test_parts_that_nobody_waits_for_are_refused_at_once(change, key):
-    with pytest.raises(InputError, match="steps of the calculation") as caught:
+    with pytest.raises(InputError) as caught:
         finished_sizes(replace(set_up(), **change), 1)
     assert caught.value.where == f"key {key}"
 

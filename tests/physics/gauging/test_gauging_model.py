@@ -224,7 +224,8 @@ def test_odd_thresholds_samples_and_numbers_are_told():
     slow = found(model(LINEAR, ("linear.time_constant_s", 7.0)))["slow-for-the-stage"]
     assert slow.evidence["stage_s"] < slow.evidence["time_s"] == 7.0
     coarse = found(model(LINEAR, ("run.period_s", 0.05)))["coarse-period"]
-    assert coarse.suggestion == "take run.period_s = 0.02 or less, or leave it out"
+    assert coarse.evidence == {"period_s": 0.05, "advised_s": pytest.approx(0.02)}
+    assert "run.period_s = 0.02 " in coarse.suggestion
     surface = {"workpiece_rpm": 300.0, "grooves": 4, "groove_share": 0.1, "groove_depth_um": 5.0}
     grooved = found(model(LINEAR, ("run.period_s", 0.02), ("surface", surface)))["coarse-period"]
     assert "4 grooves" in grooved.statement

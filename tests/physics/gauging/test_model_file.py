@@ -141,7 +141,7 @@ def test_every_mistake_is_refused_with_its_key(name):
 
 
 def test_a_model_of_another_physics_is_sent_to_its_command():
-    with pytest.raises(ModelFileError, match="selector simulate drive"):
+    with pytest.raises(ModelFileError, match="simulate drive"):
         parsed_model_file('[model]\nkind = "drive"\nname = "x"\n')
 
 

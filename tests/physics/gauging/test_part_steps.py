@@ -30,7 +30,7 @@ ENDLESS = {
 def test_what_asks_for_too_many_steps_is_refused_before_it_begins(name):
     change, key = ENDLESS[name]
     setup = gauging_model(checked_model_file(changed(LINEAR, ("run.period_s", 1.0), change))).setup
-    with counted_calls() as calls, pytest.raises(InputError, match="steps of the calculation") as caught:
+    with counted_calls() as calls, pytest.raises(InputError) as caught:
         finished_sizes(setup, 2000)
     # to grind one of these would take millions of steps
     assert calls.count < 50_000

@@ -100,8 +100,9 @@ def test_wear_grows_until_the_wheel_is_dressed():
     shares = [wear_share(grinding, part) for part in range(6)]
     np.testing.assert_allclose(shares, 0.05 * 1.1 ** np.array([0, 1, 2, 3, 0, 1]), rtol=1e-12)
     assert removal_rate_um_per_s(10.5, 0.05) == pytest.approx(10.0, rel=1e-15)
-    with pytest.raises(InputError, match="of what it removes at part 1001"):
+    with pytest.raises(InputError, match=r"part 1001\b") as refused:
         wear_share(replace(grinding, dress_every=0), 1000)
+    assert refused.value.where == "wear_growth_per_part"
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, math.nan, math.inf])

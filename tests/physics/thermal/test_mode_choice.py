@@ -58,8 +58,8 @@ def test_two_modes_give_two_and_the_reason(seed):
     assert len(fit.model.tau_s) == 2
     assert not fit.model.cooling_growth.any()
     (reason,) = [finding for finding in fit.findings if finding.id == "no-further-mode"]
-    assert "2 modes" in reason.statement
-    assert "3 are not supported" in reason.statement
+    assert reason.evidence["n_modes"] == 2
+    assert len(reason.evidence["tau_s_with_one_more"]) == 3
 
 
 def test_residual_and_held_out_error_are_those_of_the_noise():
@@ -161,7 +161,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_unusable_tests_are_refused():
     time = np.arange(100) * 10.0
     idle = ThermalTest("idle", time, np.zeros(100), np.zeros((100, 1)))
-    with pytest.raises(InputError, match="no test in which the spindle turns"):
+    with pytest.raises(InputError, match="spindle turns"):
         choose_modes([idle], ("Z",))
     with pytest.raises(InputError, match="no test"):
         choose_modes([], ("Z",))

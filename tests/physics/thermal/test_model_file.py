@@ -638,7 +638,7 @@ def test_parts_that_no_heat_leaves_are_named():
     alone = {"nodes": {"lid": {"heat_capacity_j_per_k": 1e3}}}
     (told,) = model_findings(checked_model_file(one_node(**alone)))
     assert (told.id, told.level, told.where.channel) == ("no-way-for-heat", "warning", "lid")
-    assert "nothing outside ever changes" in told.statement
+    assert told.evidence == {"nodes": ["lid"], "heated": False}
     linked = alone | {"links": [{"between": ["block", "lid"], "conductance_w_per_k": 1.0}]}
     assert model_findings(checked_model_file(one_node(**linked))) == ()
     closed = one_node(**linked)

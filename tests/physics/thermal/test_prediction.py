@@ -144,8 +144,10 @@ def test_runs_without_readings_are_left_out_and_told(tests):
     )
     prediction = predict([empty, *tests], RESPONSES, CYCLE, method="piecewise")
     assert [finding.where.run for finding in prediction.findings if finding.id == "test-left-out"] == ["gauge off"]
-    with pytest.raises(InputError, match="no run with readings"):
+    with pytest.raises(InputError) as refused:
         predict([empty], RESPONSES, CYCLE)
+    assert refused.value.where == "the tests"
+    assert all(response in refused.value.found for response in RESPONSES)
 
 
 def test_a_machine_that_stands_stays_at_zero(tests):

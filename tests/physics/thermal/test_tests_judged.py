@@ -55,8 +55,10 @@ def test_a_dead_gauge_is_refused(tests, level, method):
         displacement = test.displacement_um.copy()
         displacement[:, 1] = level
         dead.append(replace(test, displacement_um=displacement))
-    with pytest.raises(InputError, match="Y does not move"):
+    with pytest.raises(InputError) as refused:
         predict(dead, RESPONSES, Cyclogram.of_segments((60, 1000)), method=method)
+    assert refused.value.found.startswith("Y ")
+    assert " 0 µm " in refused.value.found
 
 
 def test_noise_alone_is_told(tests):

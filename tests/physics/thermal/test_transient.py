@@ -398,7 +398,7 @@ def test_matrices_that_make_heat_on_the_way_are_refused():
     system = HEADSTOCK.heat_system()
     wrong = np.array(system.conduction)
     wrong[0, 1] *= 2
-    with pytest.raises(ValueError, match="'conduction' is not symmetric"):
+    with pytest.raises(ValueError, match=r"'conduction'.*symmetric"):
         simulate_heat(
             dataclasses.replace(system, conduction=wrong),
             Laws((), ()),

@@ -212,7 +212,7 @@ def test_a_resonance_that_nothing_damps_is_refused_with_member_and_frequency():
     stiff = replace(LATHE, joints=tuple(replace(joint, dissipation=0.0) for joint in LATHE.joints))
     chain = Chain("c", "high", (), (("spindle",), ("head",)), "spindle", held="bed")
     at_hz = math.sqrt(4e8 / 60) / (2 * math.pi)
-    with pytest.raises(InputError, match=r"410\.936 Hz, the natural frequency of \(spindle\).*\(head\)") as refused:
+    with pytest.raises(InputError, match=r"410\.936 Hz.*\(spindle\).*\(head\)") as refused:
         chain_receptance(stiff, chain, [100.0, at_hz])
     assert refused.value.where == "chains.c"
     assert np.isfinite(chain_receptance(stiff, chain, [at_hz * (1 + 1e-6)]).final).all()

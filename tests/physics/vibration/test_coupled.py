@@ -180,7 +180,7 @@ def test_stiffnesses_that_rounding_cannot_hold_are_refused():
     far = Structure(
         (Member("a", 1.0), Member("b", 1.0)), (Joint(("a", "b"), 1e22, 0.1), Joint(("b", GROUND), 1e6, 0.1))
     )
-    with pytest.raises(InputError, match=r"so far apart that rounding decides the motion at 3 Hz"):
+    with pytest.raises(InputError, match=r"rounding .*at 3 Hz"):
         receptance(far, [3.0], of="a", at="a")
 
 
@@ -207,5 +207,5 @@ def test_no_missing_number_comes_out(structure, frequency_hz, force_n, where):
 
 @pytest.mark.parametrize("names", [{"of": "x", "at": "tool"}, {"of": "tool", "at": "x"}, {"of": GROUND, "at": "tool"}])
 def test_unknown_members_are_named(names):
-    with pytest.raises(InputError, match=r"one of tool, slide"):
+    with pytest.raises(InputError, match="tool, slide"):
         receptance(TWO, [1.0], **names)

@@ -179,9 +179,9 @@ def test_huge_counts_are_refused():
     many = changed(("sources.motor.lines", lines), ("sources.spindle.lines", lines))
     with pytest.raises(ModelFileError, match=r"sources: 3000 lines.*at most 2000"):
         checked_model_file(many)
-    with pytest.raises(ModelFileError, match=r"key members.*at most 200"):
+    with pytest.raises(ModelFileError, match=r"key members.* 200\b"):
         checked_model_file(changed(("members", {f"m{n}": {"mass_kg": 1.0} for n in range(201)})))
-    with pytest.raises(ModelFileError, match=r"sines to be added \(1502 lines"):
+    with pytest.raises(ModelFileError, match=r"\(1502 lines"):
         checked_model_file(changed(("sources.motor.lines", lines), ("run.duration_s", 500.0)))
 
 
@@ -195,14 +195,16 @@ def test_a_line_too_fast_for_any_period_is_told_what_makes_it_slower():
     shafts = {"spindle": {"rpm": 1200.0}, "b": {"of": "spindle", "ratio": 1e4}, "motor": {"of": "b", "ratio": 1e4}}
     with pytest.raises(ModelFileError) as refused:
         checked_model_file(changed(("shafts", shafts)))
-    assert refused.value.advice.startswith("make the order, the rpm of the shaft or a ratio smaller")
+    assert "run.period_s" not in refused.value.advice.partition(":")[0]
+    assert all(word in refused.value.advice for word in ("order", "rpm", "ratio"))
     with pytest.raises(ModelFileError) as refused:
         checked_model_file(changed(("sources.motor.lines.0.frequency_hz", 1e6)))
-    assert refused.value.advice.startswith("make run.period_s smaller than 5e-07")
+    assert "run.period_s" in refused.value.advice
+    assert "5e-07" in refused.value.advice
 
 
 def test_another_kind_of_model_is_told_where_it_belongs():
-    with pytest.raises(ModelFileError, match="selector simulate drive"):
+    with pytest.raises(ModelFileError, match="simulate drive"):
         parsed_model_file('[model]\nkind = "drive"\nname = "x"')
 
 

@@ -161,7 +161,7 @@ def test_the_triangular_form_answers_for_complete_modes_too():
 
 def test_a_resonance_that_nothing_damps_is_refused():
     frequency_hz = structure_modes(UNDAMPED).frequency_hz[0]
-    with pytest.raises(InputError, match=rf"{frequency_hz:.6g} Hz that nothing damps; 'spindle' moves most"):
+    with pytest.raises(InputError, match=rf"{frequency_hz:.6g} Hz .*'spindle'"):
         receptance_by_modes(UNDAMPED, [frequency_hz], of="bed", at="bed")
 
 
@@ -169,7 +169,7 @@ def test_stiffnesses_that_rounding_cannot_hold_are_refused():
     far = Structure(
         (Member("a", 1.0), Member("b", 1.0)), (Joint(("a", "b"), 1e22, 0.1), Joint(("b", GROUND), 1e6, 0.1))
     )
-    with pytest.raises(InputError, match="so far apart that rounding decides"):
+    with pytest.raises(InputError, match="rounding"):
         structure_modes(far)
 
 
