@@ -23,7 +23,6 @@ from selector.physics.vibration.structure.structure import (
     Member,
     Structure,
     checked_frequencies,
-    known_place,
     receptance,
     receptances,
 )
@@ -151,16 +150,8 @@ def chain_receptance(
 def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """Links of the path, from the source on, and of the branch, outwards from the group that carries it.
 
-    InputError if a member is unknown, neighbours have no joint, or not exactly one group of the path carries the
-    branch.
+    InputError if neighbours have no joint, or not exactly one group of the path carries the branch.
     """
-    for key, names in (
-        ("path", sum(chain.path, ())),
-        ("branch", sum(chain.branch, ())),
-        ("held", () if chain.held == GROUND else (chain.held,)),
-    ):
-        for name in names:
-            known_place(structure, name, f"chains.{chain.name}.{key}")
     onto = (*chain.path[1:], (chain.held,))
     path = tuple(
         _link(structure, group, on, f"chains.{chain.name}.path") for group, on in zip(chain.path, onto, strict=True)

@@ -192,8 +192,6 @@ def test_stiffnesses_that_rounding_cannot_hold_are_refused():
         (TWO, [math.inf], [1.0, 0.0], "frequency_hz"),
         (TWO, [[1.0]], [1.0, 0.0], "frequency_hz"),
         (TWO, [1.0], [1e308, 1e308], None),
-        (Structure((Member("a", 1e-5),), (Joint(("a", GROUND), 1e305, 0.1),)), [1.0], [1.0], "joints"),
-        (Structure((Member("a", 1e-300),), (Joint(("a", GROUND), 1e-300, 0.1),)), [0.0], [1e100], "force_n"),
     ],
 )
 def test_no_missing_number_comes_out(structure, frequency_hz, force_n, where):

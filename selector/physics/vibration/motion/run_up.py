@@ -274,13 +274,6 @@ def motion_signal(
         name: np.full(len(time), constant[name]) if name in constant else courses[name].rpm_at(time)
         for name in shaft_rpm
     }
-    if not (np.isfinite(motion).all() and np.isfinite(force).all()):
-        raise InputError(
-            "a motion or force beyond all numbers",
-            expected="finite forces on a structure with dissipation",
-            where="sources",
-            advice="correct the forces, the unbalances or the speeds",
-        )
     whole_m = dict(zip(finals, np.abs(motion).max(axis=1).tolist(), strict=True))
     for source in sources:
         if source.shaft in courses:
