@@ -22,7 +22,6 @@ from selector.physics.vibration.structure.structure import (
     Joint,
     Member,
     Structure,
-    checked_frequencies,
     receptance,
     receptances,
 )
@@ -120,7 +119,7 @@ def chain_receptance(
     Raises InputError if neighbours of the chain have no joint, a member is unknown, or a group is forced at a resonance
     that nothing damps.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     path, branch = chain_links(structure, chain)
     links = (*path, *branch)
     answers = np.array([_answer(link, frequency, chain) for link in links]).reshape(len(links), len(frequency))
@@ -318,7 +317,7 @@ def chain_accuracy(
     InputError at an undamped resonance; for chains that are no way through the structure, or on which a source does not
     act.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     if not chains:
         return ()
     alone_of = {chain.name: chain_structure(structure, chain) for chain in chains}

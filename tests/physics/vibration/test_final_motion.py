@@ -96,10 +96,3 @@ def test_what_does_not_fit_is_refused(change, options, where):
     with pytest.raises(InputError) as caught:
         final_receptance(STRUCTURE, source, [20.0], options.pop("finals", FINALS), **options)
     assert caught.value.where == where
-
-
-@pytest.mark.parametrize(("chains", "where"), [((), "chains"), ((LOW, HIGH), "split_hz")])
-def test_chains_that_lack_or_are_not_parted_are_refused(chains, where):
-    with pytest.raises(InputError) as caught:
-        ChainMethod(chains)
-    assert caught.value.where == where

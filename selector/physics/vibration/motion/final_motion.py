@@ -136,17 +136,6 @@ class ChainMethod:
     #: which holds everywhere
     split_hz: float | None = None
 
-    def __post_init__(self) -> None:
-        if not self.chains or (self.split_hz is None and len({chain.range for chain in self.chains}) > 1):
-            raise InputError(
-                "chains of both ranges, and no frequency between them" if self.chains else "no chains",
-                expected="chains, and where they are of both ranges the frequency that parts these",
-                where="split_hz" if self.chains else "chains",
-                advice="give the cut, which says where roughness begins, or chains of one range alone"
-                if self.chains
-                else "describe the chains, or use the coupled structure",
-            )
-
 
 @dataclass(frozen=True, eq=False)
 class FinalReceptance:
