@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -20,8 +20,7 @@ from selector.errors import OptionError
 
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
-    from selector.physics.thermal.prediction.answer import Start
-    from selector.physics.thermal.prediction.prediction import Method, Prediction, Tolerance
+    from selector.physics.thermal.prediction.prediction import Prediction, Tolerance
     from selector.telling.account import Account
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
@@ -35,7 +34,7 @@ Cycle = Annotated[
     ),
 ]
 MethodName = Annotated[
-    str,
+    Literal["modal", "piecewise"],
     typer.Option(
         "--method", metavar="modal|piecewise", help="Thermal modes, or pieces of the measured characteristics."
     ),
@@ -53,7 +52,7 @@ Tolerances = Annotated[
     ),
 ]
 StartName = Annotated[
-    str | None,
+    Literal["cold", "tests"] | None,
     typer.Option(
         "--start",
         metavar="cold|tests",
@@ -119,37 +118,7 @@ class Asked:
                 where="--order", advice="say how long the operations are, e.g. --operations 60,45,90",
             )  # fmt: skip
         self.tolerances_um()
-        self.begins()
         _require_positive(self.resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
-
-    def kind(self) -> Method:
-        """The method.
-
-        Raises OptionError: there is none of this name.
-        """
-        if self.method == "modal":
-            return "modal"
-        if self.method == "piecewise":
-            return "piecewise"
-        raise OptionError(
-            repr(self.method),
-            expected="modal or piecewise",
-            where="--method",
-            advice="leave it out for the modal method",
-        )
-
-    def begins(self) -> Start | None:
-        """How the duty cycle begins; None if nothing was said.
-
-        Raises OptionError: it is neither cold nor tests.
-        """
-        known: dict[str | None, Start | None] = {None: None, "cold": "cold", "tests": "tests"}
-        if self.start in known:
-            return known[self.start]
-        raise OptionError(
-            repr(self.start), expected="cold or tests", where="--start",
-            advice="leave it out, or say whether the machine is cold or goes on where the tests end",
-        )  # fmt: skip
 
     def tolerances_um(self) -> Tolerance | None:
         """Tolerances in µm: one for all, or those of each response, one for all operations or one for each.
@@ -255,9 +224,9 @@ def predict(
         thermal_tests(recording, responses),
         responses,
         cyclogram,
-        method=asked.kind(),
+        method=asked.method,
         hall=hall,
-        start=asked.begins(),
+        start=asked.start,
         operations_s=lengths_s,
         tolerance_um=asked.tolerances_um(),
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,

@@ -1,9 +1,8 @@
 """`describe` and `convert`: what is in these files, what was guessed, what is wrong, and the same in a plain form."""
 
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -21,13 +20,6 @@ from selector.cli.shared.source import Source, with_source
 
 if TYPE_CHECKING:
     from selector.readers import Reading
-
-
-class TableFormat(StrEnum):
-    """Formats that `convert` writes."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
 
 
 @with_source
@@ -88,8 +80,8 @@ def convert(
         Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Folder that receives the recordings.")
     ],
     table_format: Annotated[
-        TableFormat, typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
-    ] = TableFormat.CSV,
+        Literal["csv", "parquet"], typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
+    ] = "csv",
     lake: Annotated[
         bool,
         typer.Option("--lake", metavar="", help="Put them into a lake: DIR/machine=NAME/month=YYYY-MM, a file a day."),
@@ -122,10 +114,10 @@ def convert(
         return
     if out.exists():
         # it may hold what was read, which `converted` refuses to replace
-        paths = converted(reading, out, table_format.value)
+        paths = converted(reading, out, table_format)
     else:
         with folder_written_whole(out) as folder:
-            paths = [out / path.name for path in converted(reading, folder, table_format.value)]
+            paths = [out / path.name for path in converted(reading, folder, table_format)]
     if as_json:
         showing.print_json({"schema": "selector.conversion/1", "files": paths, "findings": reading.findings})
         return

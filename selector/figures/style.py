@@ -269,18 +269,6 @@ def rows_of(names: Sequence[str]) -> dict[str, Any]:
     return {"range": [n - 0.5, -0.5], "tickvals": [*range(n)], "ticktext": [*names], "showgrid": False, "ticks": ""}
 
 
-def log_axis(low: float, high: float) -> dict[str, Any]:
-    """A logarithmic axis over these values, with ticks at 1, 2, 5 of each power of ten."""
-    ticks = [digit * 10.0**power for power in range(-4, 7) for digit in _STEPS]
-    shown = [tick for tick in ticks if low <= tick <= high]
-    return {
-        "type": "log",
-        "range": [math.log10(low), math.log10(high)],
-        "tickvals": shown,
-        "ticktext": [f"{tick:g}" for tick in shown],
-    }
-
-
 _MOST_DECADES = 3.7  #: Above so many powers of ten there is room for these alone.
 
 _POWERS = range(-9, 10)
@@ -292,3 +280,9 @@ def log_ticks(low: float, high: float) -> dict[str, Any]:
     steps = _STEPS if high - low < _MOST_DECADES else (1,)
     values = [step * 10.0**power for power in _POWERS for step in steps]
     return {"tickvals": values, "ticktext": [f"{value:.10g}" for value in values]}
+
+
+def log_axis(low: float, high: float) -> dict[str, Any]:
+    """A logarithmic axis over these values, with `log_ticks`."""
+    ends = [math.log10(low), math.log10(high)]
+    return {"type": "log", "range": ends, **log_ticks(*ends)}

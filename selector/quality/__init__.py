@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 
 from selector.findings import Finding
-from selector.quality.broken_sensors import agreed, broken_sensors, frozen, out_of_range
+from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
 from selector.quality.completeness import clock_jumps, empty_channels, few_values, file_copies, gaps, short_runs, starts
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
@@ -68,7 +68,6 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
             new = list(check(survey))
             survey.leave_out(new)
             found += new
-    found = agreed(found)
     runs = {name: k for k, name in enumerate(recording.runs)}
     order = {name: k for k, name in enumerate(recording.names)}
 

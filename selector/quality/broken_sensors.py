@@ -1,6 +1,6 @@
 """Samples that are no measurements: codes of broken sensors, values that cannot be, channels that stand still."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 from selector.findings import Finding, Where
-from selector.quality.finding_table import FINDINGS, OUT_OF_RANGE, WRONG_UNIT
+from selector.quality.finding_table import FINDINGS
 from selector.quality.leave_out import WINDOWS
 from selector.quality.survey import (
     IMPLAUSIBLE,
@@ -193,34 +193,6 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
         level="error",
     )
     yield from told(found, joined(survey.time[run], broken, present))
-
-
-_NOTHING = "Nothing is left out."
-
-
-def agreed(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings in their order; those about a wrong unit and the readings out of range that it explains agree."""
-    told = list(findings)
-    for i, unit in enumerate(told):
-        if unit.id != WRONG_UNIT or unit.action != "none":
-            continue
-        explained = [k for k, other in enumerate(told) if other.id == OUT_OF_RANGE and _explains(unit, other)]
-        for k in explained:
-            advice = f"Its unit explains this ({unit.evidence['mistake']}): see wrong-unit. The stretch is left out."
-            told[k] = replace(told[k], suggestion=advice)
-        if explained:
-            advice = unit.suggestion.replace(_NOTHING, "Until then the readings that are out of range are left out.")
-            told[i] = replace(unit, suggestion=advice)
-    return told
-
-
-def _explains(unit: Finding, other: Finding) -> bool:
-    """Whether the readings would be those of a machine tool in the other unit."""
-    if unit.where.channel not in (None, other.where.channel) or unit.where.run not in (None, other.where.run):
-        return False
-    low, high = PLAUSIBLE["temperature"]
-    gain, offset = unit.evidence["gain"], unit.evidence.get("offset", 0.0)
-    return bool(low <= (other.evidence["value"] - offset) / gain <= high)
 
 
 #: -log of the probability (7e-13) below which standing still cannot be chance; a recording has some 1e6 samples.

@@ -75,7 +75,7 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
                 f"(then the coldest starts at {mistake.undone(coldest):.3g} °C).",
                 Where(),
                 {"coldest_start": coldest, "gain": mistake.gain, "offset": mistake.offset, "mistake": mistake.name},
-                f"If so, {mistake.remedy} for these channels in the machine file. Nothing is left out.",
+                f"If so, {mistake.remedy} for these channels in the machine file.",
                 level="warning",
             )
             return
@@ -127,7 +127,7 @@ def _told_temperatures(
             | {"mistake": mistake.name, "unit": mistake.unit, "measured_gain": gain},
             f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run."
             if acts
-            else f"If so, {mistake.remedy} {everywhere}. Nothing is left out.",
+            else f"If so, {mistake.remedy} {everywhere}.",
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )
@@ -215,7 +215,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             f"{rise:.3g} K: this looks like {mistake.name} (factor {mistake.gain:g}).",
             Where(channel.name),
             {"span_um": largest, "gain": mistake.gain, "mistake": mistake.name, "temperature_span_k": rise},
-            f"If so, {mistake.remedy} for this channel in the machine file. Nothing is left out.",
+            f"If so, {mistake.remedy} for this channel in the machine file.",
             level="warning",
         )
 

@@ -127,6 +127,7 @@ _SHOWN_READING = ("format", "encoding", "separator", "decimal", "skipped_rows", 
 _OPTION_VALUES = {
     "--time-unit": "a unit of time (s, ms, min, h, d) or 'datetime'",
     "--period-s": "a period above zero in seconds",
+    "--mean-s": "a positive number of seconds, e.g. 60: a minute",
     "--date-order": "dmy, mdy or ymd",
 }
 
@@ -292,6 +293,7 @@ def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
     for option, value, fine in (
         ("--time-unit", overrides.time_unit, unit == "datetime" or time_unit(unit) is not None),
         ("--period-s", overrides.period_s, period_s is None or (np.isfinite(period_s) and period_s > 0)),
+        ("--mean-s", overrides.mean_s, 0.0 < (overrides.mean_s or 0.0) < np.inf),
         ("--date-order", overrides.date_order, overrides.date_order in ("dmy", "mdy", "ymd")),
     ):
         if value is not None and not fine:

@@ -243,7 +243,7 @@ GOOD = "time_s,spindle_speed\n0,1000\n3600,0\n7200,0\n"
         (GOOD, ["--operations", "nan"], "--operations"),
         (GOOD, ["--tolerance", "10", "--resolution", "0"], "--resolution"),
         (GOOD, ["--resolution", "1"], "--operations"),
-        (GOOD, ["--method", "magic"], "modal or piecewise"),
+        (GOOD, ["--method", "magic"], "'modal', 'piecewise'"),
         (GOOD, ["--response", "W"], "one of X, Y, Z"),
         (GOOD, ["--response", "spindle_speed"], "one of X, Y, Z"),
     ],

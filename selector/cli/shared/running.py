@@ -155,7 +155,7 @@ def _usage_error(error: Any) -> OptionError:
     path = context.command_path if context is not None else "selector"
     usage = context.get_usage().removeprefix("Usage:").strip() if context is not None else "selector COMMAND"
     return OptionError(
-        " ".join(str(error.format_message()).split()),
+        " ".join(str(error.format_message()).replace("Value error, ", "").split()),
         expected=" ".join(usage.split()),
         where="command line",
         advice=f"correct the command; `{path} --help` lists its options",

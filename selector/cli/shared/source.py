@@ -121,9 +121,6 @@ class Source:
         from selector.readers import Overrides
 
         said = {name: value for name, value in vars(self).items() if name not in ("runs", "machine")}
-        _one_of(self.date_order, ("dmy", "mdy", "ymd"), "--date-order")
-        _positive(self.period_s, "--period-s")
-        _positive(self.mean_s, "--mean-s")
         return Overrides(**said | {"units": pairs(self.units, "--unit"), "roles": pairs(self.roles, "--role")})
 
 
@@ -217,20 +214,3 @@ def pairs(values: list[str] | None, option: str) -> dict[str, str]:
             )
         found[name] = right
     return found
-
-
-def _one_of(value: str | None, choices: tuple[str, ...], option: str) -> None:
-    if value is not None and value not in choices:
-        raise OptionError(
-            f"{value!r}",
-            expected="one of " + ", ".join(choices),
-            where=option,
-            advice=f"choose one, or leave {option} out",
-        )
-
-
-def _positive(value: float | None, option: str) -> None:
-    if value is not None and not 0 < value < float("inf"):
-        raise OptionError(
-            f"{value}", expected="a positive number of seconds", where=option, advice=f"e.g. {option} 60: a minute"
-        )

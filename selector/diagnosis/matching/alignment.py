@@ -28,14 +28,8 @@ def comparable_rows(at_s: Vector, stamps_s: Vector, recorded: Sequence[Vector], 
     Between two stamps a line stands for what the simulation did; what it cuts off looks like a lag of the machine. That
     is an eighth of h²·y'' at most, a fourth of what a line over two steps is off in the middle.
 
-    Parameters
-    ----------
-    at_s : ndarray of shape (n_rows,)
-        Recorded times on the simulation's clock [s].
-    stamps_s : ndarray of shape (n_stamps,)
-        Stamps of the simulation [s].
-    recorded, simulated : sequences of ndarray of shapes (n_rows,), (n_stamps,)
-        The responses.
+    `at_s` are the recorded times on the simulation's clock, shape (n_rows,), `stamps_s` the stamps of the simulation,
+    shape (n_stamps,) [s]; `recorded` and `simulated` the responses at them.
     """
     everything = np.arange(len(at_s))
     if len(at_s) < 3 or len(stamps_s) < 3:
@@ -87,10 +81,7 @@ _SAME = 0.03  #: Part by which runs may differ that are the same in another unit
 def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> None:
     """Ends with an error when every simulated run is the recorded one in a smaller unit of time.
 
-    Parameters
-    ----------
-    durations_s : mapping of str to tuple of float
-        Run → duration of what was recorded and of what was simulated [s].
+    `durations_s` is run → duration of what was recorded and of what was simulated [s].
 
     Raises InputError: every run is longer by the same factor between units.
     """
@@ -111,10 +102,7 @@ def require_same_time_unit(durations_s: Mapping[str, tuple[float, float]]) -> No
 def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     """Findings ``partly-simulated`` of runs that the simulation covers in part.
 
-    Parameters
-    ----------
-    covered : mapping of str to ndarray of bool of shape (n_rows,)
-        Run → recorded rows at which the simulation has a value.
+    `covered` is run → recorded rows at which the simulation has a value, shape (n_rows,).
 
     Raises InputError: it covers less than a tenth of every run.
     """
@@ -159,15 +147,10 @@ def comparison_of(
 ) -> Comparison:
     """Recording and simulation as one comparison, at the times of the recording, or of a simulation that is coarser.
 
-    Parameters
-    ----------
-    recording, simulation : Recording
-        Runs are matched by name. The simulation may be sampled otherwise, start later and end earlier.
-    responses : sequence of str, optional
-        Channels to be compared; default: all that both have, but those that the simulation was merely given.
-    holdout : str
-        ``"last"`` (the last run; of a single run its last 30 %), the name of a run, or the share of every run, at its
-        end, that nothing is fitted to.
+    Runs are matched by name. The simulation may be sampled otherwise, start later and end earlier. `responses` are the
+    channels to be compared; default: all that both have, but those that the simulation was merely given. `holdout` is
+    ``"last"`` (the last run; of a single run its last 30 %), the name of a run, or the share of every run, at its end,
+    that nothing is fitted to.
 
     Raises InputError: there is nothing to compare: no common run or channel, no overlap in time, another quantity, too
     few samples. Raises OptionError: `responses` or `holdout` name something that is not there.

@@ -52,7 +52,7 @@ def at_readings(comparison: Comparison) -> Comparison:
         told = [
             FINDINGS.finding(
                 "not-compared",
-                f"{name} is not compared: it has a value in every {_nth(count)} row only, more rarely than other "
+                f"{name} is not compared: it has a value in one row of {count:.0f} only, more rarely than other "
                 "responses.",
                 Where(channel=name),
                 {"rows_between": count},
@@ -64,7 +64,7 @@ def at_readings(comparison: Comparison) -> Comparison:
         return replace(comparison, responses=kept, findings=(*comparison.findings, *told))
     if read.all():
         return comparison
-    counts = ", ".join(f"{name} has a value in every {_nth(count)} row" for name, count in seldom.items())
+    counts = ", ".join(f"{name} has a value in one row of {count:.0f}" for name, count in seldom.items())
     alone = len(seldom) == len(every)
     said = FINDINGS.finding(
         "read-seldom",
@@ -120,12 +120,6 @@ def _rows_between(comparison: Comparison, name: str) -> float:
     return float(np.median(known)) / comparison.period_s if len(known) else 1.0
 
 
-def _nth(count: float) -> str:
-    whole = round(count)
-    ending = "th" if 10 <= whole % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(whole % 10, "th")
-    return f"{whole}{ending}"
-
-
 LEAST_SAMPLES = 40  #: Compared samples that are needed to fit offset, gain and delay and to tell noise from structure.
 #: How many times larger a number is in another unit, where no calibration error could explain it.
 _UNIT_FACTORS = {1e3: "mm and µm, or m and mm", 1e6: "m and µm", 60.0: "per second and per minute"}
@@ -139,11 +133,7 @@ _OF_SUMS = 1e-12  #: Of the largest reading: what is left of differences by sums
 def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
     """The comparison without responses from which nothing can be learned, and why, as findings.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    asked : bool
-        Whether the user named the responses: then it is a warning that one is a mere input of the simulation.
+    Where the user `asked` for the responses it is a warning that one is a mere input of the simulation.
 
     Raises InputError: no response is left, or one is in another unit in the simulation.
     """
@@ -290,17 +280,9 @@ _NO_READINGS = (SENSOR_BREAK, OUT_OF_RANGE)
 def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording with missing samples where no reading stands, and what was left out, as findings.
 
-    Every run and every channel stays, if only as missing samples. O(samples).
-
-    Parameters
-    ----------
-    recording : Recording
-
-    Returns
-    -------
-    tuple of Recording and tuple of Finding
-        The recording itself and nothing if there are no such samples. Ids: ``sensor-break``, ``out-of-range``; all
-        of them warnings, for what is left out does no more harm to the answer.
+    Every run and every channel stays, if only as missing samples; the recording itself, and no finding, if there are
+    no such samples. Ids: ``sensor-break``, ``out-of-range``; all of them warnings, for what is left out does no more
+    harm to the answer. O(samples).
     """
     survey, found = Survey(recording), list[Finding]()
     with np.errstate(all="ignore"):

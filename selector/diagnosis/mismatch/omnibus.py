@@ -314,18 +314,9 @@ def unexplained(
     samples fewer, 99 at least) of noise that wanders as the residual does, with its own innovations in another order
     (Westfall & Young 1993, single-step maximum).
 
-    Parameters
-    ----------
-    comparison : Comparison
-    residuals : mapping of str to ndarray of shape (n_rows,)
-        Response → what is left [its unit]; NaN where missing.
-    whitened : mapping of str to ndarray of shape (n_rows,)
-        The same after the noise filter; rows that are missing in it are not looked at.
-    seed : int
-    false_alarm : float
-        Probability of any structure where all is noise.
-    wanders : bool
-        Whether noise may wander slowly. Without, all that is slower than a memory of a few samples is structure.
+    `residuals` is response → what is left, shape (n_rows,) [its unit], NaN where missing, `whitened` the same after
+    the noise filter; rows that are missing in it are not looked at. Unless noise `wanders`, all that is slower than a
+    memory of a few samples is structure.
     """
     rng = np.random.default_rng(seed)
     draws = int(np.clip(_READINGS // len(comparison.time_s), *_DRAWS))
@@ -441,13 +432,8 @@ def told_of_wandering(
 ) -> tuple[Finding, ...]:
     """A finding for every response whose residual wanders slowly and shows no structure.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    residuals : mapping of str to ndarray of shape (n_rows,)
-        Response → what is left [its unit]; NaN where missing.
-    structures : sequence of Structure
-        What is no noise; of its responses nothing is said.
+    `residuals` is response → what is left, shape (n_rows,) [its unit], NaN where missing. Of the responses of
+    `structures`, which are no noise, nothing is said.
     """
     found = []
     for response in residuals.keys() - {structure.channel for structure in structures}:

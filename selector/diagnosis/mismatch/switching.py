@@ -117,17 +117,9 @@ def switched(
     recalibration: changes are added while each gains more than its price (orthogonal matching pursuit). Then the
     innovations of two autoregressions are compared, of what that leaves and of what recalibration alone leaves.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    channel : str
-        The response.
-    target : ndarray of shape (n_rows,)
-        Recorded − simulated [unit of the response]; NaN where one is missing.
-    base : ndarray of shape (n_rows, p)
-        What recalibration may add.
-    resolution : float
-        Step of the readings [unit of the response]: a slow course that is rounded changes by one step at a time.
+    `target` is recorded − simulated of the response `channel`, shape (n_rows,) [its unit], NaN where one is missing;
+    `base` what recalibration may add, shape (n_rows, p); `resolution` the step of the readings [the same unit]: a slow
+    course that is rounded changes by one step at a time.
     """
     rows = [here for here in seen_rows(comparison, target) if len(here)]
     if not rows:

@@ -37,14 +37,7 @@ def with_longest_steps(
     """The model with the longest internal steps that give what those of its file give, to within a trifle of the noise.
 
     A search simulates some hundred times. Steps are doubled until it is told; other models than those of heat are
-    given back as they are.
-
-    Parameters
-    ----------
-    model
-        What is searched.
-    recording, responses, holdout
-        As of `alignment.comparison_of`.
+    given back as they are. `responses` and `holdout` are those of `alignment.comparison_of`.
 
     Raises InputError: the recordings cannot drive the model, or nothing can be compared.
     """
@@ -157,16 +150,9 @@ def diagnosis_of_model(
     In mode C the effect that explains most is put into the model, everything is fitted again, and what is left is
     looked at anew, until nothing is found that the file can express.
 
-    Parameters
-    ----------
-    runnable
-        A model of ours (mode C), a function or an FMU (mode B).
-    recording, responses, holdout
-        As of `alignment.comparison_of`.
-    seed, false_alarm
-        As of `workflow.diagnosis`.
-    progress : callable, optional
-        Told steps done, steps in all, and what is done.
+    `runnable` is a model of ours (mode C), a function or an FMU (mode B). `responses` and `holdout` are those of
+    `alignment.comparison_of`, `seed` and `false_alarm` those of `workflow.diagnosis`; `progress` is told steps done,
+    steps in all, and what is done.
 
     Raises InputError: the recordings cannot drive the model, or nothing can be compared.
     """

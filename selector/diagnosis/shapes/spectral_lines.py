@@ -127,20 +127,11 @@ def lines(
 ) -> tuple[Line, ...]:
     """Lines of `left` over the abscissa, the strongest first.
 
-    Parameters
-    ----------
-    left : ndarray of shape (n_rows,)
-        What is looked through; 0 where missing.
-    abscissa : ndarray of shape (n_rows,)
-        Grows within each run: time [s], or turns of the shaft.
-    weight : ndarray of shape (n_rows,)
-        How the line's size goes over the rows, e.g. the square of the speed.
-    near : tuple of float or None
-        Look only within the share `width` (or a cycle per run) of these; None = everywhere from `lowest` on.
-    most : int
-        At most so many.
-    chance : float
-        That noise shows one of them in the whole spectrum; what is no line is not offered to the fit.
+    Of shape (n_rows,) are `left`, what is looked through, 0 where missing; `abscissa`, which grows within each run:
+    time [s], or turns of the shaft; and `weight`, how the line's size goes over the rows, e.g. the square of the speed.
+    It looks only within the share `width` (or a cycle per run) of `near`, or everywhere from `lowest` on, for at most
+    `most` lines. `chance` is that noise shows one of them in the whole spectrum; what is no line is not offered to the
+    fit.
     """
     parts = fitted_parts(comparison)
     noise = white_filter([left[p] for p in parts])

@@ -77,7 +77,7 @@ def scheduled(
     (time_s, values) for every key whose course is a column of a file; the last value is held. A `cyclogram` takes the
     place of the file's spindle speed, and its last speed is held.
 
-    Raises InputError: a condition is outside what is physical, or `columns` lacks one.
+    Raises InputError: a condition is outside what is physical, or a column holds no value.
     """
     stepwise: dict[str, tuple[Vector, Vector]] = {}
     for name, about in CONDITIONS.items():
@@ -176,13 +176,6 @@ def _channel(recording: Recording, name: str, asked: str | None) -> str | None:
 
 
 def _column(key: str, course: Column, columns: Mapping[str, tuple[Vector, Vector]]) -> tuple[Vector, Vector]:
-    if key not in columns:
-        raise InputError(
-            f"nothing was read from column {course.column!r} of {course.file}",
-            expected="its times and values",
-            where=f"key conditions.{key}",
-            advice="read the file first, or write the course into the model file",
-        )
     time_s, values = columns[key]
     there = np.isfinite(values)
     if not there.any():

@@ -22,8 +22,6 @@ from selector.physics.vibration.structure.structure import (
     Joint,
     Member,
     Structure,
-    checked_frequencies,
-    known_place,
     receptance,
     receptances,
 )
@@ -121,7 +119,7 @@ def chain_receptance(
     Raises InputError if neighbours of the chain have no joint, a member is unknown, or a group is forced at a resonance
     that nothing damps.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     path, branch = chain_links(structure, chain)
     links = (*path, *branch)
     answers = np.array([_answer(link, frequency, chain) for link in links]).reshape(len(links), len(frequency))
@@ -151,16 +149,8 @@ def chain_receptance(
 def chain_links(structure: Structure, chain: Chain) -> tuple[tuple[Link, ...], tuple[Link, ...]]:
     """Links of the path, from the source on, and of the branch, outwards from the group that carries it.
 
-    InputError if a member is unknown, neighbours have no joint, or not exactly one group of the path carries the
-    branch.
+    InputError if neighbours have no joint, or not exactly one group of the path carries the branch.
     """
-    for key, names in (
-        ("path", sum(chain.path, ())),
-        ("branch", sum(chain.branch, ())),
-        ("held", () if chain.held == GROUND else (chain.held,)),
-    ):
-        for name in names:
-            known_place(structure, name, f"chains.{chain.name}.{key}")
     onto = (*chain.path[1:], (chain.held,))
     path = tuple(
         _link(structure, group, on, f"chains.{chain.name}.path") for group, on in zip(chain.path, onto, strict=True)
@@ -327,7 +317,7 @@ def chain_accuracy(
     InputError at an undamped resonance; for chains that are no way through the structure, or on which a source does not
     act.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     if not chains:
         return ()
     alone_of = {chain.name: chain_structure(structure, chain) for chain in chains}

@@ -11,7 +11,6 @@ from scipy import linalg
 from selector.physics.vibration.structure.structure import (
     Structure,
     StructureModes,
-    checked_frequencies,
     known_place,
     mass_matrix,
     refuse_unresolved,
@@ -38,7 +37,7 @@ def receptance_by_modes(
 
     InputError at a resonance that nothing damps, and for unknown members.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     modes = structure_modes(structure) if modes is None else modes
     refuse_unresolved(structure, frequency)
     force, place = unit_force(structure, at, against), known_place(structure, of, "of")

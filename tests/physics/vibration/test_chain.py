@@ -193,9 +193,9 @@ def test_force_sign_says_which_side_of_the_source_the_chain_begins_at():
             "branch",
             r"\(slide\) joined with \(head\) and \(bed\)",
         ),
-        (Chain("c", "low", (), (("x",), ("bed",)), "x"), "path", "'x'"),
-        (Chain("c", "low", (), (("bed",),), "x", branch=(("x",),)), "branch", "'x'"),
-        (Chain("c", "low", (), (("bed",),), "bed", held="x"), "held", "'x'"),
+        (Chain("c", "low", (), (("x",), ("bed",)), "x"), "path", r"between \(x\)"),
+        (Chain("c", "low", (), (("bed",),), "x", branch=(("x",),)), "branch", r"\(x\)"),
+        (Chain("c", "low", (), (("bed",),), "bed", held="x"), "path", r"and \(x\)"),
     ],
 )
 def test_what_is_no_chain_of_the_structure_is_refused_by_name(chain, where, found):

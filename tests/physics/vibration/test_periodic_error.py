@@ -270,5 +270,3 @@ def test_other_numbers_that_cannot_be_are_refused():
         Surface(roughness_below_mm=0.0)
     with pytest.raises(InputError, match="workpiece_rpm"):
         waves_per_revolution(1e300, replace(CUTTING, workpiece_rpm=1e-300))
-    with pytest.raises(InputError, match="diameter_mm"):
-        split_frequency_hz(replace(CUTTING, diameter_mm=1e300, workpiece_rpm=1e20), Surface())

@@ -172,9 +172,6 @@ def test_section_times_meet_every_line_at_all_phases():
     for frequency in (500.0, 499.5, 20.0, 0.5):
         # a grid of 1000 would meet 500 Hz always at one phase; here the phases average out to a few per cent
         assert abs(np.exp(2j * np.pi * frequency * times).mean()) < 0.05
-    for sections, duration in ((0, 1.0), (5, 0.0), (5, math.nan)):
-        with pytest.raises(InputError):
-            section_times(sections, duration)
 
 
 def test_1024_realisations_at_10_000_sections():

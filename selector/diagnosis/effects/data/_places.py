@@ -69,13 +69,9 @@ def single_runs(comparison: Comparison) -> list[Part]:
 def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None = None) -> Iterator[Part]:
     """Single runs, and runs from one on, that can be told apart while all runs together may be recalibrated.
 
-    Parameters
-    ----------
-    comparison : Comparison
-    oddness : callable (rows) -> float, optional
-        How far a run is off by itself. Of two runs, "the one" and "the other" are the same fit beside what all runs
-        share: the one that is farther off is meant. None: nothing that all runs share resembles the fault, so that
-        every run counts, and all of them together.
+    `oddness` says how far the run of these rows is off by itself. Of two runs, "the one" and "the other" are the same
+    fit beside what all runs share: the one that is farther off is meant. None: nothing that all runs share resembles
+    the fault, so that every run counts, and all of them together.
     """
     runs = fitted_runs(comparison)
     singles: tuple[str, ...] = runs

@@ -35,15 +35,8 @@ class HeatSystem:
     states: tuple[str, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        n = self.capacity.shape[0]
         for name in ("films", "film_loads", "sources", "probes", "displacements"):
-            items = dict(getattr(self, name))
-            for key, value in items.items():
-                if value.shape[0] != n:
-                    raise ValueError(f"{name}[{key!r}] has {value.shape[0]} rows, the capacity matrix has {n}")
-            object.__setattr__(self, name, MappingProxyType(items))
-        if set(self.films) != set(self.film_loads):
-            raise ValueError(f"films {sorted(self.films)} and film loads {sorted(self.film_loads)} differ")
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
     def size(self) -> int:

@@ -128,13 +128,6 @@ def section_times(sections: int, duration_s: float) -> Vector:
     Multiples of the golden ratio: a grid whose step is a multiple of a line's period would meet the line always at
     the same phase. The duration should hold several periods of the smallest difference between lines of one source.
     """
-    if sections < 1 or not (math.isfinite(duration_s) and duration_s > 0):
-        raise InputError(
-            f"{sections} sections of {duration_s:g} s",
-            expected="at least 1 section, and a duration above 0",
-            where="realisations.sections",
-            advice="correct the number of sections or the duration",
-        )
     return np.sort(np.mod((np.arange(sections) + 0.5) * _GOLDEN, 1.0)) * duration_s
 
 
@@ -373,15 +366,7 @@ def split_frequency_hz(cutting: Cutting, surface: Surface) -> float:
     these, since V gives lobing to the low chains.
     """
     fine = cutting.speed_m_per_min * 1e3 / 60.0 / surface.roughness_below_mm
-    split = max(fine, surface.lobing_up_to_upr * cutting.workpiece_rpm / 60.0)
-    if not (math.isfinite(split) and split > 0):
-        raise InputError(
-            f"{split:g} Hz",
-            expected="a frequency above 0",
-            where="cutting.diameter_mm",
-            advice="correct diameter, speed of the workpiece, or the cut-off [mm]",
-        )
-    return split
+    return max(fine, surface.lobing_up_to_upr * cutting.workpiece_rpm / 60.0)
 
 
 def _log_force_per_depth(cutting: Cutting) -> float:

@@ -114,11 +114,8 @@ class Structure:
         return tuple(member.name for member in self.members)
 
     def position(self, name: str) -> int:
-        """Place of a member among the members; KeyError where there is none."""
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise KeyError(name) from None
+        """Place of a member among the members; ValueError where there is none."""
+        return self.names.index(name)
 
 
 NUMBERS_AT_ONCE = 2_000_000  #: Complex numbers of dynamic stiffness that are held at a time (32 MB).
@@ -146,21 +143,9 @@ def stiffness_matrix(structure: Structure) -> Complex:
 
 
 def scaled_stiffness_matrix(structure: Structure) -> Complex:
-    """M^−½·K·M^−½ [1/s²]: its eigenvalues are those of the pencil (K, M).
-
-    InputError if a stiffness over a mass is beyond what numbers hold.
-    """
+    """M^−½·K·M^−½ [1/s²]: its eigenvalues are those of the pencil (K, M)."""
     root = np.sqrt(_masses_kg(structure))
-    with np.errstate(over="ignore", invalid="ignore"):
-        scaled = stiffness_matrix(structure) / root / root[:, None]
-    if not np.isfinite(scaled).all():
-        raise InputError(
-            "a stiffness over a mass beyond all numbers",
-            expected="stiffnesses [N/m] and masses [kg] of a machine",
-            where="joints",
-            advice="correct the stiffness or the mass; check their units",
-        )
-    return scaled
+    return np.asarray(stiffness_matrix(structure) / root / root[:, None])
 
 
 def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLike) -> Complex:
@@ -168,9 +153,9 @@ def receptances(structure: Structure, frequency_hz: ArrayLike, force_n: ArrayLik
 
     `force_n` has the shape (n_cases, n_members) and is the same at every frequency; at 0 Hz it is the static limit.
 
-    InputError at a resonance that nothing damps, or if numbers are missing or beyond what numbers hold.
+    InputError at a resonance that nothing damps.
     """
-    frequency = checked_frequencies(frequency_hz)
+    frequency = np.asarray(frequency_hz, dtype=np.float64)
     force = np.asarray(force_n, dtype=np.complex128)
     solved = _solved(structure, frequency, np.broadcast_to(force.T, (len(frequency), *force.T.shape)))
     return np.ascontiguousarray(np.moveaxis(solved, 2, 0))
@@ -206,21 +191,6 @@ def known_place(structure: Structure, name: str, where: str) -> int:
             advice="correct the name, or add the member",
         )
     return structure.position(name)
-
-
-def checked_frequencies(frequency_hz: ArrayLike) -> Vector:
-    """The frequencies as an array [Hz]; InputError unless they are a row of numbers from 0 to 1e9."""
-    frequency = np.asarray(frequency_hz, dtype=np.float64)
-    # GHz: beyond it products of amplitudes would not be numbers any more
-    if frequency.ndim != 1 or not ((frequency >= 0.0) & (frequency <= 1e9)).all():
-        wrong = frequency[~((frequency >= 0.0) & (frequency <= 1e9))] if frequency.ndim == 1 else frequency
-        raise InputError(
-            f"{wrong[0]:g} Hz" if wrong.ndim == 1 else f"an array of shape {frequency.shape}",
-            expected="a row of frequencies from 0 to 1e9 Hz",
-            where="frequency_hz",
-            advice="correct the frequencies",
-        )
-    return frequency
 
 
 def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
@@ -267,16 +237,7 @@ def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Com
         part = slice(begin, begin + at_once)
         dynamic = np.repeat(scaled[None], len(frequency_hz[part]), axis=0)
         dynamic[:, diagonal, diagonal] -= (2.0 * math.pi * frequency_hz[part, None]) ** 2
-        # too large numbers are told below
-        with np.errstate(over="ignore", invalid="ignore"):
-            motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
-    if not np.isfinite(motion).all():
-        raise InputError(
-            "a motion beyond all numbers",
-            expected="forces [N] and stiffnesses [N/m] of a machine",
-            where="force_n",
-            advice="correct the force; check its unit",
-        )
+        motion[part] = np.linalg.solve(dynamic, force_n[part] / root[:, None]) / root[:, None]
     return motion
 
 
