@@ -131,3 +131,17 @@ def test_moments_of_a_short_record_are_told_in_seconds():
     (told,) = told_of_switches(of, {"Z": found_in(of)})
     assert "r1 0.0595 s, r1 0.149 s" in told.statement
     assert "h:min:s" not in told.statement
+
+
+@pytest.mark.parametrize(("lag_s", "gap"), [(300.0, 8), (900.0, 8), (300.0, 27)])
+def test_time_goes_on_where_readings_lack(lag_s, gap):
+    of = comparison({"Z": 10.0 * followed(lag_s) + 0.1 * rng(4).standard_normal(3 * N)})
+    recorded = of.recorded["Z"].copy()
+    for first in range(20, 3 * N, 90):
+        recorded[first : first + gap] = np.nan
+    found = found_in(replace(of, recorded={**of.recorded, "Z": recorded}))
+    assert found is not None
+    assert [moment(change) for change in found.changes] == pytest.approx(TRUE, abs=gap)
+    assert all(
+        abs(moment(change) - at) <= change.within_s / STEP_S for change, at in zip(found.changes, TRUE, strict=True)
+    )

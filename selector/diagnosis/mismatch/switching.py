@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,17 @@ class _Record:
         for column, ((run, at_s), lags) in zip(columns[1].T, of, strict=True):
             column[self.runs[run]] = _risen(self.time_s[self.runs[run]] - at_s, lags)
         return np.column_stack(columns)
+
+    @cached_property
+    def grid(self) -> tuple[NDArray[np.intp], tuple[slice, ...]]:
+        """Places of the readings on an even grid of periods, runs in a row, and those of the runs."""
+        places, spans, first = [], list[slice](), 0
+        for part in self.runs:
+            time = self.time_s[part]
+            near, order = np.rint((time - time[0]) / self.period_s).astype(np.intp), np.arange(len(time))
+            places.append(first + np.maximum.accumulate(near - order) + order)
+            spans.append(slice(first, first := int(places[-1][-1]) + 1))
+        return np.concatenate(places), tuple(spans)
 
     def left(self, lags_s: Lags, moments: Sequence[Moment] = ()) -> Vector:
         """What is left beside changes."""
@@ -218,41 +230,55 @@ def _pursued(record: _Record, lags_s: Lags, variance: float, most: int) -> tuple
     columns = record.columns(lags_s)
     base = orth(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), rcond=1e-9)
     left = [record.target - base @ (base.T @ record.target)]
-    longest = max(part.stop - part.start for part in record.runs)
-    step = _risen(record.period_s * np.arange(1, longest + 1), lags_s)
-    free, possible = np.zeros(n), np.ones(n, dtype=np.bool_)
+    # on an even grid, on which readings that lack are 0
+    at, spans = record.grid
+    reading = np.full(spans[-1].stop, -1)
+    reading[at] = np.arange(n)
+    seen, step = reading >= 0, _risen(record.period_s * np.arange(1, spans[-1].stop + 1), lags_s)
+
+    def spread(values: Matrix) -> Matrix:
+        grid = np.zeros((len(reading), values.shape[1]))
+        grid[at] = values
+        return grid
+
+    possible = seen.copy()
     for part in record.runs:
-        free[part] = np.cumsum(step[: part.stop - part.start] ** 2)[::-1]
-        possible[part.start : part.start + _SHORTEST] = False
-        possible[max(part.start, part.stop - _SHORTEST) : part.stop] = False
-    beside = free - np.sum(_along(record, step, base) ** 2, axis=1)
+        for edge in (
+            slice(part.start, part.start + _SHORTEST),
+            slice(max(part.start, part.stop - _SHORTEST), part.stop),
+        ):
+            possible[at[edge]] = False
+    free = _along(spans, step**2, seen.astype(np.float64)[:, None])[:, 0]
+    beside = free - np.sum(_along(spans, step, spread(base)) ** 2, axis=1)
     changes: list[int] = []
     while len(changes) < most:
-        shown = _along(record, step, left[-1][:, None])[:, 0]
+        shown = _along(spans, step, spread(left[-1][:, None]))[:, 0]
         gains = np.where(possible & (beside > _OWN * free), shown**2 / np.maximum(beside, 1e-300), 0.0)
         best = int(np.argmax(gains))
         if gains[best] < price:
             break
-        column, end = np.zeros(n), next(part.stop for part in record.runs if best < part.stop)
-        column[best:end] = step[: end - best]
+        end = next(span.stop for span in spans if best < span.stop)
+        whole = np.zeros(len(reading))
+        whole[best:end] = step[: end - best]
+        column = whole[at]
         for _ in range(2):  # once more for what rounding leaves
             column = column - base @ (base.T @ column)
         column /= np.linalg.norm(column)
         base = np.column_stack([base, column])
         left.append(left[-1] - column * (column @ left[-1]))
-        beside = beside - _along(record, step, column[:, None])[:, 0] ** 2
+        beside = beside - _along(spans, step, spread(column[:, None]))[:, 0] ** 2
         possible[max(0, best - _SHORTEST + 1) : best + _SHORTEST] = False
-        changes.append(best)
+        changes.append(int(reading[best]))
     return changes, left
 
 
-def _along(record: _Record, step: Vector, courses: Matrix) -> Matrix:
-    """Products of courses with a change of 1 at every reading, by Fourier transforms; shape as `courses`."""
+def _along(spans: Sequence[slice], step: Vector, courses: Matrix) -> Matrix:
+    """Products of courses with a change of 1 at every place, by Fourier transforms; shape as `courses`."""
     parts = []
-    for part in record.runs:
-        length = part.stop - part.start
+    for span in spans:
+        length = span.stop - span.start
         n = fft.next_fast_len(2 * length, real=True)
-        bins = fft.rfft(courses[part], n, axis=0) * np.conj(fft.rfft(step[:length], n))[:, None]
+        bins = fft.rfft(courses[span], n, axis=0) * np.conj(fft.rfft(step[:length], n))[:, None]
         parts.append(fft.irfft(bins, n, axis=0)[:length])
     return np.concatenate(parts)
 
@@ -331,7 +357,9 @@ def _joined(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[l
     joined: list[tuple[int, float, float]] = []
     for (run, at_s), size in zip(moments, sizes.tolist(), strict=True):
         same, last_s, weight = joined[-1] if joined else (-1, 0.0, 0.0)
-        if run == same and at_s - last_s <= _SHORTEST * record.period_s and size * weight > 0.0:
+        time = record.time_s[record.runs[run]]
+        between = np.count_nonzero((time > last_s) & (time <= at_s))  # readings, of which a gap has none
+        if run == same and between <= _SHORTEST and size * weight > 0.0:
             joined[-1] = (run, (last_s * weight + at_s * size) / (weight + size), weight + size)
         else:
             joined.append((run, at_s, size))
@@ -339,8 +367,10 @@ def _joined(record: _Record, lags_s: Lags, moments: Sequence[Moment]) -> tuple[l
     for k, (run, at_s, _) in enumerate(joined):
         # two that meet would be one of any size
         apart = [abs(at_s - other_s) for j, (same, other_s, _) in enumerate(joined) if same == run and j != k]
-        way = min([_SHORTEST * record.period_s, *(_PART * distance for distance in apart)])
         inside = record.time_s[record.runs[run]]
+        k = int(np.clip(np.searchsorted(inside, at_s), 1, len(inside) - 1))
+        reach = _SHORTEST * record.period_s + inside[k] - inside[k - 1]
+        way = min([float(reach), *(_PART * distance for distance in apart)])
         low_s.append(max(at_s - way, float(inside[0]) - record.period_s))
         high_s.append(min(at_s + way, float(inside[-2])))
     return [run for run, _, _ in joined], low_s, high_s
