@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -27,13 +26,12 @@ from selector.figures.simulated.vibration import (
     MOST_SOURCES,
     ZONES,
     Answer,
-    accuracy_strips,
     errors_over_wavelength,
     motion_course,
     response_over_frequency,
     source_colours,
 )
-from selector.physics.vibration.chains import Chain, chain_accuracy
+from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.motion.final_motion import final_motions
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
 from selector.physics.vibration.structure.source import Line, Source, excitation
@@ -105,10 +103,6 @@ def diagram() -> go.Figure:
     return structure_diagram(STRUCTURE, SOURCES, views, "x")
 
 
-def accuracy():
-    return chain_accuracy(STRUCTURE, CHAINS, FREQUENCY_HZ, sources=SOURCES, split_hz=60.0)
-
-
 def with_axes() -> list[go.Figure]:
     time_s = np.linspace(0.0, 0.2, 4000)
     course = np.sin(300.0 * time_s)
@@ -123,7 +117,6 @@ def with_axes() -> list[go.Figure]:
             COLOURS,
             "x",
         ),
-        accuracy_strips(accuracy(), "x"),
     ]
 
 
@@ -253,24 +246,6 @@ def test_errors_lie_in_the_zone_of_their_kind():
         assert low <= one.wavelength_mm <= high
     drawn_mm = sorted({x for trace in drawn.data if trace.mode == "markers" for x in trace.x if x is not None})
     assert drawn_mm == sorted(one.wavelength_mm for one in found)
-
-
-def test_strips_cover_the_range_of_a_chain_in_the_colour_of_its_error():
-    drawn = accuracy_strips(accuracy(), "x")
-    for row, one in enumerate(accuracy()):
-        parts = []
-        for level, trace in enumerate(drawn.data):
-            points = list(zip(trace.x, trace.y, strict=True))
-            spans = [
-                (a[0], b[0]) for a, b, _ in zip(points[::3], points[1::3], points[2::3], strict=True) if a[1] == row
-            ]
-            parts += [(start, stop, level) for start, stop in spans]
-        parts.sort()
-        assert (parts[0][0], parts[-1][1]) == (one.frequency_hz[0], one.frequency_hz[-1])
-        assert all(a[1] == b[0] for a, b in pairwise(parts))
-        for frequency, error in zip(one.frequency_hz, one.published.error, strict=True):
-            levels = {level for start, stop, level in parts if start <= frequency <= stop}
-            assert int(np.digitize(error, (0.1, 0.3, 1.0), right=True)) in levels
 
 
 def test_speeds_that_do_not_change_are_not_drawn():

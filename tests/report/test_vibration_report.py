@@ -25,7 +25,7 @@ from tests.report.test_selection_report import MEGABYTE, Page
 from tests.report.test_thermal_in_browser import BROWSER
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES = {"cut": 6, "run-up": 4, "alone": 3}
+FIGURES = {"cut": 5, "run-up": 4, "alone": 3}
 
 
 def test_every_final_is_drawn_by_the_chains_of_every_source_that_have_a_way_to_it():

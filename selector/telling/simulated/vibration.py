@@ -78,7 +78,6 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
         chains = section(
             "chains",
             "Where the chains are off",
-            *drawings.get("chains", ()),
             Captioned("Chains against the coupled structure", chains_table(summary.accuracy)),
             link="Chains",
         )

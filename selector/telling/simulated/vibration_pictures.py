@@ -10,7 +10,6 @@ from selector.figures.simulated.structure import View, can_be_drawn, chain_view,
 from selector.figures.simulated.vibration import (
     MOST_SOURCES,
     Answer,
-    accuracy_strips,
     errors_over_wavelength,
     motion_course,
     response_over_frequency,
@@ -24,7 +23,6 @@ from selector.physics.vibration.structure.structure import receptances, unit_for
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import VibrationSummary
 from selector.telling.account import Block, Drawing, Note
-from selector.telling.numbers import share_text
 from selector.telling.simulated.result import SimulationResult
 from selector.telling.simulated.vibration import Course, carrying, highest, motion_courses, source_shares
 from selector.types import Vector
@@ -50,7 +48,6 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
         "structure": [_structure(model, summary)],
         "response": _response(model, summary, colours),
         "course": [_course(one, colours, several) for one in motion_courses(result)],
-        "chains": _chains(summary),
     }
 
 
@@ -151,17 +148,6 @@ def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
     return Drawing(drawn, _COURSE if one.is_whole else _STRETCH)
 
 
-def _chains(summary: VibrationSummary) -> list[Block]:
-    accuracy = summary.accuracy
-    if not accuracy:
-        return []
-    within = share_text(float(np.mean([one.published.share_within for one in accuracy])))
-    strips = accuracy_strips(
-        accuracy, f"Computed: the chain method is within 10 % of the coupled structure over {within} of the frequencies"
-    )
-    return [Drawing(strips, _STRIPS)]
-
-
 def _answers(
     model: VibrationModel, summary: VibrationSummary, shown: Sequence[str]
 ) -> tuple[Vector, Mapping[str, tuple[Answer, ...]]]:
@@ -236,4 +222,3 @@ _RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum
 _RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
 _COURSE = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 _STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
-_STRIPS = "Error of amplitude and phase against the coupled solution of the whole structure, over the chain's range."
