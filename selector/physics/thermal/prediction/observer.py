@@ -180,9 +180,8 @@ def observed(
     followed = paths[0].course.copy()
     for i in range(1, len(time_s)):
         step_s = float(time_s[i] - time_s[i - 1])
-        best = paths[0].log_weight
         moments_s = time_s[i - 1] + step_s * (np.arange(PLACES) + 0.5) / PLACES
-        for one in [one for one in paths if one.log_weight > best - BRANCHES]:
+        for one in [one for one in paths if one.log_weight > paths[0].log_weight - BRANCHES]:
             paths += branches(one, moments_s, step_s / PLACES)
         paths = [one.read(rise_k[i], one.course[i, columns], noise_k, drift_k, step_s) for one in paths]
         paths.sort(key=lambda one: -one.log_weight)
