@@ -17,15 +17,15 @@ import numpy as np
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.types import Vector
 
-STOP_EVERY_S, STOP_LASTS_S = 8 * 3600.0, 45 * 60.0  #: Expected of stops before anything is read.
+STOP_EVERY_S, STOP_LASTS_S = 24 * 3600.0, 45 * 60.0  #: Expected of stops before anything is read.
 STEP_S, MOST_STEPS = 60.0, 600  #: Readings are means over so long, and over longer where the day has more of them.
 PLACES = 3  #: Moments between two readings at which a stop may begin or end.
 #: Courses whose logarithm of the likelihood is further below the best are given up, and do not branch.
 GIVEN_UP, BRANCHES = 10.0, 4.0
-MOST_PATHS = 40
+MOST_PATHS = 120
 #: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
 FAR_OFF = 3.0
-_LEAST_K = 0.01
+_LEAST_K, _WALK = 0.01, 2.0  #: Least noise [K]; so many times what left-out tests were off, a reading walks in an hour.
 
 
 @dataclass(frozen=True)
@@ -148,12 +148,12 @@ def observed(
     """The displacement of the day as the readings have it, and from the last one on as it is foreseen.
 
     `course` gives the responses (n_times, n_responses) of a duty cycle at times; the thermometers are among them.
-    `noise_k` and `drift_k`, (n_thermometers,), are standard deviations of a reading, and of what slowly moves it for
-    other reasons in an hour [K].
+    `noise_k` and `drift_k`, (n_thermometers,), are standard deviations of a reading, and of what left-out tests were
+    off [K].
     """
     time_s, rise_k = readings.steps
     columns = [responses.index(name) for name in readings.thermometers]
-    noise_k, drift_k = np.maximum(noise_k, _LEAST_K), np.maximum(drift_k, _LEAST_K)
+    noise_k, drift_k = np.maximum(noise_k, _LEAST_K), _WALK * np.maximum(drift_k, _LEAST_K)
     last_s = float(time_s[-1])
 
     def path(stops: tuple[Stop, ...], like: _Path | None, chance: float = 1.0) -> _Path:
