@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -12,7 +11,6 @@ import pytest
 
 from selector.figures.simulated.gauging import (
     MOST_MARKERS,
-    chain_waveform,
     filter_trade_off,
     gauge_characteristic,
     part_in_time,
@@ -21,9 +19,7 @@ from selector.figures.simulated.gauging import (
 )
 from selector.number_text import number_text
 from selector.physics.gauging.gauge.transducer import LinearGauge
-from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
 from selector.physics.gauging.gauging_advice import Setting
-from tests.physics.gauging.examples import TRANSDUCER
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import FLOAT32, drawn_values, strings_of
 
@@ -80,16 +76,6 @@ def trade_off() -> go.Figure:
     return compared(BIAS_UM, SD_UM, (0.4, 2.0))
 
 
-def waveform(force: float = 2.0) -> go.Figure:
-    time = np.linspace(7.0, 7.05, 5001)
-    swing = np.sin(2.0 * np.pi * 100.0 * time)
-    probe, contact = 150.0 * np.minimum(swing, 0.8), force * np.maximum(swing - 0.8, 0.0)
-    still = np.zeros_like(time)
-    allowance, smoothed = np.full_like(time, 31.0), np.full_like(time, 0.6)
-    motion = GaugeMotion(time, allowance, still, 1e-6 * probe, still, contact, swing, smoothed)
-    return chain_waveform(motion, replace(TRANSDUCER, rest_gap_m=150e-6))
-
-
 def every_figure() -> list[go.Figure]:
     return [
         characteristic(),
@@ -99,7 +85,6 @@ def every_figure() -> list[go.Figure]:
         sizes_over_parts(SIZES_UM[:60], (-3.0, 3.5), 0.0, (21, 41), "x"),
         sizes_over_parts(SIZES_UM, None, 0.0, (), "x"),
         trade_off(),
-        waveform(),
     ]
 
 
@@ -211,11 +196,6 @@ def test_a_filter_without_bias_is_drawn_on_logarithmic_axes():
     drawn = compared(np.zeros_like(TIMES_S), SD_UM, (0.1, 0.0))
     assert "bias²" not in [one.name for one in drawn.data]
     assert np.isfinite(drawn.layout.yaxis.range).all()
-
-
-def test_a_workpiece_out_of_reach_is_said_to_be():
-    assert "0.400 N" in waveform().layout.title.text
-    assert "reach" in waveform(0.0).layout.title.text
 
 
 def test_an_error_that_hardly_changes_has_ticks_that_can_be_read():

@@ -4,40 +4,25 @@ from __future__ import annotations
 
 import json
 import re
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from selector.figures.simulated.structure import (
-    AGAINST,
-    BRANCH,
-    HELD,
-    IN_PHASE,
-    MOST_MEMBERS,
-    PATH,
-    can_be_drawn,
-    chain_view,
-    layered_places,
-    mode_view,
-    structure_diagram,
-)
 from selector.figures.simulated.vibration import (
     MOST_SOURCES,
     ZONES,
     Answer,
-    accuracy_strips,
     errors_over_wavelength,
     motion_course,
     response_over_frequency,
     source_colours,
 )
-from selector.physics.vibration.chains import Chain, chain_accuracy
+from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.motion.final_motion import final_motions
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, periodic_errors
 from selector.physics.vibration.structure.source import Line, Source, excitation
-from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, structure_modes
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure
 from selector.physics.vibration.vibration_model import RELATIVE
 from selector.physics.vibration.vibration_summary import LineSummary
 from tests.report.studies import HOSTILE
@@ -99,16 +84,6 @@ def errors() -> go.Figure:
     return errors_over_wavelength(periodic_errors(MOTIONS, CUTTING), CUTTING, Surface(), COLOURS, "x")
 
 
-def diagram() -> go.Figure:
-    views = [mode_view(STRUCTURE, BAD, structure_modes(STRUCTURE).shapes[:, 0])]
-    views += [chain_view(STRUCTURE, chain, chain.name) for chain in CHAINS]
-    return structure_diagram(STRUCTURE, SOURCES, views, "x")
-
-
-def accuracy():
-    return chain_accuracy(STRUCTURE, CHAINS, FREQUENCY_HZ, sources=SOURCES, split_hz=60.0)
-
-
 def with_axes() -> list[go.Figure]:
     time_s = np.linspace(0.0, 0.2, 4000)
     course = np.sin(300.0 * time_s)
@@ -123,7 +98,6 @@ def with_axes() -> list[go.Figure]:
             COLOURS,
             "x",
         ),
-        accuracy_strips(accuracy(), "x"),
     ]
 
 
@@ -138,77 +112,9 @@ def test_every_axis_of_numbers_has_a_unit():
 
 def test_names_are_never_markup():
     own = re.compile(r"</?(?:b|br|extra)>")
-    texts = [
-        own.sub("", text) for drawn in (*with_axes(), diagram()) for text in strings_of(json.loads(drawn.to_json()))
-    ]
+    texts = [own.sub("", text) for drawn in with_axes() for text in strings_of(json.loads(drawn.to_json()))]
     assert any("&lt;" in text for text in texts)
     assert not [text for text in texts if "<" in text]
-
-
-def test_members_stand_in_layers_above_what_carries_them():
-    places = layered_places(STRUCTURE.names, [joint.between for joint in STRUCTURE.joints], GROUND)
-    assert places.height == {"bed": 1, BAD: 2, "slide": 2, "tool": 3, "workpiece": 3}
-    # each above its own carrier: no two lines cross
-    first, second = places.layers[1:]
-    carrier = {"tool": "slide", "workpiece": BAD}
-    assert [carrier[name] for name in second] == list(first)
-    for layer in places.layers:
-        across = [places.across[name] for name in layer]
-        assert across == sorted(across)
-        assert min(across) >= 0.0
-        assert max(across) <= 1.0
-
-
-def test_a_ring_of_members_crosses_nothing():
-    names = list("abcdef")
-    ring = [("a", "r"), ("b", "r"), ("c", "b"), ("d", "a"), ("e", "c"), ("f", "d"), ("e", "f")]
-    places = layered_places(names, ring, "r")
-    order = [list(layer) for layer in places.layers]
-    assert order in ([["a", "b"], ["d", "c"], ["f", "e"]], [["b", "a"], ["c", "d"], ["e", "f"]])
-
-
-def test_a_mode_shows_how_far_and_which_way_members_move():
-    shape = np.array([0.1, 0.0, -2.0, 1.0, 0.5], dtype=complex)
-    view = mode_view(STRUCTURE, "mode", shape)
-    assert view.colours["slide"] == IN_PHASE.lower()
-    assert view.colours["tool"] == AGAINST.lower()
-    sizes = [view.sizes[name] for name in STRUCTURE.names]
-    assert np.argsort(sizes).tolist() == np.argsort(np.abs(shape)).tolist()
-
-
-def test_a_chain_shows_its_path_its_branch_and_what_it_holds():
-    first, held, branched = (chain_view(STRUCTURE, chain, chain.name) for chain in CHAINS)
-    assert first.joints == {0, 1, 4}
-    assert set(first.colours.values()) == {PATH}
-    assert held.colours == {"tool": PATH, "slide": HELD}
-    assert held.joints == {3}
-    assert branched.colours == {BAD: PATH, "bed": PATH, "slide": BRANCH, "tool": BRANCH}
-    # the joint inside of the merged group, its foot, and the two of the branch
-    assert branched.joints == {0, 1, 2, 3}
-
-
-def test_the_menu_of_a_structure_changes_what_is_marked():
-    drawn = diagram()
-    (menu,) = drawn.layout.updatemenus
-    assert len(menu.buttons) == 1 + len(CHAINS)
-    change, traces = menu.buttons[2].args
-    assert traces == (0, len(drawn.data) - 1)
-    colours = dict(zip(STRUCTURE.names, change["marker.color"][1], strict=True))
-    assert colours["slide"] == HELD
-    assert len(change["x"][1]) == len(STRUCTURE.names)
-    told = [note.text for note in drawn.layout.annotations]
-    assert any(text.startswith("workpiece<br><b>IK1") for text in told)
-    assert any("−IK1" in text for text in told)
-
-
-def test_what_would_not_be_readable_is_not_drawn():
-    def on_the_ground(count):
-        members = tuple(Member(f"m{k}", 1.0) for k in range(count))
-        return Structure(members, tuple(Joint((one.name, GROUND), 1e6) for one in members))
-
-    assert can_be_drawn(STRUCTURE)
-    assert not can_be_drawn(on_the_ground(9))
-    assert not can_be_drawn(on_the_ground(MOST_MEMBERS + 1))
 
 
 def test_lines_stand_on_the_answer_and_the_split_is_marked():
@@ -253,24 +159,6 @@ def test_errors_lie_in_the_zone_of_their_kind():
         assert low <= one.wavelength_mm <= high
     drawn_mm = sorted({x for trace in drawn.data if trace.mode == "markers" for x in trace.x if x is not None})
     assert drawn_mm == sorted(one.wavelength_mm for one in found)
-
-
-def test_strips_cover_the_range_of_a_chain_in_the_colour_of_its_error():
-    drawn = accuracy_strips(accuracy(), "x")
-    for row, one in enumerate(accuracy()):
-        parts = []
-        for level, trace in enumerate(drawn.data):
-            points = list(zip(trace.x, trace.y, strict=True))
-            spans = [
-                (a[0], b[0]) for a, b, _ in zip(points[::3], points[1::3], points[2::3], strict=True) if a[1] == row
-            ]
-            parts += [(start, stop, level) for start, stop in spans]
-        parts.sort()
-        assert (parts[0][0], parts[-1][1]) == (one.frequency_hz[0], one.frequency_hz[-1])
-        assert all(a[1] == b[0] for a, b in pairwise(parts))
-        for frequency, error in zip(one.frequency_hz, one.published.error, strict=True):
-            levels = {level for start, stop, level in parts if start <= frequency <= stop}
-            assert int(np.digitize(error, (0.1, 0.3, 1.0), right=True)) in levels
 
 
 def test_speeds_that_do_not_change_are_not_drawn():

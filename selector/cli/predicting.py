@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from selector.telling.account import Account
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
+_of_day = partial(typer.Option, rich_help_panel="The day as it was")
 
 Cycle = Annotated[
     Path,
@@ -82,6 +83,14 @@ Inverted = Annotated[
     list[str] | None,
     _of_program("--invert", metavar="NAME", help="Response whose axis the control counts the other way; repeat."),
 ]
+Readings = Annotated[
+    Path | None,
+    _of_day("--readings", metavar="DAY", help="Thermometers recorded on the day: finds stops that were not planned."),
+]
+Observe = Annotated[
+    list[str] | None,
+    _of_day("--observe", metavar="NAME", help="Thermometer of DAY and of the tests to go by; repeat. Default: all."),
+]
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,8 @@ class Asked:
     start: StartName = None
     nc: NcProgram = None
     invert: Inverted = None
+    readings: Readings = None
+    observe: Observe = None
 
     def require_usable(self, out: Path | None) -> None:
         """Ends with an error when a number is out of its limits, or an NC subprogram has nothing to say or to go to."""
@@ -106,6 +117,11 @@ class Asked:
                 f"--nc {self.nc} without {'--out' if out is None else 'a correction program'}",
                 expected="--operations or --tolerance, and a folder", where="--nc",
                 advice="add --tolerance (µm between corrections) and --out DIR, or leave --nc out",
+            )  # fmt: skip
+        if self.observe and self.readings is None:
+            raise OptionError(
+                f"--observe {self.observe[0]} without --readings", expected="a recording of the day beside it",
+                where="--observe", advice="add --readings DAY, or leave it out",
             )  # fmt: skip
         if self.invert and self.nc is None:
             raise OptionError(
@@ -190,7 +206,8 @@ def predict(
 
     No thermometer is needed: what counts is at which speed the spindle turned for how long, and, if it was recorded,
     how the hall moved. With --operations or --tolerance it makes the correction program: when to correct each operation
-    by how much, so that the drift stays within the tolerance.
+    by how much, so that the drift stays within the tolerance. With --readings it tells how the day went that was to
+    follow the plan.
     """
     import numpy as np
 
@@ -198,7 +215,8 @@ def predict(
     from selector.physics.thermal.modes.thermal_test import thermal_tests
     from selector.physics.thermal.prediction.prediction import cyclogram_of_rows
     from selector.physics.thermal.prediction.prediction import predict as predicted
-    from selector.readers.cycle_file import heating_tests, read_cycle
+    from selector.readers import read
+    from selector.readers.cycle_file import day_readings, heating_tests, read_cycle
     from selector.study.material import drift_of, provenance_of
     from selector.telling.predicted.account import prediction_account
 
@@ -211,13 +229,21 @@ def predict(
         )  # fmt: skip
     if out is not None:
         require_writable_folder(out, "--out", ("prediction.json", "report.html"))
-        refuse_folder_of_inputs(out, [asked.cycle, *source.machine_files, *source.runs])
+        beside = [] if asked.readings is None else [asked.readings]
+        refuse_folder_of_inputs(out, [asked.cycle, *beside, *source.machine_files, *source.runs])
     steps = read_cycle(asked.cycle)
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()
     if out is not None:
         refuse_folder_of_inputs(out, [run.file for run in reading.runs])
-    recording, responses, of_recording = heating_tests(reading, asked.response or ())
+    wanted, day = tuple(asked.response or ()), None
+    if asked.readings is not None:
+        wanted = wanted or reading.recording.with_role("displacement")
+        overrides = replace(source.overrides(), partial=True)
+        seen = read([asked.readings], reading.machine, overrides)
+        day, of_day = day_readings(seen, reading.recording, wanted, asked.observe or ())
+        wanted, of_cycle = (*wanted, *day.thermometers), (*of_cycle, *of_day)
+    recording, responses, of_recording = heating_tests(reading, wanted)
     foreseen = steps.temperatures(recording.with_role("ambient"))
     hall = AmbientCourse(steps.time_s, np.column_stack([*foreseen.values()]), tuple(foreseen)) if foreseen else None
     prediction = predicted(
@@ -232,6 +258,7 @@ def predict(
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
         find_order=asked.order,
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
+        readings=day,
         told=(*of_recording, *of_cycle),
     )
     told_of_tests = {**provenance_of(reading), "duty cycle": steps.file}

@@ -32,6 +32,10 @@ def duty_cycle(prediction: Prediction, response: str) -> go.Figure:
         allowed = " and ".join(dict.fromkeys(f"{one:g}" for one in program.tolerances_um))
         title += f"; {_corrections(program)} keep it within {allowed} µm"
     lines = [Line("predicted", prediction.time_s, displacement, style.PREDICTED, width=2.2)]
+    if prediction.observed is not None:
+        day, r = prediction.observed, prediction.responses.index(response)
+        lines.append(Line("by the readings", day.time_s, day.displacement_um[:, r], style.MEASURED, width=2.2))
+        end_s = max(end_s, float(day.time_s[-1]))
     panels = []
     if cyclogram is not None:
         held = np.r_[cyclogram.speed_rpm, cyclogram.speed_rpm[-1]]

@@ -81,18 +81,6 @@ def figure(title: str, height: int) -> go.Figure:
     return made
 
 
-def add_menu(drawn: go.Figure, buttons: Sequence[Mapping[str, object]]) -> None:
-    """A menu above the picture, on the left; each button changes what is drawn."""
-    drawn.update_layout(
-        updatemenus=[
-            {
-                "buttons": buttons, "direction": "down", "x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom",
-                "bgcolor": "#ffffff", "font": {"size": 12}, "pad": {"b": 4},
-            }
-        ]
-    )  # fmt: skip
-
-
 def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
     """Places near these, in this order, the `distance` apart at least, from half of it to that before the `end`."""
     placed: list[float] = []

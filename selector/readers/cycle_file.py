@@ -13,6 +13,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.findings import Finding
+from selector.physics.thermal.prediction.observer import DayReadings
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import RUN_STARTS_WARM
 from selector.readers.cells import is_time_name
@@ -24,6 +25,7 @@ from selector.recording import Recording
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
+MOST_THERMOMETERS = 4  #: That observe a day: each is one response more that the modes have to describe.
 _EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
 
 
@@ -189,6 +191,41 @@ def heating_tests(
             where="the recordings", advice="look at the findings of `selector describe`, and correct the files",
         )  # fmt: skip
     return clean, responses, (*reading.findings, *faults)
+
+
+def day_readings(
+    day: Reading, tests: Recording, responses: Sequence[str], observe: Sequence[str] = ()
+) -> tuple[DayReadings, tuple[Finding, ...]]:
+    """The thermometers of one recorded run that the tests have too, without their faults, and what was found.
+
+    `observe` are those to go by; default: all, at most `MOST_THERMOMETERS`. `responses` that were measured are kept.
+
+    Raises OptionError: there is not one run, no such thermometer, too many, or one without a reading.
+    """
+    recording = day.recording
+    common = [name for name in recording.with_role("temperature") if name in tests.with_role("temperature")]
+    chosen = tuple(dict.fromkeys(observe or common))
+    unknown = [name for name in chosen if name not in common]
+    if len(recording.runs) != 1 or unknown or not 0 < len(chosen) <= MOST_THERMOMETERS:
+        found = f"{len(recording.runs)} runs" if len(recording.runs) != 1 else f"thermometers {', '.join(chosen)}"
+        raise OptionError(
+            f"no thermometer {unknown[0]!r}" if unknown else found if chosen else "no thermometer that the tests have",
+            expected=f"one run with 1 to {MOST_THERMOMETERS} thermometers of the tests ({', '.join(common) or 'none'})",
+            where="--readings", advice="name one or two near the heat with --observe",
+        )  # fmt: skip
+    faults = inspect(recording, set(chosen))
+    clean, run = without_faults(recording, faults), recording.runs[0]
+    dead = [name for name in chosen if name not in clean.names or not np.isfinite(clean.values(run, [name])).any()]
+    if dead:
+        raise OptionError(
+            f"no usable reading of {dead[0]}", expected="readings of the day", where="--readings",
+            advice="leave it out with --observe, or correct the file",
+        )  # fmt: skip
+    time_s = recording.time_s(run)
+    gauges = [name for name in responses if name in recording.with_role("displacement")]
+    measured = {name: recording.values(run, [name])[:, 0] for name in gauges}
+    readings = DayReadings(chosen, time_s - time_s[0], clean.values(run, chosen), measured)
+    return readings, (*day.findings, *faults)
 
 
 def _require_units(reading: Reading, used: set[str]) -> None:

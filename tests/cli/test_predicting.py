@@ -12,6 +12,7 @@ import pytest
 
 from selector.cli import exit_status
 from selector.physics.thermal.modes import choice
+from selector.telling.predicted.document import prediction_of
 
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "dutycycle"
 CYCLES = FIXTURES / "cycles"
@@ -488,3 +489,61 @@ def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
     arguments = ["--machine", str(one_mode / "machine.toml"), "--cycle", str(cycle), "--tolerance", "5", "--order"]
     assert exit_status(["predict", str(one_mode), *arguments]) == 2
     assert "two operations" in capsys.readouterr().err
+
+
+OBSERVED = FIXTURES / "observed"
+
+
+def observed_day(capfd, *options):
+    return run(
+        capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
+        "--readings", OBSERVED / "day.csv", *options,
+    )  # fmt: skip
+
+
+def test_a_day_that_left_its_plan(capfd, tmp_path):
+    code, text, err = observed_day(capfd, "--out", tmp_path / "day")
+    assert code == 0, err
+    assert "the spindle stood from 95 to 132 min" in " ".join(text.split())
+    document = json.loads((tmp_path / "day" / "prediction.json").read_text(encoding="utf-8"))
+    seen = document["observed"]
+    # 37 min from 95 min on, and by hidden truth the plan went on at once: 25 min later the speed is the same anyway
+    (stop,) = seen["stops"]
+    assert (stop["from_s"], stop["to_s"]) == (pytest.approx(5700, abs=60), pytest.approx(7920, abs=60))
+    found = [one for one in document["findings"] if one["id"] == "unplanned-stop"]
+    assert [(one["where"]["from_s"], one["where"]["to_s"]) for one in found] == [(stop["from_s"], stop["to_s"])]
+    errors = seen["errors_um"]["Z"]
+    assert errors["plan"] > 15
+    assert errors["observed"] < 0.6  # the noise of the gauge is 0.3 µm, and its first reading is the zero
+    assert set(seen["displacement_um"]) == {"Z", "bearing", "headstock"}
+    again = prediction_of(document)
+    assert again.as_dict()["observed"] == seen
+    assert "By the readings of the day" in (tmp_path / "day" / "report.html").read_text(encoding="utf-8")
+
+
+def test_one_thermometer_can_do(capfd):
+    code, out, err = observed_day(capfd, "--observe", "bearing", "--json")
+    assert code == 0, err
+    seen = json.loads(out)["observed"]
+    assert seen["thermometers"] == ["bearing"]
+    assert len(seen["stops"]) == 1
+    assert seen["errors_um"]["Z"]["observed"] < 0.1 * seen["errors_um"]["Z"]["plan"]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), [(["--observe", "tank"], "no thermometer 'tank'"), (["--method", "piecewise"], "modal method")]
+)
+def test_days_that_cannot_be_used(capfd, options, said):
+    code, text, err = observed_day(capfd, *options, "--json")
+    assert (code, text) == (2, "")
+    assert said in err
+    assert "Traceback" not in err
+
+
+def test_a_thermometer_without_readings_of_the_day(capfd):
+    code, _, err = run(
+        capfd, FIXTURES / "tests", "--machine", FIXTURES / "machine.toml", "--cycle", CYCLES / "rising.csv",
+        "--observe", "T1",
+    )  # fmt: skip
+    assert code == 2
+    assert "--readings" in err

@@ -93,8 +93,8 @@ def test_what_was_recorded_is_told_first(page, kind):
 def test_figures_tables_and_findings_are_there(kind, page):
     shown, text = gaugings.page(kind), text_of(page)
     figures = [kind for kind, _ in page.scripts].count("application/json")
-    # histogram, chart over parts, filter, a part and its end; characteristic and waveform of a chain
-    expected = {"line": 5, "off": 5, "chain": 7}
+    # histogram, chart over parts, filter, a part and its end; characteristic of a chain
+    expected = {"line": 5, "off": 5, "chain": 6}
     # without chart and end: two recorded channels that are compared, and the first three runs
     compared = min(6, len(shown.simulated.differences or ()))
     assert figures == expected.get(kind, 2 + compared + 3)

@@ -98,19 +98,20 @@ def machine_field(
 
 
 def _on_the_surface(points_m: Vector, nodes_m: Vector, corners: NDArray[np.int64]) -> Vector:
-    """Beside the nearest triangle that can be seen from outside; points that are far from the machine stay."""
+    """Beside the nearest triangle that looks outwards; points that are far from the machine stay."""
     ends = nodes_m[corners]
     normals = np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    marks = points_m.copy()
+    marks, middle = points_m.copy(), nodes_m.mean(axis=0)
     for mark in marks:
         touched = _in_triangles(mark, ends)
         distance = np.linalg.norm(touched - mark, axis=1)
         near = np.argsort(distance, kind="stable")[:_TRIED]
         near = near[distance[near] < _ON_THE_MACHINE_M]
-        seen = (t for t in near.tolist() if _is_seen(touched[t] + 1e-6 * normals[t], normals[t], ends))
+        # walls of chambers look towards the middle
+        outside = near[(normals[near] * (touched[near] - middle)).sum(axis=1) > 0.0]
         if len(near):
-            nearest = next(seen, int(near[0]))
+            nearest = int(outside[0] if len(outside) else near[0])
             mark[:] = touched[nearest] + _BESIDE_M * normals[nearest]
     return marks
 
@@ -125,27 +126,6 @@ def _in_triangles(point_m: Vector, ends_m: Vector) -> Vector:
     v, w = (c * d - b * e) / size, (a * e - b * d) / size
     shares = np.maximum(np.stack([1.0 - v - w, v, w], axis=1), 0.0)
     return np.asarray(np.einsum("tk,tkx->tx", shares / shares.sum(axis=1, keepdims=True), ends_m))
-
-
-def _is_seen(origin_m: Vector, normal: Vector, ends_m: Vector) -> bool:
-    """Whether anything leads away from here: the walls of chambers look at each other in every direction."""
-    tangents = np.cross(normal, np.eye(3))
-    ways = [normal, *(normal + sign * tangent for tangent in tangents for sign in (1.0, -1.0))]
-    return not all(_meets_any(origin_m, way, ends_m) for way in ways)
-
-
-def _meets_any(origin_m: Vector, direction: Vector, ends_m: Vector) -> bool:
-    """Whether a ray meets any triangle (Möller and Trumbore, 1997)."""
-    first, second = ends_m[:, 1] - ends_m[:, 0], ends_m[:, 2] - ends_m[:, 0]
-    across = np.cross(direction, second)
-    size = (first * across).sum(axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        from_corner = origin_m - ends_m[:, 0]
-        u = (from_corner * across).sum(axis=1) / size
-        turned = np.cross(from_corner, first)
-        v = (turned @ direction) / size
-        ahead = (turned * second).sum(axis=1) / size
-        return bool(((u >= 0) & (v >= 0) & (u + v <= 1) & (ahead > 0)).any())
 
 
 def _round_scale(value: float) -> float:

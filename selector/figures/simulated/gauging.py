@@ -15,8 +15,7 @@ from selector.number_text import number_text
 from selector.types import Vector
 
 if TYPE_CHECKING:
-    from selector.physics.gauging.gauge.transducer import LinearGauge, Transducer
-    from selector.physics.gauging.gauge.vibrating_contact import GaugeMotion
+    from selector.physics.gauging.gauge.transducer import LinearGauge
     from selector.physics.gauging.gauging_advice import Setting
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
@@ -24,7 +23,6 @@ SEEN, TRUE = style.RESIDUAL, style.PREDICTED
 _RIGHT_PX = 150
 _LABEL_PX = 17
 _CURVE_PX, _ERROR_PX, _GAP_PX, _BOTTOM_PX = 300, 130, 16, 44
-_STROKES_SHOWN = 6.0
 _SHOWN_ERRORS = 4.0  #: The error of the line is shown up to so many times its largest one within the valid range.
 
 
@@ -143,46 +141,6 @@ def part_in_time(
     if from_s > 0:
         _, seconds = style.time_unit(end)
         drawn.update_xaxes(range=[from_s / seconds, end / seconds])
-    return drawn
-
-
-def chain_waveform(motion: GaugeMotion, transducer: Transducer) -> go.Figure:
-    """The last strokes of the whole chain: probe against the workpiece, contact force, rectified and smoothed voltage.
-
-    The position of the tip counts towards the workpiece, and so does where that stands [µm].
-    """
-    stroke_s = 0.5 / transducer.electromagnet.frequency_hz
-    kept = motion.time_s >= motion.time_s[-1] - _STROKES_SHOWN * stroke_s
-    start = float(motion.time_s[kept][0])
-    time, end = motion.time_s[kept] - start, float(motion.time_s[-1]) - start
-    probe_um, contact_n = 1e6 * motion.probe_m[kept], motion.contact_n[kept]
-    surface_um = 1e6 * transducer.rest_gap_m - motion.allowance_um[kept]
-    force, stroke = float(contact_n.max()), float(np.ptp(probe_um))
-    panels = [
-        Panel(
-            "probe [µm]",
-            [
-                Line("workpiece", time, surface_um, style.MUTED, dash="dash"),
-                Line("tip", time, probe_um, style.PREDICTED),
-            ],
-            190,
-        ),
-        Panel("contact [N]", [Line("", time, contact_n, style.INK)], 100, least=0.0),
-        Panel(
-            "voltage [V]",
-            [
-                Line("rectified", time, np.abs(motion.generator_v[kept]), style.BEFORE, width=1.2),
-                Line("smoothed", time, motion.smoothed_v[kept], SEEN, width=2.2),
-            ],
-            170,
-            least=0.0,
-        ),
-    ]
-    title = f"Simulated: strokes of {number_text(stroke)} µm, " + (
-        f"and {number_text(force)} N when the tip meets the workpiece" if force > 0 else "the workpiece out of reach"
-    )
-    drawn = stacked(title, panels, end)
-    drawn.update_yaxes(exponentformat="none")
     return drawn
 
 

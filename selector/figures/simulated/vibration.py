@@ -12,7 +12,6 @@ from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.figures.style import log_ticks
 from selector.number_text import number_text
-from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicError, Surface
 from selector.types import Vector
@@ -146,47 +145,6 @@ def motion_course(
         lines = [Line(name, time_s, forces_n[name], colours.get(name, style.MUTED), width=1.4) for name in shown]
         panels.append(Panel("force [N]", lines, 150, least=0.0))
     return stacked(title, panels, float(time_s[-1]))
-
-
-LIMITS = (0.1, 0.3, 1.0)  #: Errors at which the colour changes: within 10 %, within 30 %, within 100 %, and beyond.
-MOST_STRIPS = 60
-_COLOURS = (style.CHOSEN, "#c8dfae", "#f0b86a", "#b34a00")
-_NAMES = ("within 10 %", "10 to 30 %", "30 to 100 %", "above 100 %")
-_STRIP_PX = 22
-
-
-def accuracy_strips(accuracy: Sequence[ChainAccuracy], title: str) -> go.Figure:
-    """A strip over frequency for each chain and source, in the colour of its error against the coupled structure."""
-    shown = accuracy[:MOST_STRIPS]
-    drawn = style.figure(title, 120 + _STRIP_PX * len(shown))
-    for level, (colour, name) in enumerate(zip(_COLOURS, _NAMES, strict=True)):
-        x: list[float | None] = []
-        y: list[float | None] = []
-        for row, one in enumerate(shown):
-            for start, stop in _stretches(one, level):
-                x += [start, stop, None]
-                y += [row, row, None]
-        style.curve(drawn, x, y, colour, name, width=_STRIP_PX - 7)
-    ends = [extreme(one.frequency_hz[one.frequency_hz > 0]) for one in shown for extreme in (np.min, np.max)]
-    low, high = float(np.log10(min(ends))), float(np.log10(max(ends)))
-    drawn.update_xaxes(type="log", title_text="frequency [Hz]", range=[low, high], **log_ticks(low, high))
-    drawn.update_yaxes(**style.rows_of([chain_text(one) for one in shown]))
-    return drawn
-
-
-def chain_text(one: ChainAccuracy) -> str:
-    """A chain and the source that drives it, as Plotly shows it."""
-    return style.label(one.chain, 20) + (f", {style.label(one.source, 12)}" if one.source else "")
-
-
-def _stretches(one: ChainAccuracy, level: int) -> list[tuple[float, float]]:
-    """Frequencies between which the error is of one colour; neighbours meet in the middle between two of them."""
-    error, frequency = one.published.error, one.frequency_hz
-    inside = np.digitize(error, LIMITS, right=True) == level
-    edges = np.diff(np.concatenate([[0], inside.astype(np.int8), [0]]))
-    middles = np.concatenate([frequency[:1], (frequency[:-1] + frequency[1:]) / 2.0, frequency[-1:]])
-    starts, ends = middles[np.flatnonzero(edges == 1)], middles[np.flatnonzero(edges == -1)]
-    return [(float(start), float(end)) for start, end in zip(starts, ends, strict=True) if start > 0]
 
 
 _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX = 320, 66

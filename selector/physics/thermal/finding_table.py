@@ -30,6 +30,10 @@ few-tests [warning] the claimed error rests on few tests that were left out: it 
 gain-uncertain [warning] the error may be as large as the movement predicted: a correction may leave more than none
     → leave this displacement uncorrected, or record more tests that begin as the duty cycle does
 ambient-not-used [info] the duty cycle has a temperature of which the tests do not show that it drives a displacement
+unplanned-stop [warning] by the thermometers of the day the spindle stood when the plan says that it turns
+    → correct by the course of the readings, not by the plan
+readings-off-plan [warning] no stop makes the readings of the day fit the plan
+    → check speeds, hall and thermometers of that day; do not correct by it
 start-not-at-rest [info, warning] a run does not begin at rest and cold; the state at its start is fitted too
     → Let the machine rest until it is cold before a heating test.
 modes-leave-structure [warning] the thermal modes leave more than noise: something else moves the displacement

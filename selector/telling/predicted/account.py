@@ -10,6 +10,7 @@ import numpy as np
 from selector.number_text import number_text
 from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation, program_blocks
+from selector.physics.thermal.prediction.observer import Observed
 from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling import origin
@@ -58,6 +59,8 @@ def prediction_account(
     verdict, sentences = prediction_advice(prediction)
     if prediction.order is not None:
         sentences = (*sentences, order_sentence(prediction.order))
+    if prediction.observed is not None:
+        sentences = (day_sentence(prediction, prediction.observed), *sentences)
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
     urgent = remarks_of(prediction.findings, "error", "warning")
@@ -79,6 +82,9 @@ def prediction_account(
                 "The duty cycle",
                 *drawings.get("cycle", ()),
                 Captioned("Predicted displacement", _course_table(prediction)),
+                None
+                if prediction.observed is None
+                else Captioned("By the readings of the day", _day_table(prediction, prediction.observed)),
                 link="Duty cycle",
             ),
             section("program", "The correction program", *_program(prediction), link="Program"),
@@ -123,7 +129,7 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     normally distributed, one drift in twenty would be off by more than all that was allowed.
     """
     if not prediction.programs:
-        moves = [_moves(prediction, r) for r in range(len(prediction.responses))]
+        moves = [_moves(prediction, prediction.responses.index(name)) for name in _told(prediction)]
         return "good", (f"Expect {listed(moves)}.", _trust(prediction), _ASK)
     doubtful = [
         name
@@ -154,6 +160,47 @@ def order_sentence(found: BestOrder) -> str:
     order = ", ".join(map(str, found.operations))
     would = "none would" if found.corrections == 0 else f"{found.corrections} corrections would"
     return f"In the order {order} {would} do instead of {found.as_given}, {tried}."
+
+
+def day_sentence(prediction: Prediction, seen: Observed) -> str:
+    """What the readings of the day say of the spindle, and where the displacements are now."""
+    stood = [
+        f"from {one.from_s / 60:.0f} min on" if one.to_s is None
+        else f"from {one.from_s / 60:.0f} to {one.to_s / 60:.0f} min" + ", then the plan went on later" * one.delays
+        for one in seen.stops
+    ]  # fmt: skip
+    said = f"the spindle stood {listed(stood)}" if stood else "the day went as planned"
+    now = []
+    for name in _told(prediction):
+        r = prediction.responses.index(name)
+        at = float(np.interp(seen.read_until_s, seen.time_s, seen.displacement_um[:, r]))
+        plan = float(np.interp(seen.read_until_s, prediction.time_s, prediction.displacement_um[:, r]))
+        planned = f", not at {number_text(plan)}" if stood else ""
+        now.append(f"{name} is at {number_text(at)} {prediction.unit(name)}{planned}")
+    moment = span_text(seen.read_until_s)
+    return f"By the readings of {listed(list(seen.thermometers))}, {said}: after {moment}, {listed(now)}."
+
+
+def _day_table(prediction: Prediction, seen: Observed) -> Table:
+    """Displacements by the plan alone and by the readings, at some moments, to the last reading and beyond."""
+    times_s = np.unique(np.r_[np.linspace(0.0, float(seen.time_s[-1]), MOMENTS), seen.read_until_s])
+    headings, columns = [], []
+    for r, name in enumerate(prediction.responses):
+        if name not in seen.thermometers:
+            unit = prediction.unit(name)
+            unit = prediction.unit(name)
+            headings += [f">{name} by the plan [{unit}]", f">by the readings [{unit}]"]
+            columns.append(np.interp(times_s, prediction.time_s, prediction.displacement_um[:, r]))
+            columns.append(np.interp(times_s, seen.time_s, seen.displacement_um[:, r]))
+    rows = [
+        (given_text(time_s / 60), *(f"{um:.1f}".replace("-", "−") for um in at))
+        for time_s, *at in zip(times_s.tolist(), *columns, strict=True)
+    ]
+    note = f"The last reading is at {seen.read_until_s / 60:.3g} min; what follows is foreseen."
+    for name, (plan, observed) in seen.errors_um.items():
+        note += f" {name} was measured on that day: the plan was off by {number_text(plan, 2)}, this by "
+        note += f"{number_text(observed, 2)} {prediction.unit(name)} (root mean square)."
+    return table([">at [min]", *headings], rows, note)
 
 
 def _instruction(prediction: Prediction, name: str) -> str:
@@ -196,6 +243,12 @@ def _amounts(operation: Operation) -> str:
     return "by " + ", ".join(told)
 
 
+def _told(prediction: Prediction) -> list[str]:
+    """The responses but the thermometers that the day is observed by."""
+    beside = () if prediction.observed is None else prediction.observed.thermometers
+    return [name for name in prediction.responses if name not in beside]
+
+
 def _moves(prediction: Prediction, r: int) -> str:
     name, course = prediction.responses[r], prediction.displacement_um[:, r]
     k = int(np.argmax(np.abs(course)))
@@ -205,7 +258,7 @@ def _moves(prediction: Prediction, r: int) -> str:
 
 def _trust(prediction: Prediction) -> str:
     """How good the prediction was where that could be seen."""
-    names = prediction.responses
+    names = _told(prediction)
     errors = [f"{number_text(_error_um(prediction, name), 2)} {prediction.unit(name)} in {name}" for name in names]
     if prediction.left_out_um:
         seen = (

@@ -9,6 +9,7 @@ from pydantic import Field
 from selector.findings import Finding
 from selector.physics.thermal.prediction.answer import Mode, Start
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
+from selector.physics.thermal.prediction.observer import Observed, Stop
 from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Method, Prediction
 from selector.selection.result_file import Number, Part
@@ -31,6 +32,39 @@ class _Accuracy(Part):
     claimed_um: Perhaps = None
 
 
+class _Stop(Part):
+    from_s: Number
+    to_s: Perhaps
+    delays_plan: bool
+
+
+class _Errors(Part):
+    plan: Number
+    observed: Number
+
+
+class _Observed(Part):
+    thermometers: tuple[str, ...]
+    read_until_s: Number
+    time_s: tuple[Number, ...]
+    displacement_um: dict[str, tuple[Number, ...]]
+    stops: tuple[_Stop, ...]
+    misfit: Number
+    errors_um: dict[str, _Errors]
+
+    def again(self, names: Sequence[str]) -> Observed:
+        """The day again, its courses in the order of these responses."""
+        return Observed(
+            self.thermometers,
+            self.read_until_s,
+            np.array(self.time_s),
+            np.array([self.displacement_um[name] for name in names]).T,
+            tuple(Stop(one.from_s, one.to_s, one.delays_plan) for one in self.stops),
+            self.misfit,
+            {name: (one.plan, one.observed) for name, one in self.errors_um.items()},
+        )
+
+
 class PredictionDocument(Part):
     """The fields of a prediction's JSON."""
 
@@ -45,6 +79,7 @@ class PredictionDocument(Part):
     left_out: dict[str, dict[str, Perhaps]] = Field(default_factory=dict)
     start: Start = "cold"
     order: BestOrder | None = None
+    observed: _Observed | None = None
     findings: tuple[Finding, ...] = ()
 
 
@@ -83,6 +118,7 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
         start=told.start,
         temperatures=tuple(told.temperature_k),
         order=told.order,
+        observed=None if told.observed is None else told.observed.again(names),
     )
 
 

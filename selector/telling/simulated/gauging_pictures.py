@@ -1,11 +1,10 @@
-"""The drawings of simulated gauging: sizes, filters, parts in time, the gauge and its last strokes."""
+"""The drawings of simulated gauging: sizes, filters, parts in time, and the gauge."""
 
 import math
 
 import numpy as np
 
 from selector.figures.simulated.gauging import (
-    chain_waveform,
     filter_trade_off,
     gauge_characteristic,
     part_in_time,
@@ -76,18 +75,14 @@ def _parts(result: SimulationResult) -> list[Block]:
 
 
 def _gauge(result: SimulationResult) -> list[Block]:
-    summary, motion = result.summary, result.simulated.details.waveform
+    summary, curve = result.summary, result.summary.characteristic
+    if curve is None:
+        return []
     thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
-    curve = summary.characteristic
-    drawn: list[Block] = []
-    if curve is not None:
-        picture = gauge_characteristic(
-            curve.allowance_um, curve.voltage_v, summary.gauge, summary.linear_range_um, thresholds
-        )
-        drawn.append(Drawing(picture, _CURVE))
-    if motion is not None:
-        drawn.append(Drawing(chain_waveform(motion, result.simulated.model.values.transducer), _WAVEFORM))
-    return drawn
+    picture = gauge_characteristic(
+        curve.allowance_um, curve.voltage_v, summary.gauge, summary.linear_range_um, thresholds
+    )
+    return [Drawing(picture, _CURVE)]
 
 
 _InTime = tuple[tuple[Vector, Vector, Vector, Vector, Vector | None], tuple[float, ...], bool]
@@ -187,4 +182,3 @@ _CURVE = (
     "lies, ahead of the allowance that is wanted by what the filter is late. Below: what the line reads less what is "
     "there."
 )
-_WAVEFORM = "The last strokes before the feed stops. The tip is pressed back where it meets the workpiece."

@@ -78,7 +78,6 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
         chains = section(
             "chains",
             "Where the chains are off",
-            *drawings.get("chains", ()),
             Captioned("Chains against the coupled structure", chains_table(summary.accuracy)),
             link="Chains",
         )
@@ -90,7 +89,7 @@ def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
             errors,
             stability,
             lines,
-            section("structure", "Structure and modes", *drawings.get("structure", ()), modes),
+            section("structure", "Structure and modes", modes),
             section("response", "Response", *drawings.get("response", ())),
             section("course", "Over time", *drawings.get("course", ())),
             chains,

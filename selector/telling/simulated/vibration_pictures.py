@@ -1,4 +1,4 @@
-"""The drawings of a simulated vibration: errors, lines, structure, answers over frequency, courses, chains."""
+"""The drawings of a simulated vibration: errors, stability, answers over frequency, courses."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,11 +6,9 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.figures import style
-from selector.figures.simulated.structure import View, can_be_drawn, chain_view, mode_view, structure_diagram
 from selector.figures.simulated.vibration import (
     MOST_SOURCES,
     Answer,
-    accuracy_strips,
     errors_over_wavelength,
     motion_course,
     response_over_frequency,
@@ -23,13 +21,11 @@ from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import receptances, unit_force
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import VibrationSummary
-from selector.telling.account import Block, Drawing, Note
-from selector.telling.numbers import share_text
+from selector.telling.account import Block, Drawing
 from selector.telling.simulated.result import SimulationResult
-from selector.telling.simulated.vibration import Course, carrying, highest, motion_courses, source_shares
+from selector.telling.simulated.vibration import Course, highest, motion_courses, source_shares
 from selector.types import Vector
 
-MOST_VIEWS = 40
 _FREQUENCIES = 600
 _LOWEST_HZ = 1.0
 #: Answers are drawn up to so many times the highest line or mode, but of modes only up to the other times the line.
@@ -47,10 +43,8 @@ def drawings(result: SimulationResult) -> dict[str, list[Block]]:
     return {
         "errors": _errors(model, summary, colours),
         "stability": _stability(summary),
-        "structure": [_structure(model, summary)],
         "response": _response(model, summary, colours),
         "course": [_course(one, colours, several) for one in motion_courses(result)],
-        "chains": _chains(summary),
     }
 
 
@@ -85,32 +79,6 @@ def _stability(summary: VibrationSummary) -> list[Block]:
     allowed = f"up to a depth of {number_text(depth)} mm" if np.isfinite(depth) else "at any depth"
     drawn = stability_lobes(limit, f"Computed: at {rpm:.4g} r/min the cut does not chatter {allowed}")
     return [Drawing(drawn, _STABILITY)]
-
-
-def _structure(model: VibrationModel, summary: VibrationSummary) -> Block:
-    structure, modes, carried = model.structure, summary.modes, carrying(model, summary)
-    if not can_be_drawn(structure):
-        return Note("A structure with so many members is not drawn.")
-    count = len(modes.frequency_hz)
-    order = list(range(count))
-    if carried is not None:
-        order = [carried.mode, *(k for k in order if k != carried.mode)]
-    views: list[View] = [
-        mode_view(structure, f"mode {k + 1}, {modes.frequency_hz[k]:.4g} Hz", modes.shapes[:, k])
-        for k in order[:MOST_VIEWS]
-    ]
-    views += [
-        chain_view(structure, chain, f"chain {chain.name}, {', '.join(chain.sources)} to {chain.final}")
-        for chain in model.chains[:MOST_VIEWS]
-    ]
-    first = order[0]
-    which = "the mode that carries most" if carried is not None else "the lowest mode"
-    title = (
-        f"Computed: {len(structure.members)} members on {len(structure.joints)} joints; first in the menu is {which}, "
-        f"at {float(modes.frequency_hz[first]):.4g} Hz"
-    )
-    drawn = structure_diagram(structure, model.sources, views, title)
-    return Drawing(drawn, _STRUCTURE + (_OF_CHAINS if model.chains else ""))
 
 
 def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
@@ -149,17 +117,6 @@ def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
     title = f"Simulated: {what}; the tool is up to {number_text(float(abs(motion[k])))} µm off the workpiece's motion"
     drawn = motion_course(one.time_s, one.motions_um, one.forces_n, one.speeds_rpm, colours, title)
     return Drawing(drawn, _COURSE if one.is_whole else _STRETCH)
-
-
-def _chains(summary: VibrationSummary) -> list[Block]:
-    accuracy = summary.accuracy
-    if not accuracy:
-        return []
-    within = share_text(float(np.mean([one.published.share_within for one in accuracy])))
-    strips = accuracy_strips(
-        accuracy, f"Computed: the chain method is within 10 % of the coupled structure over {within} of the frequencies"
-    )
-    return [Drawing(strips, _STRIPS)]
 
 
 def _answers(
@@ -227,13 +184,7 @@ _STABILITY = (
     "the thickness of the chip, on the whole structure. Dotted: the speed of the workpiece. What rubs on the flank at "
     "low speeds, and holds chatter back there, is not in it."
 )
-_STRUCTURE = (
-    "From the ground up; a joint is thicker where it is stiffer. Size: how far a member moves in the mode; blue: with "
-    "the member that moves most, orange: against it. Bold: sources, with − where the opposite force acts."
-)
-_OF_CHAINS = " Of a chain: blue its path, green its branch, black what it takes as standing still."
 _RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum."
 _RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
 _COURSE = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 _STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
-_STRIPS = "Error of amplitude and phase against the coupled solution of the whole structure, over the chain's range."

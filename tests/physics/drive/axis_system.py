@@ -178,7 +178,9 @@ class AxisSystem:
         twist += mechanics.torsional_damping_nms_per_rad * (state["motor_speed"] - state["screw_speed"])
         force, walk, gear = self._nut(mechanics, t_s, state)
         torque = twist - mechanics.screw_damping_nms_per_rad * state["screw_speed"] - gear * force
-        torque -= self.slip_direction * self.axis.friction.screw_coulomb_nm
+        # the nut hands on η of the power of the screw; of what the table drives back as much less
+        lost = abs(gear * force) * (1.0 / self.axis.friction.nut_efficiency - 1.0)
+        torque -= self.slip_direction * (self.axis.friction.screw_coulomb_nm + lost)
         rate["motor"], rate["motor_speed"] = state["motor_speed"], (drive - twist) / mechanics.motor_inertia_kg_m2
         rate["screw"], rate["screw_speed"] = state["screw_speed"], torque / mechanics.screw_inertia_kg_m2
         return force + walk

@@ -31,9 +31,18 @@ from tests.physics.drive.axes import CONTINUOUS, RIGID, RIGID_SERVO, SAMPLED, TH
 from tests.physics.drive.axis_system import AxisSystem, linearise
 
 FRICTION = Friction(
-    300.0, 250.0, 450.0, 400.0, 0.01, 1.5, offset_n=40.0, viscous_negative_ns_per_m=90.0, screw_coulomb_nm=0.3
+    300.0,
+    250.0,
+    450.0,
+    400.0,
+    0.01,
+    1.5,
+    offset_n=40.0,
+    viscous_negative_ns_per_m=90.0,
+    screw_coulomb_nm=0.3,
+    nut_efficiency=0.88,
 )
-GUIDE = replace(FRICTION, screw_coulomb_nm=0.0)
+GUIDE = replace(FRICTION, screw_coulomb_nm=0.0, nut_efficiency=1.0)
 BRISTLES = replace(GUIDE, lugre=LuGre(1e7, 1e4, 0.02))
 PITCH = Transmission(0.0, 5e-6, 0.7, 1e-4, (-0.02, 0.0, 0.01, 0.03), (1e-6, 0.0, -4e-6, 2e-6))
 PLAY = replace(PITCH, backlash_m=2e-5)

@@ -359,7 +359,7 @@ def _of_axis(made: FileAxis) -> Iterator[Number]:
 
 def _has_effect(path: Key, made: FileAxis) -> bool:
     section, key = path[0], path[-1]
-    if isinstance(made.axis.mechanics, RigidMechanics) and key in ("backlash_m", "screw_coulomb_nm"):
+    if isinstance(made.axis.mechanics, RigidMechanics) and key in ("backlash_m", "screw_coulomb_nm", "nut_efficiency"):
         return False
     if section == "friction" and key in _DRY:
         return made.section.varying != "command"

@@ -295,6 +295,7 @@ LIKE = {"thc6350-x": thc6350_x_axis}  #: `like` of the file → parts that are k
 #: Part → keys that no catalogue prints → what switches them off; left out without `like` they are that.
 OFF: Mapping[Any, Mapping[str, float]] = {
     Screw: {"damping_nms_per_rad": 0.0},
+    Nut: {"efficiency": 1.0},
     Bearings: {"rigidity_share": 1.0},
     Guide: {"viscous_ns_per_m": 0.0},
 }

@@ -268,12 +268,12 @@ def _turning(w, row, out, s, i, drive, p, o, ref):
         force += damping
     twist = p[TORSION] * (w[row, QM] - screw) + p[TORSION_DAMPING] * (motor_speed - screw_speed)
     balance = twist - p[SCREW_DAMPING] * screw_speed - gear * force
-    friction = 0.0
+    friction, holds = 0.0, p[SCREW_COULOMB] + p[NUT_LOSS] * abs(gear * force)
     if o[AT_CORNER]:
         friction = balance
     elif o[SCREW_DRY]:
-        friction = balance if o[SCREW] == 0 else o[SCREW] * p[SCREW_COULOMB]
+        friction = balance if o[SCREW] == 0 else o[SCREW] * holds
     w[out, QM], w[out, WM] = motor_speed, (drive - twist) / p[MOTOR_INERTIA]
     w[out, QL], w[out, WL] = screw_speed, (balance - friction) / p[SCREW_INERTIA]
-    w[ALSO, SCREW_BALANCE] = balance
+    w[ALSO, SCREW_BALANCE], w[ALSO, SCREW_HOLDS] = balance, holds
     return force, walk

@@ -24,7 +24,7 @@ STRIBECK_EXPONENT, OFFSET, SCREW_COULOMB, BRISTLE, BRISTLE_DAMPING, FADING, HALF
 PITCH_AMPLITUDE, PITCH_RATE, PITCH_PHASE, PITCH_SLOPE, SHAFT, LENGTH, ORIGIN, RIPPLE_RATE = range(22, 30)
 POSITION_GAIN, VELOCITY_GAIN, INTEGRAL_GAIN, ACTUATOR_GAIN, COMMAND_LIMIT, SPEED_LIMIT = range(30, 36)
 SPEED_AHEAD, ACCELERATION_AHEAD, SAMPLE, MOTOR_RESOLUTION, SCALE_RESOLUTION = range(36, 41)
-PERIOD, STEP, DELAY_PART, MORE_DAMPING_DOWN, NUMBERS = range(41, 46)
+PERIOD, STEP, DELAY_PART, MORE_DAMPING_DOWN, NUT_LOSS, NUMBERS = range(41, 47)
 
 # switches: what there is, how many, and where its table begins
 RIGID, CONTROL, DRY, SCREW_DRY, LUGRE, BACKLASH, VARYING_AXIAL, VARYING_GUIDE, PITCH, PITCH_POINTS = range(10)
@@ -43,8 +43,9 @@ POSITION, SPEED, ACCELERATION, FORCE, COURSE_AXIAL, COURSE_GUIDE, COLUMNS = rang
 Y, STAGE_A, STAGE_B, STAGE_C, NEW, K1, K2, K3, K4, KEND, ALSO, ROWS = range(12)
 # columns of ALSO: forces that would move guide and screw, force of the screw, how far each flank is engaged, …
 GUIDE_BALANCE, SCREW_BALANCE, AXIAL_FORCE, UPPER, LOWER, COMMAND, DRIVE, FRICTION = range(8)
-# … speed and command before their limits, speed error, and how fast the command would change if its integral stood
-WANTED, ASKED, ERROR, ASKED_RATE, WORK_COLUMNS = range(8, 13)
+# … speed and command before their limits, speed error, how fast the command would change if its integral stood, and
+# with how much dry friction the screw is held
+WANTED, ASKED, ERROR, ASKED_RATE, SCREW_HOLDS, WORK_COLUMNS = range(8, 14)
 
 
 def packed_axis(axis: Axis) -> tuple[Vector, Switches]:
@@ -86,7 +87,8 @@ def _pack_friction(axis: Axis, p: Vector, o: Switches) -> None:
     p[SCREW_COULOMB] = friction.screw_coulomb_nm
     resists = max(up, down, hold_up, hold_down) > 0
     o[DRY] = resists and friction.lugre is None
-    o[SCREW_DRY] = friction.screw_coulomb_nm > 0
+    p[NUT_LOSS] = 1.0 / friction.nut_efficiency - 1.0
+    o[SCREW_DRY] = friction.screw_coulomb_nm > 0 or p[NUT_LOSS] > 0
     if resists and friction.lugre is not None:
         o[LUGRE] = 1
         p[BRISTLE] = friction.lugre.stiffness_n_per_m

@@ -38,7 +38,7 @@ def validity(w, row, p, o):
         least = min(least, _held(w, p, o))
     elif o[SCREW_DRY]:
         if o[SCREW] == 0:
-            least = min(least, p[SCREW_COULOMB] - abs(w[ALSO, SCREW_BALANCE]))
+            least = min(least, w[ALSO, SCREW_HOLDS] - abs(w[ALSO, SCREW_BALANCE]))
         else:
             least = min(least, o[SCREW] * w[row, WL])
     if o[BACKLASH]:
@@ -78,7 +78,7 @@ def _pushes(w, corner, p, o):
 def _held(w, p, o):
     """Positive as long as the screw stands at the corner above its segment."""
     down, up = _pushes(w, o[SEGMENT], p, o)
-    return min(p[SCREW_COULOMB] + down, p[SCREW_COULOMB] - up)
+    return min(w[ALSO, SCREW_HOLDS] + down, w[ALSO, SCREW_HOLDS] - up)
 
 
 @compiled
@@ -158,7 +158,7 @@ def _changed_modes(w, corner, p, o):
         guide = -1 if (w[Y, V] if w[Y, V] != 0.0 else w[K1, V]) < 0.0 else 1
     if o[SCREW_DRY] and w[Y, WL] == 0.0 and not o[AT_CORNER]:
         balance = w[ALSO, SCREW_BALANCE]
-        screw = 1 if balance > p[SCREW_COULOMB] else (-1 if balance < -p[SCREW_COULOMB] else 0)
+        screw = 1 if balance > w[ALSO, SCREW_HOLDS] else (-1 if balance < -w[ALSO, SCREW_HOLDS] else 0)
     changed = guide != o[GUIDE] or screw != o[SCREW]
     o[GUIDE], o[SCREW] = guide, screw
     return changed
@@ -172,7 +172,7 @@ def _changed_corner(w, corner, p, o):
     do so ever faster.
     """
     down, up = _pushes(w, corner, p, o)
-    weaker = min(p[SCREW_COULOMB] + down, p[SCREW_COULOMB] - up)
+    weaker = min(w[ALSO, SCREW_HOLDS] + down, w[ALSO, SCREW_HOLDS] - up)
     stands = weaker >= 0.0 and 2.0 * abs(w[Y, WL]) * p[SCREW_INERTIA] <= HOP * p[STEP] * weaker
     if o[AT_CORNER] == stands:
         return False
@@ -180,7 +180,7 @@ def _changed_corner(w, corner, p, o):
     if stands:
         w[Y, QL], w[Y, WL] = p[o[PITCH_AT] + corner] / p[TRAVEL], 0.0
         o[SEGMENT], o[SCREW] = corner, 0
-    elif up > p[SCREW_COULOMB]:
+    elif up > w[ALSO, SCREW_HOLDS]:
         o[SEGMENT] = corner + 1
     return True
 
@@ -401,7 +401,7 @@ def _coarse(w, h, s, i, u, p, o, ref):
             most = p[COULOMB_DOWN] + p[EXCESS_DOWN]
         w[NEW, V] = _stopped(w[Y, V], w[ALSO, GUIDE_BALANCE], p[MASS], most, h)
     if o[SCREW_DRY]:
-        w[NEW, WL] = _stopped(w[Y, WL], w[ALSO, SCREW_BALANCE], p[SCREW_INERTIA], p[SCREW_COULOMB], h)
+        w[NEW, WL] = _stopped(w[Y, WL], w[ALSO, SCREW_BALANCE], p[SCREW_INERTIA], w[ALSO, SCREW_HOLDS], h)
     for position, speed in ((QM, WM), (QL, WL), (X, V)):
         w[NEW, position] = w[Y, position] + h * w[NEW, speed]
     w[NEW, Z] = w[Y, Z]

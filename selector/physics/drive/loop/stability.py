@@ -21,7 +21,7 @@ from selector.physics.drive.loop.closed_loop import (
     servo_of,
     small_signal_mechanics,
 )
-from selector.physics.drive.parts.axis import Axis, Mechanics, RigidMechanics
+from selector.physics.drive.parts.axis import Axis, RigidMechanics
 from selector.physics.drive.trajectory import COURSES, ParameterCourse
 from selector.types import Vector
 
@@ -198,32 +198,22 @@ def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:
 
     InputError if the instant is outside the course, or the course has a stiffness and the axis no spring.
     """
-    mechanics: Mechanics = axis.mechanics
-    values: dict[str, float] = {}
-    for name in COURSES:
-        samples = getattr(course, name)
-        if samples is None:
-            continue
-        times = np.arange(len(samples)) * course.period_s
-        if not 0.0 <= time_s <= times[-1] * (1.0 + 1e-12):
-            raise InputError(
-                f"{time_s:g} s",
-                expected=f"an instant from 0 to {times[-1]:g} s",
-                where="frozen frequency response",
-                advice="choose an instant within the course of parameters",
-            )
-        values[name] = float(np.interp(time_s, times, samples))
-    if isinstance(mechanics, RigidMechanics):
-        if "axial_stiffness_n_per_m" in values:
-            raise InputError(
-                "a course of the axial stiffness for a rigid axis",
-                expected="a course of the damping alone",
-                where="frozen frequency response",
-                advice="describe motor, screw and table",
-            )
-        return replace(axis, mechanics=replace(mechanics, **values))
+    courses = {name: samples for name in COURSES if (samples := getattr(course, name)) is not None}
+    end_s = course.period_s * (min(map(len, courses.values()), default=1) - 1)
+    springless = isinstance(axis.mechanics, RigidMechanics) and "axial_stiffness_n_per_m" in courses
+    if springless or not 0.0 <= time_s <= end_s * (1.0 + 1e-12):
+        raise InputError(
+            "a course of the axial stiffness for a rigid axis" if springless else f"an instant at {time_s:g} s",
+            expected=f"an axis with a spring, and an instant from 0 to {end_s:g} s",
+            where="frozen frequency response",
+            advice="describe motor, screw and table" if springless else "choose an instant within the course",
+        )
+    values: dict[str, Any] = {
+        name: float(np.interp(time_s, np.arange(len(samples)) * course.period_s, samples))
+        for name, samples in courses.items()
+    }
     compliance = None if "axial_stiffness_n_per_m" in values else axis.compliance
-    return replace(axis, mechanics=replace(mechanics, **values), compliance=compliance)
+    return replace(axis, mechanics=replace(axis.mechanics, **values), compliance=compliance)
 
 
 def _gain_margin(axis: Axis, poles: NDArray[np.complex128]) -> tuple[float, float]:

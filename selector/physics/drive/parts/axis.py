@@ -29,6 +29,7 @@ Damping = Annotated[float, FROM_0, Unit("N·s/m"), Limits(0.0, 1e9), Fit()]
 TorsionalDamping = Annotated[float, FROM_0, Unit("N·m·s/rad"), Limits(0.0, 1e6), Fit()]
 Angle = Annotated[float, FINITE, Unit("rad"), Limits(0.0, 1e6), Fit(either_sign=math.pi)]
 Length = Annotated[float, Unit("m"), Limits(0.0, 1e4)]
+Efficiency = Annotated[float, ABOVE_0, Limits(0.1, 1.0), Fit(0.3, 1.0), Usual(0.7, 1.0)]
 _Place = Annotated[float, FINITE]
 _ERROR = Usual(0.0, 2e-3, {"µm": 1e-6, "mm": 1e-3})
 
@@ -116,6 +117,9 @@ class Friction(Checked):
     viscous_negative_ns_per_m: Annotated[Damping, FINITE] = 0.0
     #: Dry friction of screw and bearings on the screw's speed [N·m]; three-mass axis only
     screw_coulomb_nm: Torque = 0.0
+    #: η (F eq. 1): the nut takes R·|Fa|·(1/η − 1) of the screw beside that, against its turning: it drives with R·Fa/η,
+    #: and is driven by the table with R·Fa·(2 − 1/η); three-mass axis only
+    nut_efficiency: Efficiency = 1.0
     lugre: LuGre | None = None  #: Friction with memory instead of the jump at v = 0
 
     @property
@@ -310,6 +314,10 @@ class Axis(Checked):
                     yield f"{there:g} in an axis of one mass", "0, or an axis of three masses", where, advice
             if self.compliance is not None:
                 yield "an axial compliance in an axis of one mass", "an axis of three masses", "compliance", advice
+        efficiency = self.friction.nut_efficiency
+        if efficiency > 1.0 or (efficiency < 1.0 and isinstance(self.mechanics, RigidMechanics)):
+            found, advice = f"an efficiency of {efficiency:g}", "give the share of the power that the nut hands on"
+            yield found, "above 0 to 1, and 1 in an axis of one mass", "friction.nut_efficiency", advice
         if (down := self.mechanics.guide_damping_ns_per_m + self.friction.viscous_negative_ns_per_m) < 0.0:
             found, advice = (
                 f"viscous friction of {down:g} N·s/m for v < 0",
@@ -446,7 +454,7 @@ def wind_up_m(axis: Axis) -> float | None:
     """Twice what dry friction winds up shaft, nut, bearings and coupling before the table follows [m].
 
     The guide bends the axial spring and twists the torsional one through the screw, the friction of the screw twists it
-    alone: 2·(F/Ke + R·(R·F + Ts)/Kθ), F the mean of the two directions. None where it does not show as lost motion:
+    alone: 2·(F/Ke + R·(R·F/η + Ts)/Kθ), F the mean of the two directions. None where it does not show as lost motion:
     one mass has no spring, and a control that sees the table takes it out again.
     """
     mechanics, servo = axis.mechanics, axis.servo
@@ -455,6 +463,6 @@ def wind_up_m(axis: Axis) -> float | None:
     radius = mechanics.travel_per_motion
     (up, _), (down, _) = axis.friction.directions
     force = (up + down) / 2.0
-    twisted = radius * force + axis.friction.screw_coulomb_nm
+    twisted = radius * force / axis.friction.nut_efficiency + axis.friction.screw_coulomb_nm
     turned = twisted / mechanics.torsional_stiffness_nm_per_rad
     return 2.0 * (force / mechanics.axial_stiffness_n_per_m + radius * turned)

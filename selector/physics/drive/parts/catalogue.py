@@ -12,6 +12,7 @@ from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
+    Efficiency,
     Force,
     Inertia,
     Servo,
@@ -121,6 +122,7 @@ class Nut(Checked):
     #: What of either is left in a machine: housing, thread and load distribution take the rest
     rigidity_share: _RigidityShare = 0.8
     drag_torque_nm: Torque = 1.2  #: Friction from the preload [N·m]
+    efficiency: Efficiency = 1.0  #: η of the load, the preload's friction aside
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -349,6 +349,7 @@ def dry_friction(parts: Parts) -> Friction:
     return Friction(
         coulomb_n=guide.friction_coefficient * carried_n + guide.carriages * guide.seal_n,
         screw_coulomb_nm=parts.nut.drag_torque_nm + parts.bearings.drag_torque_nm * (2 if screw.both_ends else 1),
+        nut_efficiency=parts.nut.efficiency,
     )
 
 

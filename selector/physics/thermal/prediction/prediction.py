@@ -16,6 +16,7 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Star
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, correction_program, notation
 from selector.physics.thermal.prediction.driven import driven_answer
+from selector.physics.thermal.prediction.observer import FAR_OFF, DayReadings, Observed, observed
 from selector.physics.thermal.prediction.order import BestOrder, best_order
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
@@ -71,6 +72,7 @@ class Prediction:
     start: Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
     temperatures: tuple[str, ...] = ()  #: Responses that are temperatures: for them all µm are K
     order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
+    observed: Observed | None = None  #: What readings of the day make of it, if there were some
 
     def unit(self, response: str) -> str:
         """µm, or K for a temperature."""
@@ -94,6 +96,7 @@ class Prediction:
                 for number, operation in enumerate(program.operations, start=1)
             ],
             **({} if self.order is None else {"order": dict(vars(self.order))}),
+            **({} if self.observed is None else {"observed": self.observed.as_dict(self.responses)}),
             "tolerance_um": tolerances.pop() if len(tolerances) == 1 else None,
             "accuracy": {
                 name: {
@@ -180,6 +183,7 @@ def predict(
     resolution_s: float | None = None,
     find_order: bool = False,
     temperatures: Sequence[str] = (),
+    readings: DayReadings | None = None,
     told: Sequence[Finding] = (),
 ) -> Prediction:
     """Predict the displacement in a duty cycle from heating and cooling tests, and how to correct it.
@@ -189,8 +193,9 @@ def predict(
     A correction program is made for displacements if `operations_s` or `tolerance_um` is given: without operations the
     whole duty cycle is one, without a tolerance it is `USUAL_TOLERANCE_UM`; a tolerance is for all, or by response, one
     for all operations or for each. `resolution_s` rounds its times, see `correction_program`. With `find_order` the
-    order of the operations that needs the fewest corrections is found, too. What was `told` before stands first among
-    the findings.
+    order of the operations that needs the fewest corrections is found, too. With `readings` of the day, whose
+    thermometers are among the responses, it is followed beside the plan. What was `told` before stands first among the
+    findings.
 
     Raises InputError if the tests are too few or too short, a speed is outside of them, or the program's options cannot
     be used.
@@ -231,6 +236,8 @@ def predict(
             "a resolution without a program", expected="--operations or --tolerance beside it", where="resolution",
             advice="give --operations or --tolerance, or leave the resolution out",
         )  # fmt: skip
+    seen = None if readings is None else _observed(ask, answer, readings)
+    findings += () if seen is None else _of_day(seen)
     return Prediction(
         tuple(responses),
         method,
@@ -249,6 +256,7 @@ def predict(
         answer.start,
         tuple(temperatures),
         order,
+        seen,
     )
 
 
@@ -309,6 +317,40 @@ def _halls_not_used(ask: Asked, answer: Answer) -> Iterator[Finding]:
                 f"The duty cycle says how {name} moves; the tests do not show that it drives a displacement.",
                 Where(channel=name),
             )  # fmt: skip
+
+
+def _observed(ask: Asked, answer: Answer, readings: DayReadings) -> Observed:
+    """The day as its thermometers have it, weighed by how well the tests' readings of them are repeated."""
+    if not answer.modes:
+        raise OptionError(
+            "readings of the day for pieces of characteristics", expected="modes, which carry on through a stop",
+            where="--readings", advice="take the modal method, or leave the readings out",
+        )  # fmt: skip
+    columns = [ask.responses.index(name) for name in readings.thermometers]
+    noise = np.sqrt(np.mean([one.rmse_um[columns] ** 2 for one in answer.repeats], axis=0))
+    drift = noise if answer.heldout_um is None else answer.heldout_um[columns]
+    return observed(answer.course, ask.cyclogram, ask.responses, readings, noise, drift)
+
+
+def _of_day(seen: Observed) -> Iterator[Finding]:
+    """Stops that the plan does not have, and readings that no stop explains."""
+    for stop in seen.stops:
+        to_s = seen.read_until_s if stop.to_s is None else stop.to_s
+        end = f"to {to_s / 60:.3g} min" if stop.to_s is not None else "on, and stands still"
+        yield FINDINGS.finding(
+            "unplanned-stop",
+            f"By the readings of {' and '.join(seen.thermometers)} the spindle stood from {stop.from_s / 60:.3g} min "
+            f"{end}, as was not planned"
+            + (": the plan then went on from where it was left." if stop.delays else "."),
+            Where(from_s=stop.from_s, to_s=to_s), {"delays_plan": stop.delays},
+        )  # fmt: skip
+    if seen.misfit > FAR_OFF:
+        yield FINDINGS.finding(
+            "readings-off-plan",
+            f"The readings of {' and '.join(seen.thermometers)} are {np.sqrt(seen.misfit):.2g} times as far from the "
+            "plan with its stops as in the tests: something else was different on the day.",
+            Where(from_s=0.0, to_s=seen.read_until_s), {"misfit": seen.misfit},
+        )  # fmt: skip
 
 
 def _rms(error_um: Vector, time_s: Vector) -> Vector:

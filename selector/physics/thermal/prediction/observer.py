@@ -1,0 +1,209 @@
+"""A day that leaves its plan: which stops the thermometers show, and the displacement of the machine that had them.
+
+Nothing but the speed drives the modes, so an unplanned stop is a question of when the spindle stood. Every course of
+the day that may have been (as planned; a stop since then; a stop that ended, after which the plan goes on by the clock
+or from where it was left) is carried with the modal states that it leads to, and each reading weighs them by how likely
+it is; the displacement is their mean, and after the last reading that of the likeliest. What a thermometer is off for
+other reasons is a random walk beside white noise, so that a slow drift makes no stop. Nothing is known before it is
+read: the course at a reading uses that and those before it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from selector.physics.thermal.modes.cyclogram import Cyclogram
+from selector.types import Vector
+
+STOP_EVERY_S, STOP_LASTS_S = 24 * 3600.0, 45 * 60.0  #: Expected of stops before anything is read.
+STEP_S, MOST_STEPS = 60.0, 600  #: Readings are means over so long, and over longer where the day has more of them.
+PLACES = 3  #: Moments between two readings at which a stop may begin or end.
+#: Courses whose logarithm of the likelihood is further below the best are given up, and do not branch.
+GIVEN_UP, BRANCHES = 10.0, 4.0
+MOST_PATHS = 120
+#: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
+FAR_OFF = 3.0
+_LEAST_K, _WALK = 0.01, 2.0  #: Least noise [K]; so many times what left-out tests were off, a reading walks in an hour.
+
+
+@dataclass(frozen=True)
+class DayReadings:
+    """What thermometers read on a day that begins with the duty cycle."""
+
+    thermometers: tuple[str, ...]  #: Their names, as in the tests
+    time_s: Vector  #: (n_times,): Times from its start [s]
+    temperature_degc: Vector  #: (n_times, n_thermometers): Readings [°C]; NaN where missing
+    #: Response → displacement that was measured on the day [µm], (n_times,), if it was
+    measured_um: dict[str, Vector]
+
+    @property
+    def steps(self) -> tuple[Vector, Vector]:
+        """Mean times (n_steps,) [s] and rises since the first reading (n_steps, n_thermometers) [K]."""
+        step_s = max(STEP_S, float(self.time_s[-1]) / MOST_STEPS)
+        begins = np.flatnonzero(np.diff(np.floor(self.time_s / step_s), prepend=-1.0))
+        known = np.isfinite(self.temperature_degc)
+        counts = np.add.reduceat(known, begins, axis=0, dtype=np.float64)
+        sums = np.add.reduceat(np.where(known, self.temperature_degc, 0.0), begins, axis=0)
+        means = np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
+        lengths = np.diff(np.r_[begins, len(self.time_s)])
+        first = np.array([one[np.isfinite(one)][0] for one in means.T])
+        return np.add.reduceat(self.time_s, begins) / lengths, means - first
+
+
+@dataclass(frozen=True)
+class Stop:
+    """The spindle stood, as no plan said."""
+
+    from_s: float  #: from_s and to_s: From when to when [s]; `to_s` is None while it stands
+    to_s: float | None = None
+    delays: bool = False  #: Whether the plan went on from where it was left, and not by the clock
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What the readings say of the day."""
+
+    thermometers: tuple[str, ...]
+    read_until_s: float  #: The last reading [s]; what follows is foreseen
+    time_s: Vector  #: (n_times,): Times [s] from the start of the day
+    displacement_um: Vector  #: (n_times, n_responses): Displacements [µm]
+    stops: tuple[Stop, ...]  #: Those of the likeliest course
+    misfit: float  #: Mean square of what readings are off that course, in units of what is expected of them
+    #: Response → root mean square of plan alone, and of this, less what was measured on the day [µm]
+    errors_um: dict[str, tuple[float, float]]
+
+    def as_dict(self, responses: Sequence[str]) -> dict[str, Any]:
+        """JSON form, a part of `selector.prediction/1`; courses of thermometers are in K, whatever their key."""
+        return {
+            "thermometers": list(self.thermometers),
+            "read_until_s": self.read_until_s,
+            "time_s": self.time_s.tolist(),
+            "displacement_um": dict(zip(responses, self.displacement_um.T.tolist(), strict=True)),
+            "stops": [{"from_s": one.from_s, "to_s": one.to_s, "delays_plan": one.delays} for one in self.stops],
+            "misfit": self.misfit,
+            "errors_um": {name: {"plan": plan, "observed": seen} for name, (plan, seen) in self.errors_um.items()},
+        }
+
+
+@dataclass(frozen=True)
+class _Path:
+    """A course of the day that may have been, and what each thermometer is off for other reasons."""
+
+    stops: tuple[Stop, ...]
+    cyclogram: Cyclogram
+    course: Vector  # (n_steps, n_responses)
+    log_weight: float
+    off_k: Vector
+    variance_k2: Vector
+    squares: float = 0.0
+
+    @property
+    def stands(self) -> bool:
+        return bool(self.stops) and self.stops[-1].to_s is None
+
+    def read(self, rise_k: Vector, predicted_k: Vector, noise_k: Vector, drift_k: Vector, step_s: float) -> "_Path":
+        """After one reading; `drift_k` is the random walk of an hour."""
+        known = np.isfinite(rise_k)
+        before = self.variance_k2 + drift_k**2 * step_s / 3600.0
+        variance = before + noise_k**2
+        off = np.where(known, rise_k - predicted_k - self.off_k, 0.0)
+        share = np.where(known, before / variance, 0.0)
+        squares = off**2 / variance
+        lost = 0.5 * float((squares + np.log(variance))[known].sum())
+        return replace(
+            self,
+            log_weight=self.log_weight - lost,
+            off_k=self.off_k + share * off,
+            variance_k2=before * (1.0 - share),
+            squares=self.squares + float(squares.sum()),
+        )
+
+
+def as_run(plan: Cyclogram, stops: Sequence[Stop], end_s: float) -> Cyclogram:
+    """The duty cycle with stops in it, up to a time [s]; after the plan the spindle stands."""
+    rows = [*zip(plan.start_s.tolist(), plan.speed_rpm.tolist(), strict=True), (plan.end_s, 0.0)]
+    for stop in stops:
+        before = [row for row in rows if row[0] < stop.from_s]
+        if stop.to_s is None:
+            rows = [*before, (stop.from_s, 0.0)]
+            continue
+        left_s, later_s = (stop.from_s, stop.to_s - stop.from_s) if stop.delays else (stop.to_s, 0.0)
+        speed = next(speed for start, speed in reversed(rows) if start <= left_s)
+        after = [(start + later_s, speed) for start, speed in rows if start > left_s]
+        rows = [*before, (stop.from_s, 0.0), (stop.to_s, speed), *after]
+    starts, speeds = zip(*(row for row in rows if row[0] < end_s), strict=True)
+    return Cyclogram(np.array(starts), np.array(speeds), end_s)
+
+
+def observed(
+    course: Callable[[Cyclogram, Vector], Vector],
+    plan: Cyclogram,
+    responses: Sequence[str],
+    readings: DayReadings,
+    noise_k: Vector,
+    drift_k: Vector,
+) -> Observed:
+    """The displacement of the day as the readings have it, and from the last one on as it is foreseen.
+
+    `course` gives the responses (n_times, n_responses) of a duty cycle at times; the thermometers are among them.
+    `noise_k` and `drift_k`, (n_thermometers,), are standard deviations of a reading, and of what left-out tests were
+    off [K].
+    """
+    time_s, rise_k = readings.steps
+    columns = [responses.index(name) for name in readings.thermometers]
+    noise_k, drift_k = np.maximum(noise_k, _LEAST_K), _WALK * np.maximum(drift_k, _LEAST_K)
+    last_s = float(time_s[-1])
+
+    def path(stops: tuple[Stop, ...], like: _Path | None, chance: float = 1.0) -> _Path:
+        cycle = as_run(plan, stops, last_s + STEP_S)
+        if like is None:
+            return _Path(stops, cycle, course(cycle, time_s), 0.0, np.zeros(len(columns)), noise_k**2)
+        weight = like.log_weight + float(np.log(chance))
+        return replace(like, stops=stops, cyclogram=cycle, course=course(cycle, time_s), log_weight=weight)
+
+    def branches(one: _Path, moments_s: Vector, each_s: float) -> list[_Path]:
+        """It may stop, or go on, at each of these moments."""
+        found, planned = [], as_run(plan, (), last_s + STEP_S).speed_at(moments_s)
+        for at_s, speed in zip(moments_s.tolist(), planned.tolist(), strict=True):
+            if one.stands:
+                *before, stop = one.stops
+                for delays in (True, False) if speed > 0 else (True,):
+                    ended = (*before, replace(stop, to_s=at_s, delays=delays))
+                    found.append(path(ended, one, each_s / STOP_LASTS_S / 2.0))
+            elif one.cyclogram.speed_at(np.array([at_s]))[0] > 0:
+                found.append(path((*one.stops, Stop(at_s)), one, each_s / STOP_EVERY_S))
+        return found
+
+    paths = [path((), None)]
+    followed = paths[0].course.copy()
+    for i in range(1, len(time_s)):
+        step_s = float(time_s[i] - time_s[i - 1])
+        moments_s = time_s[i - 1] + step_s * (np.arange(PLACES) + 0.5) / PLACES
+        for one in [one for one in paths if one.log_weight > paths[0].log_weight - BRANCHES]:
+            paths += branches(one, moments_s, step_s / PLACES)
+        paths = [one.read(rise_k[i], one.course[i, columns], noise_k, drift_k, step_s) for one in paths]
+        paths.sort(key=lambda one: -one.log_weight)
+        paths = [one for one in paths[:MOST_PATHS] if one.log_weight > paths[0].log_weight - GIVEN_UP]
+        followed[i] = _mean(paths, [one.course[i] for one in paths])
+    likeliest = paths[0]
+    end_s = plan.end_s + sum(stop.to_s - stop.from_s for stop in likeliest.stops if stop.to_s and stop.delays)
+    ahead_s = np.arange(last_s + STEP_S, end_s + STEP_S - 1e-6, STEP_S).clip(max=end_s)
+    ahead = course(as_run(plan, likeliest.stops, end_s + STEP_S), ahead_s)
+    followed = np.vstack([followed, ahead])
+    every_s, count = np.r_[time_s, ahead_s], max(int(np.isfinite(rise_k[1:]).sum()), 1)
+    errors = {}
+    for name, measured in readings.measured_um.items():
+        rows = np.flatnonzero(np.isfinite(measured) & (readings.time_s <= min(plan.end_s, last_s)))
+        at_s, moved, r = readings.time_s[rows], measured[rows] - measured[rows[0]], responses.index(name)
+        both = course(plan, at_s)[:, r], np.interp(at_s, every_s, followed[:, r])
+        plain, seen = (float(np.sqrt(np.mean((one - one[0] - moved) ** 2))) for one in both)
+        errors[name] = plain, seen
+    misfit = likeliest.squares / count
+    return Observed(readings.thermometers, last_s, every_s, followed, likeliest.stops, misfit, errors)
+
+
+def _mean(paths: Sequence[_Path], courses: Sequence[Vector]) -> Vector:
+    weights = np.exp([one.log_weight - paths[0].log_weight for one in paths])
+    return np.asarray(np.tensordot(weights / weights.sum(), np.array(courses), 1))
