@@ -13,7 +13,7 @@ FINDINGS = Kinds.of(
 regimes [warning] the unseen error falls into regimes of consecutive runs: something changed that is not recorded
     → find out what differed (setup, tool, coolant, spindle programme, season) and record it as a channel, or build one
       model per regime
-one-run-only [warning] there is one run: the error is that of stretches of it left out in turn
+one-run-only [warning] there is one run: the error is that of parts of it left out in turn
     → record at least three runs on different days and duty cycles
 few-runs [warning] the error on unseen runs rests on few runs, or on some that begin warm: it is known to a factor only
     → record more runs, with other speeds and another season

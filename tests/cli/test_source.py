@@ -58,6 +58,8 @@ def test_a_command_gets_the_options_as_one_value():
     ],
     ids=str,
 )
-def test_options_that_cannot_be_used(wrong):
+def test_options_that_cannot_be_used(wrong, tmp_path):
+    path = tmp_path / "r1.csv"
+    path.write_text("t [s],T1 [degC],Z [um]\n0,20,0\n60,21,1\n120,22,2\n", encoding="utf-8")
     with pytest.raises(OptionError):
-        Source(runs=[Path("r1.csv")], **wrong).reading()
+        Source(runs=[path], **wrong).reading()
