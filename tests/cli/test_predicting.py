@@ -8,6 +8,7 @@ import runpy
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selector.cli import exit_status
@@ -519,6 +520,20 @@ def test_a_day_that_left_its_plan(capfd, tmp_path):
     again = prediction_of(document)
     assert again.as_dict()["observed"] == seen
     assert "By the readings of the day" in (tmp_path / "day" / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_thermometer_that_hangs_makes_no_stop(capfd, tmp_path):
+    day = pd.read_csv(OBSERVED / "day.csv")
+    day["bearing"] = 25.0
+    day.to_csv(tmp_path / "day.csv", index=False)
+    code, out, err = run(
+        capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
+        "--readings", tmp_path / "day.csv", "--json",
+    )  # fmt: skip
+    assert code == 0, err
+    ids = [one["id"] for one in json.loads(out)["findings"]]
+    assert "readings-off-plan" in ids
+    assert "unplanned-stop" not in ids
 
 
 def test_one_thermometer_can_do(capfd):

@@ -169,6 +169,9 @@ def day_sentence(prediction: Prediction, seen: Observed) -> str:
         else f"from {one.from_s / 60:.0f} to {one.to_s / 60:.0f} min" + ", then the plan went on later" * one.delays
         for one in seen.stops
     ]  # fmt: skip
+    who = f"By the readings of {listed(list(seen.thermometers))}"
+    if seen.explains_nothing:
+        return f"{who}, the day was neither as planned nor the plan with stops: do not correct by them."
     said = f"the spindle stood {listed(stood)}" if stood else "the day went as planned"
     now = []
     for name in _told(prediction):
@@ -178,7 +181,7 @@ def day_sentence(prediction: Prediction, seen: Observed) -> str:
         planned = f", not at {number_text(plan)}" if stood else ""
         now.append(f"{name} is at {number_text(at)} {prediction.unit(name)}{planned}")
     moment = span_text(seen.read_until_s)
-    return f"By the readings of {listed(list(seen.thermometers))}, {said}: after {moment}, {listed(now)}."
+    return f"{who}, {said}: after {moment}, {listed(now)}."
 
 
 def _day_table(prediction: Prediction, seen: Observed) -> Table:

@@ -74,6 +74,11 @@ class Observed:
     #: Response → root mean square of plan alone, and of this, less what was measured on the day [µm]
     errors_um: dict[str, tuple[float, float]]
 
+    @property
+    def explains_nothing(self) -> bool:
+        """Whether readings are off the likeliest course by more than chance: it says nothing of the day."""
+        return self.misfit > FAR_OFF
+
     def as_dict(self, responses: Sequence[str]) -> dict[str, Any]:
         """JSON form, a part of `selector.prediction/1`; courses of thermometers are in K, whatever their key."""
         return {
