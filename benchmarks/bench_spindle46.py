@@ -4,7 +4,7 @@
 
 With --tests only the first 40 h are used: each test is left out in turn, and the fifth predicted by the four before it.
 With --separate every test is a run of its own, as if it had been recorded so.
-Everything in `predict` was settled on that; the staircase was looked at once, afterwards.
+Everything in `predict` was settled on that; how often the staircase was looked at stands in the docs.
 
 With --select it is `select` with five thermometers that is asked, without and with memory: for a model of the 40 h that
 is applied to what came after them (the fifth test with --tests), and for the error of each of the six runs (five with

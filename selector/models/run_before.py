@@ -31,22 +31,16 @@ def in_parts(source: RunSource) -> RunSource:
     rests = (turning < 0.01 * turning.max()).to_numpy()
     time_s = source.time_s(run)
     first = np.r_[0, 1 + np.flatnonzero(rests[1:] != rests[:-1])]
-    ends = np.r_[first[1:], len(rests)]
-    begun = restarts(rests[first], time_s[ends - 1] - time_s[first])
+    begun = restarts(rests[first], np.diff(time_s[first], append=time_s[-1]))
     # the last sample at rest is the zero of a part
-    cuts = [0, *(int(ends[i]) - 1 for i in begun[1:])]
+    cuts = [0, *(int(first[i + 1]) - 1 for i in begun[1:])]
     if len(cuts) < FEWEST_PARTS:
         return source
-    parts = {
-        f"{run} {k + 1}": pd.DataFrame(frame.iloc[a:b])
-        for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(rests)]))
-    }
-    starts = dict(zip(parts, time_s[cuts].tolist(), strict=True))
-    tables = {
-        name: table.set_axis(pd.Index(table.index.to_numpy() - starts[name], name="time_s"))
-        for name, table in parts.items()
-    }
-    return Recording.from_runs(tables, source.channels, {**source.provenance, PARTS: len(parts)})
+    parts = {}
+    for k, (a, b) in enumerate(itertools.pairwise([*cuts, len(rests)])):
+        own = pd.Index(time_s[a:b] - time_s[a], name="time_s")
+        parts[f"{run} {k + 1}"] = pd.DataFrame(frame.iloc[a:b]).set_axis(own)
+    return Recording.from_runs(parts, source.channels, {**source.provenance, PARTS: len(parts)})
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

@@ -174,7 +174,8 @@ def _to_do(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Ite
         yield f"{len(unwell) - _MOST_LOOKED_AT} more machines without an answer stand in the table."
     if missing:
         yield f"Go on with `selector fleet run`: {_machines(len(missing))} had no turn yet."
-    worst = [name for name in _by_error(answer) if _relative(answer).get(name, 0.0) > _UNLIKE][:_MOST_LOOKED_AT]
+    relative = _relative(answer)
+    worst = [name for name in _by_error(answer) if relative.get(name, 0.0) > _UNLIKE][:_MOST_LOOKED_AT]
     if worst:
         yield (
             f"Record more runs, and other ones, on {', '.join(worst)}: the error on unseen runs is more than "

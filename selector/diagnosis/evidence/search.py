@@ -207,9 +207,10 @@ def _with_own(benches: Benches, named: Named, given: _Given) -> tuple[Benches, N
         main = one.main
         beta = freed[main].coefficients([*numbers(named, main), chosen[main]])[0]
         fewer = _with_fewer(freed, named | {id_: chosen}, given)
-        if id_ in fewer and beta[-freed[main].counts[chosen[main]]] > 0.0:
-            benches = freed
-        named = fewer if id_ not in fewer or benches is freed else named
+        if id_ not in fewer:
+            named = fewer
+        elif beta[-freed[main].counts[chosen[main]]] > 0.0:
+            benches, named = freed, fewer
     return benches, named
 
 
