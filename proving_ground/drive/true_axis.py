@@ -372,7 +372,7 @@ class Bench:
         """The bench with a run more, in front of the last one; positions are told every `period_s` [m]."""
         fine = np.arange(0.0, len(told) * period_s, COMMAND_S)
         stamps = PERIOD_S * np.arange(int(fine[-1] / PERIOD_S) - 25, dtype=np.float64)
-        spread = float(np.std(self.jitter[0])) if self.jitter[0].any() else 0.0
+        spread = float(np.std(self.jitter[0]))
         late = spread * np.clip(generator.standard_normal(len(stamps)), -3.0, 3.0)
 
         def inserted(known: Sequence[Any], one: Any) -> tuple[Any, ...]:
