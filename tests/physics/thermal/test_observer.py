@@ -141,3 +141,8 @@ def test_errors_against_a_gauge_of_the_day():
     alone = MODEL.displacement_um(PLAN, readings.time_s)[:, 0] - true
     assert plan == pytest.approx(float(np.sqrt(np.mean(alone**2))), rel=1e-9)
     assert by_readings == pytest.approx(rms(seen, true), rel=0.05)  # the last minute is beyond the plan
+
+
+def test_a_gauge_that_was_silent_all_day_makes_no_error():
+    readings, true = day()
+    assert followed(replace(readings, measured_um={"Z": np.full_like(true, np.nan)})).errors_um == {}

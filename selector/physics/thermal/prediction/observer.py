@@ -71,7 +71,7 @@ class Observed:
     displacement_um: Vector  #: (n_times, n_responses): Displacements [µm]
     stops: tuple[Stop, ...]  #: Those of the likeliest course
     misfit: float  #: Mean square of what readings are off that course, in units of what is expected of them
-    #: Response → root mean square of plan alone, and of this, less what was measured on the day [µm]
+    #: Response with values of the day → root mean square of plan alone, and of this, less what was measured [µm]
     errors_um: dict[str, tuple[float, float]]
 
     @property
@@ -201,6 +201,8 @@ def observed(
     errors = {}
     for name, measured in readings.measured_um.items():
         rows = np.flatnonzero(np.isfinite(measured) & (readings.time_s <= min(plan.end_s, last_s)))
+        if not rows.size:
+            continue
         at_s, moved, r = readings.time_s[rows], measured[rows] - measured[rows[0]], responses.index(name)
         both = course(plan, at_s)[:, r], np.interp(at_s, every_s, followed[:, r])
         plain, seen = (float(np.sqrt(np.mean((one - one[0] - moved) ** 2))) for one in both)
