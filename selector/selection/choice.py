@@ -3,12 +3,14 @@
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from selector.models.design import Form, time_constant_grid
 from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, HeldOut, within_one_standard_error
+from selector.selection.agreement import Agreement
 from selector.selection.candidates import Candidates, SensorSet, sets_with_terms, sparse_forms
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
@@ -78,7 +80,41 @@ class Tested:
     def choice(self, plan: Plan) -> Choice:
         """The cheapest of the good trials that a plan allows."""
         allowed, eligible = self._allowed((plan[0], self.question.options.max_sensors)), self._allowed(plan)
-        return Choice(_best(self.question, eligible, self.bench), best_by_size(allowed), allowed, eligible)
+        return Choice(self._best(eligible, plan[0]), best_by_size(allowed), allowed, eligible)
+
+    def _best(self, trials: Sequence[Trial], offer: Offer) -> Trial:
+        """The cheapest of the good ones; of these, unless the patent's rule is asked for, the one others agree with."""
+        options = self.question.options
+        if options.tolerance is not None:
+            top = max(trial.adjusted_r2 for trial in trials)
+            good = [trial for trial in trials if trial.adjusted_r2 >= top - options.tolerance]
+            # the patent ranks sensors, then fit; the shape is the richest on offer that the tolerance asks for
+            return min(good, key=lambda t: (options.total_cost(t.set.sensors), t.n_terms, -t.adjusted_r2))
+        good = _as_good(self.question, trials, self.bench.samples)
+
+        def cost(trial: Trial) -> tuple[float, int]:
+            return options.total_cost(trial.set.sensors), trial.n_terms
+
+        def rank(trial: Trial) -> tuple[float, int, float]:
+            from_groups = 0 if trial.set.origin == "representatives" else 1
+            return self._agreed(offer).distance(trial.set.sensors, trial.shape), from_groups, trial.error
+
+        cheapest = min(map(cost, good))
+        alike = [trial for trial in good if cost(trial) == cheapest]
+        best = min(alike, key=rank)
+        equal = [trial for trial in alike if _is_equal(self.question, trial, best)]
+        return min(_safest(equal, self.bench), key=rank)
+
+    def _agreed(self, offer: Offer) -> Agreement:
+        if offer not in self._agreements:
+            trials = self._allowed((offer, self.question.options.max_sensors))
+            sets = [(trial.set.sensors, trial.shape) for trial in trials]
+            self._agreements[offer] = Agreement.of(self.bench, sets, np.array([trial.error for trial in trials]))
+        return self._agreements[offer]
+
+    @cached_property
+    def _agreements(self) -> dict[Offer, Agreement]:
+        return {}
 
     def has(self, plan: Plan) -> bool:
         """Whether there is a trial that a plan allows."""
@@ -202,28 +238,6 @@ def best_by_size(trials: Sequence[Trial]) -> dict[int, Trial]:
     for trial in sorted(trials, key=lambda t: (len(t.set.sensors), t.error)):
         found.setdefault(len(trial.set.sensors), trial)
     return found
-
-
-def _best(question: Question, trials: Sequence[Trial], bench: Bench) -> Trial:
-    options = question.options
-    if options.tolerance is not None:
-        top = max(trial.adjusted_r2 for trial in trials)
-        good = [trial for trial in trials if trial.adjusted_r2 >= top - options.tolerance]
-    else:
-        good = _as_good(question, trials, bench.samples)
-
-    def rank(trial: Trial) -> tuple[float, int, int, float]:
-        from_groups = 0 if trial.set.origin == "representatives" else 1
-        return (options.total_cost(trial.set.sensors), trial.n_terms, from_groups, trial.error)
-
-    if options.tolerance is not None:
-        # the patent ranks sensors, then fit; the shape is the richest on offer that the tolerance asks for
-        return min(good, key=lambda t: (options.total_cost(t.set.sensors), t.n_terms, -t.adjusted_r2))
-    cheapest = min(rank(trial)[:2] for trial in good)
-    alike = [trial for trial in good if rank(trial)[:2] == cheapest]
-    best = min(alike, key=lambda t: (t.error, rank(t)))
-    equal = [trial for trial in alike if _is_equal(question, trial, best)]
-    return min(_safest(equal, bench), key=lambda t: (t.error, rank(t)))
 
 
 def _safest(equal: Sequence[Trial], bench: Bench) -> list[Trial]:

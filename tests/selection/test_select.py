@@ -365,7 +365,7 @@ class TestResult:
 
 
 class TestToldWithoutTheRun:
-    @pytest.mark.parametrize("seed", [0, 1])
+    @pytest.mark.parametrize("seed", [1, 6])
     def test_number_of_sensors_and_offer_of_a_run_are_decided_without_it(self, seed, monkeypatch):
         """With the least error of all runs together each run would help to choose what it then proves."""
         source = machine(
