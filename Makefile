@@ -57,7 +57,7 @@ reference: $(STAMP)
 	@$(BIN)/python -m docs.make_command_line
 	@$(BIN)/python -m docs.make_effects
 	@$(BIN)/python -m docs.make_findings
-	@$(BIN)/python -m docs.strip_notebooks
+	@$(BIN)/python -m docs.store_notebooks --text
 	@$(BIN)/python -m tests.architecture.public_names
 
 # The documentation as a site in build/docs; warnings are errors. Open build/docs/index.html, no server is needed.
