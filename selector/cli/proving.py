@@ -13,7 +13,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import write_answer, written_folder
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 from selector.errors import OptionError
@@ -117,13 +117,8 @@ def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, consol
 
     result = score_object(outcomes, is_exam=is_exam)
     if out is not None:
-        from selector.telling.page import write_account
-
-        with folder_written_whole(out) as folder:
-            files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
-            for name, text in files.items():
-                (folder / name).write_text(text, encoding="utf-8", newline="\n")
-            write_account(proof_account(outcomes, result, is_exam=is_exam, drawn=True), folder / "report.html")
+        files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
+        write_answer(out, files, proof_account(outcomes, result, is_exam=is_exam, drawn=True))
     if as_json:
         showing.print_json(result)
     else:

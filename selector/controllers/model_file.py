@@ -426,10 +426,7 @@ def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
 
 
 def parsed_model(text: str, *, where: str = "model", is_changed: bool = False) -> ModelFile:
-    """The model in a JSON text; `where` names the text in messages.
-
-    Raises ModelFileError: as `read_model`.
-    """
+    """The model in a JSON text; `where` names the text in messages. Raises ModelFileError: as `read_model`."""
     value = parsed_json(text, where=where)
     if not isinstance(value, dict):
         raise ModelFileError(
@@ -484,10 +481,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 
 def write_model(model: ModelFile, path: str | Path) -> None:
-    """Write a model file, whole or not at all.
-
-    Raises OptionError: nothing can be written at this path.
-    """
+    """Write a model file, whole or not at all. Raises OptionError: nothing can be written at this path."""
     write_whole(Path(path), model_text(model).encode("utf-8"))
 
 

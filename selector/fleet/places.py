@@ -99,10 +99,7 @@ def _reached(url: str) -> tuple[Any, str]:
 
 
 def fsspec_core(url: str) -> ModuleType:
-    """fsspec, which comes with the extra `fleet`.
-
-    Raises OptionError: it is not installed.
-    """
+    """fsspec, which comes with the extra `fleet`. Raises OptionError: it is not installed."""
     try:
         import fsspec.core
     except ImportError as error:

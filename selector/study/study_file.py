@@ -246,10 +246,7 @@ def parsed_study(text: str, *, where: str = "study file") -> Study:
 
 
 def study_sections(text: str, tables: str, where: str) -> dict[str, Any]:
-    """The tables of a TOML text; `tables` names some of those that are expected.
-
-    Raises StudyError: it is not TOML.
-    """
+    """The tables of a TOML text; `tables` names some of those that are expected. Raises StudyError: it is not TOML."""
     try:
         return sections_of_text(text, where=where)
     except ModelFileError as error:
