@@ -162,11 +162,5 @@ def known_before(drift: Drift, course: Course) -> Known:
     """What was known before each judged sample; that of a touch-off counts with the state before it."""
     at = course.judged
     passed = np.searchsorted(course.touched_at, at, side="left")
-    return Known.before(
-        drift,
-        tracked(drift, Touches.of([course])),
-        np.zeros(len(at), dtype=np.intp),
-        passed,
-        course.time_s[at],
-        course.modelled_um[at],
-    )
+    first, now = np.zeros(len(at), dtype=np.intp), tracked(drift, Touches.of([course]))
+    return Known.before(drift, now, first, passed, course.time_s[at], course.modelled_um[at])

@@ -18,7 +18,7 @@ from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer
-from selector.fleet.places import local_paths
+from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
 from selector.json_text import json_text
 from selector.readers import read
@@ -109,12 +109,11 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     seen = {*model.provenance.data_sha256.values(), *(one for one, key in answer.judged.items() if key == answer.key)}
     nothing = WatchedMachine(status="nothing-new", key=answer.key)
     with tempfile.TemporaryDirectory() as folder:
-        files = recording_files(local_paths(study.recordings.runs, Path(folder, "runs")))
+        runs_at, machine = local_recordings(study.recordings, Path(folder))
+        files = recording_files(runs_at)
         if all(sha256_of(file) in seen for file in files.files):
             return nothing
-        named = [study.recordings.machine] if study.recordings.machine else []
-        machine = local_paths(named, Path(folder, "machine"))[0] if named else files.machine
-        whole = read(files.files, machine=machine, overrides=overrides_of(study))
+        whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         later = by_age(whole, seen).later
         if not later:
             return nothing
