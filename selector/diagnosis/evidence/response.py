@@ -276,16 +276,8 @@ def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
     return found
 
 
-def bench_of(
-    comparison: Comparison,
-    response: str,
-    effects: Sequence[Effect],
-    extra: Mapping[str, Sequence[Variant]] | None = None,
-) -> tuple[Bench, dict[str, str]]:
-    """The bench of a response, and for every effect that cannot be tested in it, why.
-
-    `extra` are shapes that a runnable model gave, effect id → variants; they take the place of the effect's own.
-    """
+def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -> tuple[Bench, dict[str, str]]:
+    """The bench of a response, and for every effect that cannot be tested in it, why."""
     target = comparison.difference(response)
     seen = np.isfinite(target)
     fitted = seen & ~comparison.held_out
@@ -296,13 +288,12 @@ def bench_of(
     own: dict[str, slice] = {}
     first = 0
     for effect in effects:
-        given = (extra or {}).get(effect.id)
-        reason = None if given else effect.testable(comparison, response)
+        reason = effect.testable(comparison, response)
         if reason is not None:
             untested[effect.id] = reason
             continue
         before = first
-        for variant in given or effect.variants(comparison, response):
+        for variant in effect.variants(comparison, response):
             scale = np.sqrt(np.mean(variant.columns[fitted] ** 2, axis=0))
             if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
                 continue

@@ -83,14 +83,15 @@ def _since_reversal(comparison: Comparison, position: Vector) -> Vector:
     return result
 
 
-def in_words(comparison: Comparison, active: Mask, *, agreement: float = 0.75) -> str | None:
-    """The state of the machine that tells best when something acts, in words; None if none tells it well enough.
+#: Least overlap (rows in both / rows in either) of a state of the machine and what is active.
+_AGREEMENT = 0.75
 
-    `agreement` is the least overlap (rows in both / rows in either) of the state and what is `active`.
-    """
+
+def in_words(comparison: Comparison, active: Mask) -> str | None:
+    """The state of the machine that tells best when something acts, in words; None if none tells it well enough."""
     if active.all() or not active.any():
         return None
-    best, words = agreement, None
+    best, words = _AGREEMENT, None
     for variable in variables(comparison):
         order = np.argsort(variable.values, kind="stable")
         sorted_values, here = variable.values[order], active[order].astype(np.float64)

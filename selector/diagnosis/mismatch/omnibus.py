@@ -71,7 +71,8 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
         while width <= len(bins):
             step = 1 if width <= 4 * narrow else width // 4
             first = np.arange(0, len(bins) - width + 1, step)
-            unusual = _normal_of_sum(sums[:, first + width] - sums[:, first], width)
+            # a unit exponential is half a sum of two squares
+            unusual = _normal_of_squares(2.0 * (sums[:, first + width] - sums[:, first]), 2 * width)
             slow = frequency[first + width - 1] < slow_limit
             narrow_enough = frequency[first + width - 1] <= _WIDEST * frequency[first]
             other: Kind = "line" if width <= 2 * narrow else "cycle"
@@ -262,11 +263,6 @@ def _size_by_state(size: Matrix, states: Sequence[ColumnsOfState]) -> Matrix:
         best[better] = between[better]
         scale[better] = np.maximum(mean / np.maximum(level, 1e-300), 0.05)[better][:, state.bins]
     return scale
-
-
-def _normal_of_sum(total: Matrix, count: int) -> Matrix:
-    """Standard normal value of a sum of `count` unit exponentials (Wilson–Hilferty)."""
-    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 1.0 / (9.0 * count)) * np.sqrt(9.0 * count))
 
 
 def _normal_of_squares(total: Vector, count: int) -> Vector:
