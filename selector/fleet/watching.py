@@ -39,11 +39,11 @@ class Watched(Document):
     runs: int  #: That have the displacement and a prediction
     rmse_um: float | None  #: In these runs
     expected_um: float | None  #: On unseen runs, when the model was made
-    alarm: Literal["mean", "spread"] | None  #: What has changed: the mean error of a run, or how large its errors are
-    since: str | None  #: The run from which on it is so, as far as the errors tell
-    mean_um: float | None  #: Mean error since then, else of all these runs; recorded minus predicted
-    highest: float | None  #: The cumulative sum at its highest, in standard deviations; None: too few runs proved it
-    limit: float | None  #: Beyond which there is an alarm
+    alarm: Literal["mean", "spread"] | None = None  #: Whether the mean error of a run, or its size, has changed
+    since: str | None = None  #: The run from which on it is so, as far as the errors tell
+    mean_um: float | None = None  #: Mean error since then, else of all these runs; recorded minus predicted
+    highest: float | None = None  #: The cumulative sum at its highest [standard deviations]; None: too few runs
+    limit: float | None = None  #: Beyond which there is an alarm
 
 
 class WatchedMachine(Document):
@@ -151,11 +151,7 @@ def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n
         runs=len(seen),
         rmse_um=None if rmse is None else math.sqrt(rmse),
         expected_um=proved.get("heldout_rmse_um"),
-        alarm=None,
-        since=None,
         mean_um=_mean(means, weights),
-        highest=None,
-        limit=None,
     )
     if len(of_proof) < FEWEST_KNOWN or not seen:
         return plain

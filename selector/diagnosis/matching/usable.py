@@ -359,14 +359,5 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
     course = comparison.simulated[response]
     difference = comparison.difference(response)
     train, held = (rms(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
-    return Fit(
-        unit=comparison.channel(response).unit,
-        train=Errors(train, train),
-        heldout=Errors(held, held),
-        recalibrated_heldout=held,
-        gap_closed=None,
-        placebo_gain=None,
-        before=course,
-        recalibrated=course,
-        after=course,
-    )
+    errors = Errors(train, train), Errors(held, held), held
+    return Fit(comparison.channel(response).unit, *errors, None, None, course, course, course)
