@@ -150,7 +150,6 @@ def adapt(
 
 
 def _touched(file: Path | None, recording: Recording, model: ModelFile) -> Touched | None:
-    """The touch-offs in a file; None: there is none."""
     from selector.readers.touch_off_file import read_touch_offs
 
     if file is None:

@@ -286,7 +286,6 @@ _NOT_ALWAYS = {
 
 
 def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
-    """The names of the files that were written."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
 
     files = {"prediction.json": showing.json_text(account.data) + "\n"}

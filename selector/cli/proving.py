@@ -140,7 +140,6 @@ def _published(folder: Path | None) -> tuple[Scenario, ...]:
 
 
 def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
-    """Every scenario in a row."""
     if as_json:
         showing.print_json([{"name": s.name, "family": s.family, "kind": s.kind, "note": s.note} for s in scenarios])
         return
@@ -149,7 +148,6 @@ def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
 
 
 def _write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: bool) -> None:
-    """The cases as folders, and their answers apart."""
     from proving_ground.runner import write_bundles
 
     with folder_written_whole(folder) as part, counted_progress("writing cases") as say:
@@ -175,12 +173,10 @@ def _rivals(names: list[str] | None) -> tuple[Answerer, ...]:
 
 
 def _split(given: Iterable[str] | None) -> tuple[str, ...]:
-    """What stands between commas, in every word."""
     return tuple(part.strip() for text in given or () for part in text.split(",") if part.strip())
 
 
 def _strengths(text: str) -> tuple[float, ...]:
-    """Strengths d′ of an option."""
     try:
         found = tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError:
@@ -207,7 +203,6 @@ def _seeds(text: str) -> tuple[int, ...]:
 
 
 def _say_done(done: int, total: int, outcome: Outcome) -> None:
-    """One line a case on stderr."""
     from proving_ground.results import line_of
 
     try:

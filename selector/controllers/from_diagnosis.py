@@ -227,7 +227,6 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
 
 
 def _largest(comparison: Comparison, fit: _Fit) -> float:
-    """Largest amount of what the terms give in the record."""
     columns = [np.ones(len(comparison.time_s)), *(_behind(comparison, name, tau) for name, tau in fit.terms)]
     return float(np.abs(np.column_stack(columns) @ fit.coefficients).max())
 

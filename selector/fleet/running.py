@@ -103,7 +103,6 @@ def read_answer(results: Path) -> FleetAnswer:
 
 
 def _in_use(fleet: Fleet, refit: bool) -> dict[str, Answer]:
-    """The machines that have a model."""
     try:
         machines = read_answer(fleet.results).machines
     except ResultError:

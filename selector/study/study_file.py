@@ -143,13 +143,7 @@ class ExportSection(Table):
 class InputFile(Table):
     """``[[files]]``: one file that was read, and what it held then.
 
-    Attributes
-    ----------
-    path : str
-        Relative to the folder of the study file where that is possible, with ``/`` between folders.
-    sha256 : str
-        Of its bytes, 64 hexadecimal digits.
-    kind : {"recording", "machine", "simulation", "model"}
+    `path` is relative to the folder of the study file where that is possible, with ``/`` between folders.
     """
 
     path: KeyPath
@@ -160,23 +154,9 @@ class InputFile(Table):
 class Study(Table):
     """A study file.
 
-    Attributes
-    ----------
-    schema_ : str
-        ``"selector.study/1"``; the key is `schema`.
-    version : str
-        Of the program that wrote the file; another one may give other bytes.
-    date : str or None
-        As it stands in the results; the clock is never read.
-    recordings : Recordings
-    reading : ReadingSection
-    select : SelectSection or None
-    diagnose : DiagnoseSection or None
-    export : ExportSection or None
-    files : tuple of InputFile
-        In the order in which they were read.
-    results : mapping of str to str
-        Name of a file beside the study file → SHA-256 of what was written there.
+    `version` is that of the program that wrote it; another one may give other bytes. `date` is as it stands in the
+    results; the clock is never read. `files` are in the order in which they were read; `results`: name of a file beside
+    the study file → SHA-256 of what was written there.
     """
 
     schema_: Annotated[Literal["selector.study/1"], Field(alias="schema")] = "selector.study/1"

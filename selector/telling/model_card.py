@@ -115,7 +115,6 @@ def limits_table(model: ModelFile) -> Table:
 
 
 def _touch_offs(of: Adaptation) -> Table:
-    """What touch-offs do to each output."""
     rows = [
         (
             one.output,

@@ -162,7 +162,6 @@ def _truth(of: Expression, known: Mapping[str, bool]) -> bool | None:
 
 
 def _named(of: Statement | Expression) -> Iterator[str]:
-    """Names of the variables that occur."""
     if isinstance(of, Variable):
         yield of.name
     for part in vars(of).values():

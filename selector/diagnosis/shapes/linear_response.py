@@ -104,11 +104,7 @@ def inputs(comparison: Comparison, response: str) -> tuple[str, ...]:
 def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Matrix, Vector]:
     """Discrete filter of ẍ + 2ζωẋ + ω²x = ω²u, exact for a u that is linear between samples.
 
-    Returns
-    -------
-    numerators : ndarray of shape (3, 3)
-        Of x, of ẋ/ω and of ẍ/ω².
-    denominator : ndarray of shape (3,)
+    Numerators of x, of ẋ/ω and of ẍ/ω², shape (3, 3), and the denominator, shape (3,).
     """
     w = 2.0 * np.pi * frequency_hz
     a = np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])

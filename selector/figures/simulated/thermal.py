@@ -144,6 +144,5 @@ def courses(
 
 
 def _recorded(recording: Recording, run: str, roles: tuple[str, ...]) -> list[Channel]:
-    """Channels of these roles with a value in this run."""
     named = [channel for channel in recording.channels if channel.role in roles]
     return [channel for channel in named if np.isfinite(recording.values(run, [channel.name])).any()]

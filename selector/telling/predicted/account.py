@@ -383,7 +383,6 @@ def _headings(prediction: Prediction) -> list[str]:
 
 
 def _accuracy_table(prediction: Prediction) -> Table:
-    """Errors of every response; those of single tests too."""
     columns = _headings(prediction)
     rows = [
         (label, *(number_text(float(value), 2) for value in values))

@@ -90,7 +90,6 @@ def _run_with(simulated: Recording, first: str, at_s: float) -> str:
 
 
 def _first(result: SimulationResult) -> str:
-    """What moved and warmed most, in one sentence."""
     recording, inputs = result.recording, result.simulated.inputs
     run, _ = largest_of(recording)
     name, at_s, um = largest_displacement(recording, run)

@@ -160,7 +160,6 @@ def _models(bench: Bench, kind: str) -> dict[str, str]:
 
 
 def _parameters(asked: Simulation) -> Mapping[str, Parameter]:
-    """The numbers of the model file as it is."""
     return _parameters_of(asked.kind, Path(asked.model), Path(asked.model).stat().st_mtime_ns)
 
 
