@@ -53,7 +53,7 @@ class Course:
 
     def touched_every(self, period_s: float, first: float = 1.0) -> Course:
         """The same with touch-offs at the samples nearest after ``period_s · (first + 0, 1, 2 …)``."""
-        known = np.flatnonzero(np.isfinite(self.modelled_um) & np.isfinite(self.recorded_um))
+        known = self.judged
         if len(known) == 0:
             return self.touched(known[:0], np.zeros(0))
         times = self.time_s[known] - self.time_s[0]

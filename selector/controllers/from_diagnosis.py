@@ -14,7 +14,6 @@ from selector.controllers.self_check import sealed
 from selector.diagnosis.answer import Correction, Diagnosis, corrections, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
 from selector.models.design import Lag, lagged
 from selector.types import Vector
@@ -105,7 +104,7 @@ def _of_response(
 
 def _x(comparison: Comparison, name: str) -> Vector:
     """A source as the model file has it: rise since the first sample of the run, or as it was read."""
-    values = np.array(filled(comparison, comparison.recorded[name]))
+    values = np.array(comparison.filled(comparison.recorded[name]))
     if comparison.channel(name).role not in _ABSOLUTE:
         for _, rows in comparison.rows_of_runs():
             values[rows] -= values[rows.start]

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -63,6 +64,12 @@ class Input(Closed):
         default=None, description="a reading above it is a fault, whatever the reference"
     )
     place: Text | None = None
+
+    @property
+    def reading_limits(self) -> tuple[float, float]:
+        """Readings beyond these are a fault; infinite where nothing limits them."""
+        low, high = self.reading_min, self.reading_max
+        return -math.inf if low is None else low, math.inf if high is None else high
 
 
 class State(Closed):

@@ -60,8 +60,7 @@ def _break_codes(model: ModelFile) -> Iterator[Finding]:
 
 def _plausible_degc(item: Input) -> tuple[float, float]:
     """Readings that are no fault otherwise."""
-    low = COLDEST_DEGC if item.reading_min is None else max(COLDEST_DEGC, item.reading_min)
-    high = HOTTEST_DEGC if item.reading_max is None else min(HOTTEST_DEGC, item.reading_max)
+    low, high = max(COLDEST_DEGC, item.reading_limits[0]), min(HOTTEST_DEGC, item.reading_limits[1])
     if item.reference == "absolute":
         low, high = min(low, item.valid_min), max(high, item.valid_max)
     return low, high
@@ -70,10 +69,7 @@ def _plausible_degc(item: Input) -> tuple[float, float]:
 def _never_met(model: ModelFile) -> Iterator[Finding]:
     """Limits that no reading of a working sensor can meet: it would never be believed."""
     for item in model.inputs:
-        low, high = (
-            -math.inf if item.reading_min is None else item.reading_min,
-            math.inf if item.reading_max is None else item.reading_max,
-        )
+        low, high = item.reading_limits
         width = item.valid_max - item.valid_min
         least, most = (item.valid_min, item.valid_max) if item.reference == "absolute" else (-math.inf, math.inf)
         if item.unit == "degC":

@@ -68,7 +68,7 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
     ]
     for effect in found.effects:
         if effect.cannot_be_told_from:
-            names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+            names = _or_rivals(effect)
             steps.append(f"To tell whether it is {names}: {_sentence(effect.experiment)}")
         elif effect.suspected:
             steps.append(f"To confirm {name_of(effect.id)}: {_sentence(effect.experiment)}")
@@ -176,7 +176,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
         gain = f"{'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}"
         return f"The recording is at fault, not the simulation: {statement} ({sure}); {gain}."
     verb = "may leave out" if effect.suspected else "leaves out"
-    names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+    names = _or_rivals(effect)
     where = f" ({effect.place})" if effect.place else ""
     what = f"The simulation {verb} {names}{where}: {statement} ({sure}"
     if effect.cannot_be_told_from:
@@ -243,7 +243,7 @@ def _short(effect: NamedEffect) -> str:
     where = f" ({effect.place})" if effect.place and not is_data(effect.id) else ""
     channel = f" in {effect.channel}" if is_data(effect.id) else ""
     if effect.cannot_be_told_from:
-        names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+        names = _or_rivals(effect)
         return f"{names}{channel}{where}, which this record cannot tell apart ({sure_words(effect.confidence)})"
     return f"{name_of(effect.id)}{channel}{where} ({sure_words(effect.confidence)})"
 
@@ -320,6 +320,10 @@ def _inside(text: str, comparison: Comparison | None = None) -> str:
 def _sentence(text: str) -> str:
     text = text.strip()
     return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _or_rivals(effect: NamedEffect) -> str:
+    return listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
 
 
 def _digits(value: float) -> str:

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
 from selector.physics.model_text import expected_text, key_text, keys_at, sections_of_text, shown
-from selector.readers.roles.names import closest
+from selector.readers.roles.names import one_of_words
 from selector.selection.options import MAX_ROUNDS
 from selector.text_file import text_of, toml_key, toml_value
 
@@ -288,11 +288,9 @@ def _invalid(error: ValidationError, kind: type[BaseModel], where: str, page: st
     more = f" (also wrong: {', '.join(elsewhere[:8])})" if elsewhere else ""
     place = f"{where}, key {key_text(key)}"
     if first["type"] == "extra_forbidden":
-        known = keys_at(kind, key[:-1])
-        near = closest(str(key[-1]), known)
         return StudyError(
             f"unknown key {shown(key[-1])}{more}",
-            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
+            expected=one_of_words(str(key[-1]), keys_at(kind, key[:-1])),
             where=place,
             advice=f"correct the spelling, or remove it; {page} explains every key",
         )

@@ -19,7 +19,7 @@ from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import by_run, filled, rate
+from selector.diagnosis.shapes.signals import by_run, rate
 from selector.types import Matrix, Vector
 
 _BLOCKS = 24
@@ -336,7 +336,7 @@ def recalibration_columns(
 
     Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
     """
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     found, names = [np.ones(len(simulated))], ["offset"]
     for name, column in (("gain", simulated), ("delay", _delayed(comparison, response, simulated, fitted))):
         spread = float(np.std(column[fitted]))

@@ -23,7 +23,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
     telling_rows,
 )
-from selector.diagnosis.shapes.signals import by_run, filled, lagged, rise
+from selector.diagnosis.shapes.signals import by_run, lagged, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
@@ -159,7 +159,7 @@ def _sense_of(comparison: Comparison, response: str) -> float:
     command, moving = commanded(comparison, channel.axis), motion(comparison, channel.axis)
     if channel.role != "displacement" or command is None or moving is None or response not in comparison.simulated:
         return 1.0
-    along = float(filled(comparison, comparison.simulated[response]) @ (moving.position_m - command))
+    along = float(comparison.simulated_course(response) @ (moving.position_m - command))
     return -1.0 if along < 0.0 else 1.0
 
 
@@ -253,7 +253,7 @@ def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str |
         return None
     if channel.role not in ("displacement", "position"):
         return None
-    course = filled(comparison, comparison.simulated[name])
+    course = comparison.simulated_course(name)
     if channel.role == "position":
         course = course - command
     course = rise(comparison, course, over_samples=1)

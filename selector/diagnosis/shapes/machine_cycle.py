@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import splu
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import even_runs, filled
+from selector.diagnosis.shapes.signals import even_runs
 from selector.types import Matrix, Vector
 
 Rows = NDArray[np.bool_] | NDArray[np.intp]
@@ -58,7 +58,7 @@ class MachineCycle:
 def machine_cycle(comparison: Comparison) -> MachineCycle | None:
     """The cycle that most of the runs repeat three times or more, all at one period; None if there is none."""
     periods: dict[int, float] = {}
-    responses = [filled(comparison, comparison.simulated[name]) for name in comparison.responses]
+    responses = [comparison.simulated_course(name) for name in comparison.responses]
     for k, run in enumerate(even_runs(comparison)):
         found = _samples([run.on(course) for course in responses])
         if found is not None:
