@@ -24,14 +24,6 @@ DAY_S = 86_400.0
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have anywhere.
 
 
-def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
-    """Settings that are allowed, but hardly meant.
-
-    Findings ``break-code-in-valid-range``, ``limits-never-met``, ``slew-too-slow``, ``proof-against-it``.
-    """
-    return (*_break_codes(model), *_too_slow(model), *_never_met(model), *_not_proved(model))
-
-
 def _not_proved(model: ModelFile) -> Iterator[Finding]:
     for name, proof in model.validation.items():
         error, without = proof.heldout_rmse_um, proof.heldout_baseline_um
@@ -154,7 +146,10 @@ def model_findings(model: ModelFile) -> tuple[Finding, ...]:
         *_size_findings(model),
         *_range_findings(model),
         *_contradicting_fallbacks(model),
-        *guard_findings(model),
+        *_break_codes(model),
+        *_too_slow(model),
+        *_never_met(model),
+        *_not_proved(model),
         *_reached_clamps(model),
     )
 

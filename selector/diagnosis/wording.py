@@ -29,7 +29,8 @@ def headline(found: Diagnosis) -> str:
         return " ".join([_nothing(found), *_wandering(found)])
     if found.verdict == "unexplained" or not found.effects:
         return _unexplained(found)
-    first = main_effect(found)
+    # the largest of physics, else the largest fault of the data
+    first = next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
     others = [effect for effect in found.effects if effect is not first]
     sentences = [_named(found, first)]
     physics = [effect for effect in others if not is_data(effect.id)]
@@ -89,11 +90,6 @@ def suspicion_words(found: Diagnosis, effect: NamedEffect) -> str:
     if fits and not any(np.isfinite(fit.heldout.rmse_after) for fit in fits):
         return f"nothing of {listed(list(effect.channels), 'or')} was held out to check it on"
     return "not confirmed on another programme"
-
-
-def main_effect(found: Diagnosis) -> NamedEffect:
-    """The effect that the answer is about: the largest of physics, else the largest fault of the data."""
-    return next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
 
 
 def is_data(id: str) -> bool:  # noqa: A002 - the word of the contract

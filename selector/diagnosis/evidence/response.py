@@ -77,10 +77,6 @@ class Bench:
         """Columns of `nuisance` before the own parameters."""
         return min((part.start for part in self.own.values()), default=self.nuisance.shape[1])
 
-    def off_cycle(self, cycle: MachineCycle) -> Bench:
-        """The same with what comes back with every cycle taken off."""
-        return replace(self, cycle=cycle, is_off_cycle=True)
-
     def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
         """The same with an own parameter as a candidate instead."""
         if id not in self.own:
@@ -260,20 +256,14 @@ class Bench:
     def refitted_noise(self, named: Sequence[int]) -> Bench:
         """The same with the noise that is left beside the candidates `named`."""
         left = np.where(self.fitted, self.residual(named), np.nan)
-        parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
+        parts = []
+        for part in self.parts:
+            here = part.start + np.flatnonzero(self.fitted[part])
+            if len(here) > 2 and here[-1] - here[0] >= 8:
+                parts.append(slice(int(here[0]), int(here[-1]) + 1))
         lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
         lost += self.cycle.samples if self.cycle is not None and self.is_off_cycle else 0
         return self.with_noise(noise_model(left, parts, lost=lost, rounding=self.rounding))
-
-
-def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
-    """The stretches of a bench, cut to rows that are `seen` at both ends."""
-    found = []
-    for part in bench.parts:
-        here = np.flatnonzero(seen[part])
-        if len(here) > 2:
-            found.append(slice(part.start + int(here[0]), part.start + int(here[-1]) + 1))
-    return found
 
 
 def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -> tuple[Bench, dict[str, str]]:

@@ -270,14 +270,14 @@ def _beside_the_cycle(bench: Bench, chosen: list[int]) -> tuple[Bench, list[int]
     by_chance = cycle.samples
     if left - by_chance < max(_CLEAR * np.sqrt(2.0 * by_chance), _MOST_LEFT * (before - by_chance)):
         return bench, chosen
-    return with_noise_of_full_fit(bench.off_cycle(cycle).refitted_noise([]))
+    return with_noise_of_full_fit(replace(bench, cycle=cycle, is_off_cycle=True).refitted_noise([]))
 
 
 def _repeated(bench: Bench, cycle: MachineCycle, columns: Matrix) -> tuple[float, MachineCycle]:
     """Whitened squares beside `columns` that come back with a cycle, and the length of it at which they are most."""
     values = np.zeros((len(bench.target), 1))
     values[bench.rows, 0] = bench.white_target - columns @ least_squares(columns, bench.white_target)
-    tried = [cycle.lengthened(share) for share in _LENGTHS]
+    tried = [replace(cycle, period_s=cycle.period_s * (1.0 + share)) for share in _LENGTHS]
     squares = [float(np.sum(one.repeated(values, bench.rows)[bench.rows] ** 2)) for one in tried]
     best = int(np.argmax(squares))
     return squares[best], tried[best]

@@ -124,13 +124,6 @@ _ROUNDS = 5
 _FEWEST = 40
 
 
-def large_rows(comparison: Comparison, course: Vector) -> Mask:
-    """Rows in which a course without noise acts: at least a quarter of its largest amount."""
-    if not np.any(course):
-        return np.zeros(len(course), dtype=np.bool_)
-    return _without_gaps(comparison, np.abs(course) >= LARGE * float(np.abs(course).max()))
-
-
 def noisy_rows(comparison: Comparison, residual: Vector) -> Mask:
     """Rows in which a residual is more than its quiet noise; none if it is the same throughout.
 
@@ -264,7 +257,8 @@ def active_windows(comparison: Comparison, response: str, course: Vector) -> tup
     """
     clean = np.nan_to_num(course)
     if _is_clean(comparison, course):
-        active = large_rows(comparison, clean)
+        largest = float(np.abs(clean).max(initial=0.0))
+        active = _without_gaps(comparison, np.abs(clean) >= LARGE * largest) & (largest > 0.0)
     else:
         active = noisy_rows(comparison, course)
         if not active.any():

@@ -91,12 +91,6 @@ def joined(parts: Sequence[Tested]) -> Tested:
     return replace(parts[0], statistic=np.concatenate([part.statistic for part in parts]))
 
 
-def largest_of_each_kind(found: Sequence[Tested]) -> list[Tested]:
-    """One statistic of each kind that there is."""
-    kinds = dict.fromkeys(one.kind for one in found)
-    return [largest([one for one in found if one.kind == kind]) for kind in kinds]
-
-
 def largest(found: Sequence[Tested]) -> Tested:
     """One statistic of several of the same kind: the largest, each measured by its own spread under noise."""
     score = np.array([standardised(one.statistic) for one in found])
@@ -359,7 +353,8 @@ def _tests(
     tests = [joined(same) for same in zip(*parts, strict=True)]
     short = background(own, wanders=False)
     spread = float(np.sqrt(short.density(np.linspace(0.001, 0.5, 500))[0].mean()))
-    return largest_of_each_kind(tests), Background(np.concatenate(levels)), spread
+    of_kind = [largest([one for one in tests if one.kind == kind]) for kind in dict.fromkeys(one.kind for one in tests)]
+    return of_kind, Background(np.concatenate(levels)), spread
 
 
 def _tests_of(

@@ -56,11 +56,6 @@ class ClosedLoop:
     misfit: float  #: What it leaves of the simulated courses, over these (rms)
 
     @property
-    def paces_per_s(self) -> tuple[float, ...]:
-        """Amounts of its poles."""
-        return tuple(float(pace) for pace in np.abs(np.roots(self.polynomial)))
-
-    @property
     def order(self) -> int:
         """2 without, 3 with an integral part of the control."""
         return len(self.polynomial) - 1
@@ -131,7 +126,8 @@ def passed(
         return moved, "as the drive counters it"
     back = -_sense_of(comparison, response)
     if order > 0 or yield_s2 == 0.0:
-        usual = "" if guess is None else f" with poles at {', '.join(f'{p:.0f}' for p in sorted(guess.paces_per_s))}/s"
+        paces = [] if guess is None else sorted(np.abs(np.roots(guess.polynomial)).tolist())
+        usual = f" with poles at {', '.join(f'{p:.0f}' for p in paces)}/s" if paces else ""
         return _as_large(back * moved, force), f"through the loop{usual}"
     bent = 0.0 if told is not None else yield_s2 * force
     return _as_large(back * (moved + bent), force), "through the loop and by compliance"

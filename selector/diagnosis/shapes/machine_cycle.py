@@ -1,6 +1,6 @@
 """The cycle that a machine repeats, read off the simulated courses: what comes back with it may be noise or missing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,10 +29,6 @@ class MachineCycle:
     period_s: float
     samples: int  #: Rows in a cycle: what it repeats is a polygon of as many knots
     time_s: Vector  #: (n_rows,): From the start of the run [s]; NaN in runs that do not repeat the cycle
-
-    def lengthened(self, share: float) -> "MachineCycle":
-        """A cycle longer by this share."""
-        return replace(self, period_s=self.period_s * (1.0 + share))
 
     def repeated(self, values: Matrix, rows: Rows) -> Matrix:
         """The part of `values` (n_rows, m) that comes back with every cycle, by least squares over some of the `rows`.

@@ -119,9 +119,16 @@ def _sentences(result: SimulationResult) -> list[str]:
     carried = carrying(model, summary)
     if summary.errors:
         said += [error_sentence(highest(summary.errors), carried)]
-        said += [*published_sentences(summary.errors), kinds_sentence(tuple(summary.heights.values()))]
+        parts = [f"{one.kind} {number_text(one.kinematic_um)} µm" for one in summary.heights.values()]
+        said += published_sentences(summary.errors)
+        said.append(f"All lines of a kind together, root of the sum of squares: {listed(parts)}.")
     elif summary.lines:
-        said.append(line_sentence(max(summary.lines, key=lambda one: one.motion_um[RELATIVE]), carried))
+        line = max(summary.lines, key=lambda one: one.motion_um[RELATIVE])
+        said.append(
+            f"The tool moves most against the workpiece at {line.frequency_hz:.4g} Hz, with an amplitude of "
+            f"{number_text(line.motion_um[RELATIVE])} µm. It comes from {line.source}"
+            f"{carried_text(carried, line.frequency_hz)}."
+        )
     if summary.stability is not None:
         said.append(stability_sentence(summary.stability))
     said.append(motion_sentence(summary))
@@ -226,15 +233,6 @@ def published_sentences(errors: Sequence[PeriodicError]) -> list[str]:
     return [f"{said}."]
 
 
-def line_sentence(one: LineSummary, carried: CarryingMode | None) -> str:
-    """The line that moves the tool most against the workpiece, where nothing is said of a cut."""
-    return (
-        f"The tool moves most against the workpiece at {one.frequency_hz:.4g} Hz, with an amplitude of "
-        f"{number_text(one.motion_um[RELATIVE])} µm. It comes from {one.source}"
-        f"{carried_text(carried, one.frequency_hz)}."
-    )
-
-
 def run_up_sentence(
     time_s: NDArray[np.float64], motion_um: NDArray[np.float64], speeds_rpm: Mapping[str, NDArray[np.float64]]
 ) -> str:
@@ -259,12 +257,6 @@ def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
     side, why = ("below", "the machine gives way as to a steady force") if below else ("above", "the masses resist it")
     mode = f"the mode that has most of it ({at_hz}, the {carried.member} moves most)"
     return f". No resonance makes it large: it lies {side} {mode}, and {why}"
-
-
-def kinds_sentence(heights: Sequence[KindHeight]) -> str:
-    """All errors of each kind together."""
-    parts = [f"{one.kind} {number_text(one.kinematic_um)} µm" for one in heights]
-    return f"All lines of a kind together, root of the sum of squares: {listed(parts)}."
 
 
 def motion_sentence(summary: VibrationSummary) -> str:

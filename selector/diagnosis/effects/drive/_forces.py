@@ -19,7 +19,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_axis,
 )
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
-from selector.diagnosis.shapes.signals import excited, rate
+from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
@@ -244,11 +244,6 @@ def held_back(
                 behind[part],
             )  # fmt: skip
     return lacking, behind
-
-
-def asked_for(comparison: Comparison, axis: SimulatedAxis, force: Vector) -> Vector:
-    """What the control asked for, so that the force came, F + τF' [unit of the force]."""
-    return force + axis.lag_s * rate(comparison, force)
 
 
 def held_back_axis(

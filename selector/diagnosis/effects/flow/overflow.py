@@ -196,7 +196,10 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     simulated = comparison.simulated_course(response)
     ceilings = _ceilings(comparison, response, simulated)
     unit = comparison.channel(response).unit
-    for name in inflows(comparison, response):
+    # flows before voltages of pumps, then levels of other stores
+    names = comparison.with_role("flow") + comparison.with_role("voltage")
+    names += comparison.with_role("displacement", "position", "size", "state")
+    for name in [n for n in names if n != response and excited(course(comparison, n))][:3]:
         stores = stores_of(comparison, simulated, course(comparison, name))
         if stores is not None:
             yield from _of_stores(comparison, response, stores, ceilings, name)
@@ -214,13 +217,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         shape = {"upper_ceiling": Quantity(level, "1")}
         names = (f"inflow lost as {name} spills above",)
         yield Variant(lost[:, None], names, shape, bounds=_FALLING, sources=_recorded(comparison, name))
-
-
-def inflows(comparison: Comparison, response: str) -> tuple[str, ...]:
-    """Channels that may fill the store: flows before voltages of pumps, then levels of other stores."""
-    names = comparison.with_role("flow") + comparison.with_role("voltage")
-    names += comparison.with_role("displacement", "position", "size", "state")
-    return tuple(n for n in names if n != response and excited(course(comparison, n)))[:3]
 
 
 def _of_stores(

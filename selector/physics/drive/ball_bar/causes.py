@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.drive.ball_bar.basis import CirclePair, pair_of
+from selector.physics.drive.ball_bar.basis import CirclePair, pair_of, smooth_columns
 from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.fit import ALARM, CircleFit, amounts_probability, circle_fit
 from selector.physics.drive.ball_bar.quantities import paired
@@ -414,7 +414,7 @@ def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, Circ
 
 def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> Iterator[Finding]:
     """What the place of the ball on the rotary axis hides."""
-    hidden = pair.not_apart
+    hidden = [name for name in smooth_columns(pair) if name not in pair.smooth]
     if "rotary-lag" in hidden:
         yield FINDINGS.finding(
             "ball-bar-rotary-lag-hidden",
