@@ -12,7 +12,7 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, PRESENT, Setting
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, PRESENT
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
 from selector.physics.gauging.sizes import SizesByFormula
@@ -123,13 +123,15 @@ def _in_time(result: SimulationResult) -> dict[str, _InTime]:
 def _filter(summary: GaugingSummary) -> list[Block]:
     if not summary.filters:
         return []
-    best, present = _best_and_present(summary)
-    return [Drawing(filter_trade_off(summary.filters, best, present, filter_title(summary)), _FILTER)]
-
-
-def _best_and_present(summary: GaugingSummary) -> tuple[Setting, Setting]:
     by_name = {one.name: one for one in summary.settings}
-    return by_name.get(BEST_CENTRED, by_name[PRESENT]), by_name[PRESENT]
+    present = by_name[PRESENT]
+    best = by_name.get(BEST_CENTRED, present)
+    title = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
+    if best.rms_um > MATTERS * present.rms_um:
+        title += "; the best one would make little difference"
+    else:
+        title += f", {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
+    return [Drawing(filter_trade_off(summary.filters, best, present, title), _FILTER)]
 
 
 def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
@@ -137,15 +139,6 @@ def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
     at = np.linspace(-_DENSITY_SIGMAS, _DENSITY_SIGMAS, _DENSITY_POINTS)
     density = np.exp(-0.5 * at**2) / (math.sqrt(2.0 * math.pi) * one.sd_um)
     return one.mean_um + one.curvature_um + one.sd_um * at, density
-
-
-def filter_title(summary: GaugingSummary) -> str:
-    """What the trade-off shows, as plain text for a figure."""
-    best, present = _best_and_present(summary)
-    text = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
-    if best.rms_um > MATTERS * present.rms_um:
-        return f"{text}; the best one would make little difference"
-    return f"{text}, {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
 
 
 _HISTOGRAM = (

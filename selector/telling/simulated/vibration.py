@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.json_text import fields_of
 from selector.number_text import number_text
@@ -113,7 +112,13 @@ def _sentences(result: SimulationResult) -> list[str]:
     turning = [one for one in motion_courses(result) if any(np.ptp(rpm) > 0 for rpm in one.speeds_rpm.values())]
     if turning:
         worst = max(turning, key=lambda one: float(np.abs(one.motions_um[RELATIVE]).max()))
-        said.append(run_up_sentence(worst.time_s, worst.motions_um[RELATIVE], worst.speeds_rpm))
+        motion_um = np.abs(worst.motions_um[RELATIVE])
+        k = int(np.argmax(motion_um))
+        rpms = [f"{name} at {rpm[k]:.4g} r/min" for name, rpm in worst.speeds_rpm.items() if np.ptp(rpm) > 0]
+        said.append(
+            f"The tool moves against the workpiece by up to {number_text(float(motion_um[k]))} µm, after "
+            f"{span_text(float(worst.time_s[k]))}, with {listed(rpms)}."
+        )
         speeds = [f"{name} {rpm:.4g} r/min" for name, rpm in summary.shaft_rpm.items()]
         said.append(f"What follows is about the mean speeds: {listed(speeds)}.")
     carried = carrying(model, summary)
@@ -231,18 +236,6 @@ def published_sentences(errors: Sequence[PeriodicError]) -> list[str]:
         times = number_text(one.published_um / one.kinematic_um) if one.kinematic_um > 0 else "many"
         return [f"{said}: {times} times what the motion there can cut, so do not take it for a height."]
     return [f"{said}."]
-
-
-def run_up_sentence(
-    time_s: NDArray[np.float64], motion_um: NDArray[np.float64], speeds_rpm: Mapping[str, NDArray[np.float64]]
-) -> str:
-    """The largest motion of the tool against the workpiece while speeds change, when, and at which of them."""
-    k = int(np.argmax(np.abs(motion_um)))
-    turning = [f"{name} at {rpm[k]:.4g} r/min" for name, rpm in speeds_rpm.items() if np.ptp(rpm) > 0]
-    return (
-        f"The tool moves against the workpiece by up to {number_text(float(abs(motion_um[k])))} µm, after "
-        f"{span_text(float(time_s[k]))}, with {listed(turning)}."
-    )
 
 
 def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
