@@ -64,7 +64,8 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
     whole, refused, fits = corrections(found), [], {}
     for name in names:
         course = np.sum([effect.courses[name] for effect in effects if name in effect.courses], axis=0)
-        fit = _of_response(comparison, sources, course, whole.get(name), found.recalibration.get(name, {}))
+        offset = found.recalibration.get(name, {}).get("offset")
+        fit = _of_response(comparison, sources, course, whole.get(name), 0.0 if offset is None else offset.value)
         if fit is None or fit.missed > WORST:
             refused.append(_not_expressible(name, [effect.id for effect in effects], fit))
         else:
@@ -76,11 +77,7 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
 
 
 def _of_response(
-    comparison: Comparison,
-    sources: Sequence[str],
-    course: Vector,
-    whole: Correction | None,
-    recalibration: Mapping[str, Quantity],
+    comparison: Comparison, sources: Sequence[str], course: Vector, whole: Correction | None, offset: float
 ) -> _Fit | None:
     """Terms that follow the whole correction; where none do, those of the effects alone with the offset beside them."""
     if not sources:
@@ -95,7 +92,6 @@ def _of_response(
     missed = both.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
     if missed <= WORST:
         return replace(both, missed=missed)
-    offset = recalibration["offset"].value if "offset" in recalibration else 0.0
     coefficients = np.array(fit.coefficients)
     coefficients[0] += offset
     without = float(np.sqrt(np.mean((whole.add - course - offset) ** 2))) / max(size, 1e-300)
