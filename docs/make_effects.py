@@ -16,7 +16,6 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.matching.alignment import comparison_of
-from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.shown_units import unit_words
 from selector.figures.panels import shown_samples
 from selector.figures.style import time_unit
@@ -125,7 +124,7 @@ def _best_fit(comparison: Comparison, response: str, effect: Effect) -> tuple[Ve
     """(recorded minus recalibrated simulation, fitted course) of the shape that leaves least; None without a shape."""
     target = comparison.difference(response)
     seen = np.isfinite(target)
-    free = np.column_stack([np.ones(len(target)), filled(comparison, comparison.simulated[response])])
+    free = np.column_stack([np.ones(len(target)), comparison.simulated_course(response)])
     best, least = None, np.inf
     for variant in effect.variants(comparison, response):
         table = np.column_stack([free, variant.columns])

@@ -14,7 +14,7 @@ from scipy.stats import f as f_distribution
 from proving_ground.runner import Answerer
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
-from selector.diagnosis.shapes.signals import course, filled, rate
+from selector.diagnosis.shapes.signals import course, rate
 from selector.errors import OptionError
 from selector.types import Mask, Matrix, Vector
 
@@ -60,7 +60,7 @@ def candidates(comparison: Comparison, response: str) -> Candidates:
     """Of every effect the shape that explains most of the residual, so that all rivals choose from the same columns."""
     recorded, simulated = comparison.recorded[response], comparison.simulated[response]
     seen = np.isfinite(recorded) & np.isfinite(simulated)
-    smooth = filled(comparison, simulated)
+    smooth = comparison.filled(simulated)
     nuisances = np.column_stack([np.ones(len(smooth)), smooth, rate(comparison, smooth)])
     fitted = seen & ~comparison.held_out
     rows = np.flatnonzero(fitted)

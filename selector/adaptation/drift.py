@@ -53,7 +53,7 @@ class Course:
 
     def touched_every(self, period_s: float, first: float = 1.0) -> Course:
         """The same with touch-offs at the samples nearest after ``period_s · (first + 0, 1, 2 …)``."""
-        known = np.flatnonzero(np.isfinite(self.modelled_um) & np.isfinite(self.recorded_um))
+        known = self.judged
         if len(known) == 0:
             return self.touched(known[:0], np.zeros(0))
         times = self.time_s[known] - self.time_s[0]
@@ -162,11 +162,5 @@ def known_before(drift: Drift, course: Course) -> Known:
     """What was known before each judged sample; that of a touch-off counts with the state before it."""
     at = course.judged
     passed = np.searchsorted(course.touched_at, at, side="left")
-    return Known.before(
-        drift,
-        tracked(drift, Touches.of([course])),
-        np.zeros(len(at), dtype=np.intp),
-        passed,
-        course.time_s[at],
-        course.modelled_um[at],
-    )
+    first, now = np.zeros(len(at), dtype=np.intp), tracked(drift, Touches.of([course]))
+    return Known.before(drift, now, first, passed, course.time_s[at], course.modelled_um[at])

@@ -6,7 +6,7 @@ Learnt are noise and drift, by maximum likelihood: every sample of the teaching 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import minimize
@@ -49,16 +49,8 @@ def learnt_drift(courses: Sequence[Course], *, with_gain: bool, first: Drift | N
         starts = start[None, :]
     bounds = [(math.log(a), math.log(_HIGH)) for a in low]
     cost = material.cost_of(lambda x: _drift(np.exp(x) * scale))
-    found = [
-        minimize(
-            cost,
-            np.log(np.clip(start, low, _HIGH)),
-            method="L-BFGS-B",
-            bounds=bounds,
-            options={"maxiter": 60, "ftol": 1e-7},
-        )
-        for start in starts
-    ]
+    how: Any = {"method": "L-BFGS-B", "bounds": bounds, "options": {"maxiter": 60, "ftol": 1e-7}}
+    found = [minimize(cost, np.log(np.clip(start, low, _HIGH)), **how) for start in starts]
     drift = _drift(np.exp(min(found, key=lambda one: float(one.fun)).x) * scale)
     largest = math.sqrt(drift.gain_start + drift.gain_per_s * material.longest_s)
     return replace(
@@ -92,7 +84,9 @@ class _Material:
         self._weight = self._weight / max(float(np.sum(self._weight)), 1e-300)
         self.error_um = max(float(np.sqrt(np.sum(self._weight * self._error_um**2))), 0.01)
         self.size_um = max(float(np.sqrt(np.sum(self._weight * self._modelled_um**2))), 0.01)
-        self.largest_um = _largest_believable(self._error_um)
+        sizes = np.abs(self._error_um)
+        # single false readings left out
+        self.largest_um = float(np.quantile(sizes, BELIEVABLE)) if len(sizes) else 0.0
         self.longest_s = max((float(one.time_s[-1] - one.time_s[0]) for one in courses), default=1.0) or 1.0
 
     def cost_of(self, drift_of: Callable[[Array], Drift]) -> Callable[[Array], float]:
@@ -112,12 +106,6 @@ class _Material:
             return -float(np.sum(self._weight * np.logaddexp(of_true, of_false)))
 
         return cost
-
-
-def _largest_believable(error_um: Array) -> float:
-    """The largest magnitude, single false readings left out."""
-    sizes = np.abs(error_um)
-    return float(np.quantile(sizes, BELIEVABLE)) if len(sizes) else 0.0
 
 
 Kind = Literal["none", "offset", "offset+gain"]
@@ -260,11 +248,8 @@ def _standardised(drift: Drift, course: Course) -> Array:
 
 def _judged_run(course: Course, learnt: Learnt, kind: Kind) -> JudgedRun:
     known, at = known_before(learnt.drift, course), course.judged
-    modelled = course.modelled_um[at]
-    width = learnt.widening * np.sqrt(known.variance_um2)
-    return JudgedRun(
-        course, kind, course.time_s[at], course.recorded_um[at], modelled, modelled + known.added_um, width
-    )
+    m, width = course.modelled_um[at], learnt.widening * np.sqrt(known.variance_um2)
+    return JudgedRun(course, kind, course.time_s[at], course.recorded_um[at], m, m + known.added_um, width)
 
 
 def _without(course: Course) -> JudgedRun:

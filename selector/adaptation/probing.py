@@ -34,11 +34,8 @@ class Policy:
 
     def as_dict(self) -> dict[str, object]:
         """The object of the contract."""
-        return {
-            **fields_of(
-                self, "within_um", "touch_offs_per_day", "share_within", "share_within_unseen", "every_s", "is_reached"
-            )
-        }
+        names = ("within_um", "touch_offs_per_day", "share_within", "share_within_unseen", "every_s", "is_reached")
+        return fields_of(self, *names)
 
 
 def policy_within(

@@ -74,10 +74,7 @@ class _OnceEach(typer.core.TyperCommand):
     """A command that refuses an option given twice, of which the last alone would count."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The arguments that are left.
-
-        Raises OptionError: an option with one value has two.
-        """
+        """The arguments that are left. Raises OptionError: an option with one value has two."""
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for option in given:
             single = isinstance(option, typer.core.TyperOption) and not (option.multiple or option.is_flag)

@@ -51,9 +51,6 @@ def diagnose(
     diagnosed.require_usable(asked)
     if out is not None:
         require_writable_folder(out, "--out")
-    from selector.study.material import beside_recordings
-
-    if out is not None:
         diagnosed.require_replaceable(out, with_model=asked.model is not None)
     # a model is run again and again: where there is no bar, a line says how far it is
     with progress_bar(spoken=asked.model is not None) as progress:
@@ -68,6 +65,8 @@ def diagnose(
                 with told_if_no_text(console):
                     read = (answer.recorded, answer.simulated)
                     written += diagnosed.write_diagnosis_study(folder, out, source, asked, *read, opened)
+    from selector.study.material import beside_recordings
+
     beside = beside_recordings(answer.recorded.findings)
     if as_json:
         showing.print_json(found.as_dict())

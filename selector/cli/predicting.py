@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from selector.atomic_file import begins_with, folder_written_whole, require_writable_folder
+from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.files import refuse_folder_of_inputs, write_answer, written_folder
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import OptionError
@@ -157,10 +157,7 @@ class Asked:
         return {name: values for name, values in told.items() if name is not None} or None
 
     def operations_s(self) -> list[float] | None:
-        """Lengths in seconds, of minutes separated by commas.
-
-        Raises OptionError: one is no length.
-        """
+        """Lengths in seconds, of minutes separated by commas. Raises OptionError: one is no length."""
         if self.operations is None:
             return None
         expected = "minutes above 0, separated by commas"
@@ -273,13 +270,9 @@ def predict(
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
     written = [] if out is None else _write(prediction, account, program, out)
-    console = showing.screen(as_json)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_answer(console, account, prediction.findings, everything=everything)
+    showing.tell_answer(account, prediction.findings, everything=everything, as_json=as_json)
     if out is not None:
-        showing.show_written(console, out, written)
+        showing.show_written(showing.screen(as_json), out, written)
 
 
 #: File that not every prediction has → what its beginning holds if an earlier one wrote it.
@@ -293,9 +286,7 @@ _NOT_ALWAYS = {
 
 
 def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
-    """The names of the files that were written."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
-    from selector.telling import write_account
 
     files = {"prediction.json": showing.json_text(account.data) + "\n"}
     if prediction.programs:
@@ -304,8 +295,4 @@ def _write(prediction: Prediction, account: Account, program: TimedProgram | Non
     if program is not None:
         files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
     earlier = [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
-    with folder_written_whole(out, earlier) as folder:
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8", newline="\n")
-        write_account(account, folder / "report.html")
-    return [*files, "report.html"]
+    return write_answer(out, files, account, earlier)

@@ -13,7 +13,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import write_answer, written_folder
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 from selector.errors import OptionError
@@ -117,13 +117,8 @@ def _tell(outcomes: tuple[Outcome, ...], is_exam: bool, out: Path | None, consol
 
     result = score_object(outcomes, is_exam=is_exam)
     if out is not None:
-        from selector.telling.page import write_account
-
-        with folder_written_whole(out) as folder:
-            files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
-            for name, text in files.items():
-                (folder / name).write_text(text, encoding="utf-8", newline="\n")
-            write_account(proof_account(outcomes, result, is_exam=is_exam, drawn=True), folder / "report.html")
+        files = {"score.json": showing.json_text(result) + "\n", "cases.csv": cases_csv(outcomes)}
+        write_answer(out, files, proof_account(outcomes, result, is_exam=is_exam, drawn=True))
     if as_json:
         showing.print_json(result)
     else:
@@ -145,7 +140,6 @@ def _published(folder: Path | None) -> tuple[Scenario, ...]:
 
 
 def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
-    """Every scenario in a row."""
     if as_json:
         showing.print_json([{"name": s.name, "family": s.family, "kind": s.kind, "note": s.note} for s in scenarios])
         return
@@ -154,7 +148,6 @@ def _show_list(scenarios: Sequence[Scenario], as_json: bool) -> None:
 
 
 def _write_cases(folder: Path, asked: Sequence[Any], console: Console, as_json: bool) -> None:
-    """The cases as folders, and their answers apart."""
     from proving_ground.runner import write_bundles
 
     with folder_written_whole(folder) as part, counted_progress("writing cases") as say:
@@ -180,12 +173,10 @@ def _rivals(names: list[str] | None) -> tuple[Answerer, ...]:
 
 
 def _split(given: Iterable[str] | None) -> tuple[str, ...]:
-    """What stands between commas, in every word."""
     return tuple(part.strip() for text in given or () for part in text.split(",") if part.strip())
 
 
 def _strengths(text: str) -> tuple[float, ...]:
-    """Strengths d′ of an option."""
     try:
         found = tuple(float(part) for part in text.split(",") if part.strip())
     except ValueError:
@@ -212,7 +203,6 @@ def _seeds(text: str) -> tuple[int, ...]:
 
 
 def _say_done(done: int, total: int, outcome: Outcome) -> None:
-    """One line a case on stderr."""
     from proving_ground.results import line_of
 
     try:

@@ -66,7 +66,6 @@ def report(
 
 
 def _page(result: Result, say: Say) -> str:
-    """The page of one result."""
     from selector.controllers.model_file import read_model
     from selector.telling.model_card import model_card_account
     from selector.telling.page import account_page
@@ -84,7 +83,6 @@ def _page(result: Result, say: Say) -> str:
 
 
 def _diagnosis_alone(document: dict[str, Any]) -> str:
-    """What a diagnosis.json holds of a diagnosis."""
     from selector.telling.diagnosed.account import diagnosis_account
     from selector.telling.diagnosed.document import diagnosis_of
     from selector.telling.page import account_page

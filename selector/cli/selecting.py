@@ -152,10 +152,7 @@ class Asked:
     target: Target = None
 
     def options(self) -> Options:
-        """The same as options of a selection.
-
-        Raises OptionError: one cannot be used.
-        """
+        """The same as options of a selection. Raises OptionError: one cannot be used."""
         from selector.selection import Options
 
         read = {
@@ -171,10 +168,7 @@ class Asked:
 
 
 def date_of(text: str | None) -> str | None:
-    """A date as it is written into the files.
-
-    Raises OptionError: it is none.
-    """
+    """A date as it is written into the files. Raises OptionError: it is none."""
     if text is None:
         return None
     try:

@@ -54,13 +54,8 @@ def simulate_command(kind: SimulationKind) -> Callable[..., None]:
         "as_json": AsJson,
     }
     # None where nothing is said of these
-    defaults: dict[str, Any] = {
-        "model": inspect.Parameter.empty,
-        "out": inspect.Parameter.empty,
-        "as_json": False,
-        "everything": False,
-    }
-    defaults |= {option.name: False for option in kind.options if option.kind is bool}
+    flags = ("as_json", "everything", *(option.name for option in kind.options if option.kind is bool))
+    defaults: dict[str, Any] = dict.fromkeys(("model", "out"), inspect.Parameter.empty) | dict.fromkeys(flags, False)
 
     def command(**given: Any) -> None:
         _simulate(kind, asked={name: given.pop(name) for name in own}, **given)

@@ -117,8 +117,7 @@ def _is_break_code(item: Input, values: Array, codes: tuple[float, ...]) -> Mask
 
 
 def _is_beyond_limits(item: Input, values: Array) -> Mask:
-    low = -np.inf if item.reading_min is None else item.reading_min
-    high = np.inf if item.reading_max is None else item.reading_max
+    low, high = item.reading_limits
     return (values < low) | (values > high)
 
 

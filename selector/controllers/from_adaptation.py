@@ -112,19 +112,8 @@ def adapted_model(model: ModelFile, found: Adaptation) -> ModelFile:
     for name, of in found.responses.items():
         if of.learnt is None:
             continue
-        drift = of.learnt.drift
-        outputs.append(
-            OutputAdaptation(
-                output=name,
-                offset_um2_per_s=drift.offset_um2_per_s,
-                offset_start_um2=drift.offset_start_um2,
-                gain_per_s=drift.gain_per_s,
-                gain_start=drift.gain_start,
-                noise_um2=drift.noise_um2,
-                offset_limit_um=float(drift.offset_limit_um),
-                gain_limit=float(drift.gain_limit),
-                interval=of.learnt.widening or None,
-            )
-        )
+        # the file calls what was learnt as a drift does
+        learnt = {key: float(value) for key, value in vars(of.learnt.drift).items()}
+        outputs.append(OutputAdaptation(output=name, **learnt, interval=of.learnt.widening or None))
     block = Block(outputs=tuple(outputs), gate=GATE, agreeing=AGREEING) if outputs else None
     return sealed(model.model_copy(update={"adaptation": block}), is_kept=True)

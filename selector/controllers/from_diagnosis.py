@@ -14,7 +14,6 @@ from selector.controllers.self_check import sealed
 from selector.diagnosis.answer import Correction, Diagnosis, corrections, recalibration_of
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
 from selector.models.design import Lag, lagged
 from selector.types import Vector
@@ -65,7 +64,8 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
     whole, refused, fits = corrections(found), [], {}
     for name in names:
         course = np.sum([effect.courses[name] for effect in effects if name in effect.courses], axis=0)
-        fit = _of_response(comparison, sources, course, whole.get(name), found.recalibration.get(name, {}))
+        offset = found.recalibration.get(name, {}).get("offset")
+        fit = _of_response(comparison, sources, course, whole.get(name), 0.0 if offset is None else offset.value)
         if fit is None or fit.missed > WORST:
             refused.append(_not_expressible(name, [effect.id for effect in effects], fit))
         else:
@@ -77,11 +77,7 @@ def correction_of(found: Diagnosis) -> tuple[ModelFile | None, tuple[Finding, ..
 
 
 def _of_response(
-    comparison: Comparison,
-    sources: Sequence[str],
-    course: Vector,
-    whole: Correction | None,
-    recalibration: Mapping[str, Quantity],
+    comparison: Comparison, sources: Sequence[str], course: Vector, whole: Correction | None, offset: float
 ) -> _Fit | None:
     """Terms that follow the whole correction; where none do, those of the effects alone with the offset beside them."""
     if not sources:
@@ -96,7 +92,6 @@ def _of_response(
     missed = both.missed * float(np.sqrt(np.mean(whole.add**2))) / max(size, 1e-300)
     if missed <= WORST:
         return replace(both, missed=missed)
-    offset = recalibration["offset"].value if "offset" in recalibration else 0.0
     coefficients = np.array(fit.coefficients)
     coefficients[0] += offset
     without = float(np.sqrt(np.mean((whole.add - course - offset) ** 2))) / max(size, 1e-300)
@@ -105,7 +100,7 @@ def _of_response(
 
 def _x(comparison: Comparison, name: str) -> Vector:
     """A source as the model file has it: rise since the first sample of the run, or as it was read."""
-    values = np.array(filled(comparison, comparison.recorded[name]))
+    values = np.array(comparison.filled(comparison.recorded[name]))
     if comparison.channel(name).role not in _ABSOLUTE:
         for _, rows in comparison.rows_of_runs():
             values[rows] -= values[rows.start]
@@ -227,7 +222,6 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
 
 
 def _largest(comparison: Comparison, fit: _Fit) -> float:
-    """Largest amount of what the terms give in the record."""
     columns = [np.ones(len(comparison.time_s)), *(_behind(comparison, name, tau) for name, tau in fit.terms)]
     return float(np.abs(np.column_stack(columns) @ fit.coefficients).max())
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -63,6 +64,12 @@ class Input(Closed):
         default=None, description="a reading above it is a fault, whatever the reference"
     )
     place: Text | None = None
+
+    @property
+    def reading_limits(self) -> tuple[float, float]:
+        """Readings beyond these are a fault; infinite where nothing limits them."""
+        low, high = self.reading_min, self.reading_max
+        return -math.inf if low is None else low, math.inf if high is None else high
 
 
 class State(Closed):
@@ -426,10 +433,7 @@ def read_model(path: str | Path, *, is_changed: bool = False) -> ModelFile:
 
 
 def parsed_model(text: str, *, where: str = "model", is_changed: bool = False) -> ModelFile:
-    """The model in a JSON text; `where` names the text in messages.
-
-    Raises ModelFileError: as `read_model`.
-    """
+    """The model in a JSON text; `where` names the text in messages. Raises ModelFileError: as `read_model`."""
     value = parsed_json(text, where=where)
     if not isinstance(value, dict):
         raise ModelFileError(
@@ -484,10 +488,7 @@ def _digest(content: Mapping[str, Any]) -> str:
 
 
 def write_model(model: ModelFile, path: str | Path) -> None:
-    """Write a model file, whole or not at all.
-
-    Raises OptionError: nothing can be written at this path.
-    """
+    """Write a model file, whole or not at all. Raises OptionError: nothing can be written at this path."""
     write_whole(Path(path), model_text(model).encode("utf-8"))
 
 

@@ -24,14 +24,6 @@ DAY_S = 86_400.0
 COLDEST_DEGC, HOTTEST_DEGC = -30.0, 120.0  #: What a working machine can have anywhere.
 
 
-def guard_findings(model: ModelFile) -> tuple[Finding, ...]:
-    """Settings that are allowed, but hardly meant.
-
-    Findings ``break-code-in-valid-range``, ``limits-never-met``, ``slew-too-slow``, ``proof-against-it``.
-    """
-    return (*_break_codes(model), *_too_slow(model), *_never_met(model), *_not_proved(model))
-
-
 def _not_proved(model: ModelFile) -> Iterator[Finding]:
     for name, proof in model.validation.items():
         error, without = proof.heldout_rmse_um, proof.heldout_baseline_um
@@ -60,8 +52,7 @@ def _break_codes(model: ModelFile) -> Iterator[Finding]:
 
 def _plausible_degc(item: Input) -> tuple[float, float]:
     """Readings that are no fault otherwise."""
-    low = COLDEST_DEGC if item.reading_min is None else max(COLDEST_DEGC, item.reading_min)
-    high = HOTTEST_DEGC if item.reading_max is None else min(HOTTEST_DEGC, item.reading_max)
+    low, high = max(COLDEST_DEGC, item.reading_limits[0]), min(HOTTEST_DEGC, item.reading_limits[1])
     if item.reference == "absolute":
         low, high = min(low, item.valid_min), max(high, item.valid_max)
     return low, high
@@ -70,10 +61,7 @@ def _plausible_degc(item: Input) -> tuple[float, float]:
 def _never_met(model: ModelFile) -> Iterator[Finding]:
     """Limits that no reading of a working sensor can meet: it would never be believed."""
     for item in model.inputs:
-        low, high = (
-            -math.inf if item.reading_min is None else item.reading_min,
-            math.inf if item.reading_max is None else item.reading_max,
-        )
+        low, high = item.reading_limits
         width = item.valid_max - item.valid_min
         least, most = (item.valid_min, item.valid_max) if item.reference == "absolute" else (-math.inf, math.inf)
         if item.unit == "degC":
@@ -158,7 +146,10 @@ def model_findings(model: ModelFile) -> tuple[Finding, ...]:
         *_size_findings(model),
         *_range_findings(model),
         *_contradicting_fallbacks(model),
-        *guard_findings(model),
+        *_break_codes(model),
+        *_too_slow(model),
+        *_never_met(model),
+        *_not_proved(model),
         *_reached_clamps(model),
     )
 
@@ -208,35 +199,26 @@ def _vector(
     positions = {
         axis: [(part.valid_min_m, part.valid_max_m)[k % 2] for k in range(len(rows))] for axis, part in axes.items()
     }
-    everything: list[Equations] = [model, *model.fallbacks]
-    expected, *fallbacks = (
-        {key: tuple(series) for key, series in _recomputed(of, time_s, rows, start, positions).items()}
-        for of in everything
-    )
-    return CheckVector(
+    asked = CheckVector(
         name=name,
         time_s=tuple(time_s),
         readings={item.name: tuple(row[item.name] for row in rows) for item in model.inputs},
         start_readings=None if start is None else dict(start),
         positions_m={axis: tuple(series) for axis, series in positions.items()} or None,
-        expected=expected,
-        fallbacks=tuple(fallbacks),
+        expected={},
     )
+    everything: list[Equations] = [model, *model.fallbacks]
+    expected, *fallbacks = (_recomputed(of, asked) for of in everything)
+    return CheckVector(**dict(asked) | {"expected": expected, "fallbacks": tuple(fallbacks)})
 
 
-def _recomputed(
-    model: Equations,
-    time_s: list[float],
-    rows: list[dict[str, float]],
-    start: Mapping[str, float] | None,
-    positions: Mapping[str, list[float]],
-) -> dict[str, list[float]]:
-    evaluator = Evaluator(model, start)
-    steps = [
-        evaluator.step(time_s[k], rows[k], {axis: series[k] for axis, series in positions.items()} or None)
-        for k in range(len(time_s))
-    ]
-    return {output.name: [step[output.name] for step in steps] for output in model.outputs}
+def _recomputed(model: Equations, vector: CheckVector) -> dict[str, tuple[float, ...]]:
+    evaluator, steps = Evaluator(model, vector.start_readings), []
+    for k, time_s in enumerate(vector.time_s):
+        readings = {name: series[k] for name, series in vector.readings.items()}
+        positions = {axis: series[k] for axis, series in (vector.positions_m or {}).items()}
+        steps.append(evaluator.step(time_s, readings, positions or None))
+    return {output.name: tuple(step[output.name] for step in steps) for output in model.outputs}
 
 
 def _at(item: Input, share: float) -> float:
@@ -285,10 +267,8 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
     largest, samples, wrong = 0.0, 0, False
     everything: list[Equations] = [model, *model.fallbacks]
     for vector in model.test_vectors:
-        rows = [{name: series[k] for name, series in vector.readings.items()} for k in range(len(vector.time_s))]
-        positions = {axis: list(series) for axis, series in (vector.positions_m or {}).items()}
         for number, (of, expected) in enumerate(zip(everything, (vector.expected, *vector.fallbacks), strict=False)):
-            computed = _recomputed(of, list(vector.time_s), rows, vector.start_readings, positions)
+            computed = _recomputed(of, vector)
             for output in of.outputs:
                 given, found = np.asarray(expected[output.name]), np.asarray(computed[output.name])
                 allowed = TOLERANCE * max(output_bound_um(of, output), float(np.max(np.abs(given))))

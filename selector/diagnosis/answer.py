@@ -8,7 +8,6 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.shapes.signals import filled
 from selector.findings import Finding
 from selector.types import Vector
 
@@ -236,7 +235,7 @@ def corrections(found: Diagnosis) -> dict[str, Correction]:
         physics, faults = (_course(found, name, of_data=one) for one in (False, True))
         added = fit.after - fit.before - faults
         if np.nanmax(np.abs(added), initial=0.0) > 0.0:
-            result[name] = Correction(filled(found.comparison, added), physics, faults)
+            result[name] = Correction(found.comparison.filled(added), physics, faults)
     return result
 
 

@@ -83,6 +83,21 @@ class Comparison:
         """Recorded minus simulated [unit of the response], shape (n_rows,); NaN where one of them is missing."""
         return self.recorded[response] - self.simulated[response]
 
+    def filled(self, values: Vector) -> Vector:
+        """The course with missing samples put in from both sides, run by run; 0 in a run that has no sample at all."""
+        result = np.array(values, dtype=np.float64)
+        for _, rows in self.rows_of_runs():
+            part = result[rows]
+            seen = np.isfinite(part)
+            if not seen.all():
+                time = self.time_s[rows]
+                result[rows] = np.interp(time, time[seen], part[seen]) if seen.any() else 0.0
+        return result
+
+    def simulated_course(self, name: str) -> Vector:
+        """The simulated channel without holes."""
+        return self.filled(self.simulated[name])
+
     def only(self, kept: Mask) -> "Comparison":
         """The comparison with some of its rows; runs without any are gone."""
         counts = {run: count for run, rows in self.rows_of_runs() if (count := int(kept[rows].sum()))}

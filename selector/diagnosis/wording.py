@@ -29,7 +29,8 @@ def headline(found: Diagnosis) -> str:
         return " ".join([_nothing(found), *_wandering(found)])
     if found.verdict == "unexplained" or not found.effects:
         return _unexplained(found)
-    first = main_effect(found)
+    # the largest of physics, else the largest fault of the data
+    first = next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
     others = [effect for effect in found.effects if effect is not first]
     sentences = [_named(found, first)]
     physics = [effect for effect in others if not is_data(effect.id)]
@@ -68,7 +69,7 @@ def what_to_do(found: Diagnosis) -> tuple[str, ...]:
     ]
     for effect in found.effects:
         if effect.cannot_be_told_from:
-            names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+            names = _or_rivals(effect)
             steps.append(f"To tell whether it is {names}: {_sentence(effect.experiment)}")
         elif effect.suspected:
             steps.append(f"To confirm {name_of(effect.id)}: {_sentence(effect.experiment)}")
@@ -89,11 +90,6 @@ def suspicion_words(found: Diagnosis, effect: NamedEffect) -> str:
     if fits and not any(np.isfinite(fit.heldout.rmse_after) for fit in fits):
         return f"nothing of {listed(list(effect.channels), 'or')} was held out to check it on"
     return "not confirmed on another programme"
-
-
-def main_effect(found: Diagnosis) -> NamedEffect:
-    """The effect that the answer is about: the largest of physics, else the largest fault of the data."""
-    return next((effect for effect in found.effects if not is_data(effect.id)), found.effects[0])
 
 
 def is_data(id: str) -> bool:  # noqa: A002 - the word of the contract
@@ -176,7 +172,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
         gain = f"{'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}"
         return f"The recording is at fault, not the simulation: {statement} ({sure}); {gain}."
     verb = "may leave out" if effect.suspected else "leaves out"
-    names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+    names = _or_rivals(effect)
     where = f" ({effect.place})" if effect.place else ""
     what = f"The simulation {verb} {names}{where}: {statement} ({sure}"
     if effect.cannot_be_told_from:
@@ -243,7 +239,7 @@ def _short(effect: NamedEffect) -> str:
     where = f" ({effect.place})" if effect.place and not is_data(effect.id) else ""
     channel = f" in {effect.channel}" if is_data(effect.id) else ""
     if effect.cannot_be_told_from:
-        names = listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
+        names = _or_rivals(effect)
         return f"{names}{channel}{where}, which this record cannot tell apart ({sure_words(effect.confidence)})"
     return f"{name_of(effect.id)}{channel}{where} ({sure_words(effect.confidence)})"
 
@@ -320,6 +316,10 @@ def _inside(text: str, comparison: Comparison | None = None) -> str:
 def _sentence(text: str) -> str:
     text = text.strip()
     return text if text.endswith((".", "!", "?")) else text + "."
+
+
+def _or_rivals(effect: NamedEffect) -> str:
+    return listed([name_of(id_) for id_ in (effect.id, *effect.cannot_be_told_from)], "or")
 
 
 def _digits(value: float) -> str:

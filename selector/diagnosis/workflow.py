@@ -68,18 +68,8 @@ def diagnosis(
 ) -> Diagnosis:
     """What the simulation left out, where, how sure that is, and what putting it in gains.
 
-    Parameters
-    ----------
-    comparison
-        Recordings and simulation on one clock.
-    seed : int
-        Of the draws of noise. The same seed gives the same answer, bit for bit.
-    false_alarm : float
-        Family-wise probability of naming an effect where there is none.
-    effects : sequence of Effect, optional
-        Default: the whole catalogue.
-    progress : callable, optional
-        Told step by step.
+    The same `seed` of the draws of noise gives the same answer, bit for bit. `false_alarm` is the family-wise
+    probability of naming an effect where there is none; `effects` are by default the whole catalogue.
 
     Raises InputError if the comparison is no basis for an answer.
     """
@@ -395,7 +385,6 @@ def _fitted(state: _State) -> _State:
 
 
 def _answered(state: _State) -> Diagnosis:
-    """The answer to what is left."""
     comparison, found, effects = state.comparison, state.search, state.effects
     answer = Diagnosis(
         comparison=comparison,

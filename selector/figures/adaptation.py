@@ -22,10 +22,8 @@ def adapted_run(run: JudgedRun, response: str, without_rmse_um: float, rmse_um: 
         line("with touch-offs", run.error_um, style.RESIDUAL),
     ]
     if run.kind != "none":
-        lines += [
-            line("90 % interval", run.half_width_um, style.MUTED, "dot"),
-            line("", -run.half_width_um, style.MUTED, "dot"),
-        ]
+        ends = (("90 % interval", run.half_width_um), ("", -run.half_width_um))
+        lines += [line(name, end, style.MUTED, "dot") for name, end in ends]
     touched = run.course.time_s[run.course.touched_at] - run.course.time_s[0]
     return stacked(
         f"{style.label(run.course.run)}: {number_text(rmse_um)} µm of {style.label(response)} are left with "

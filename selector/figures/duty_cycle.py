@@ -87,9 +87,8 @@ def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
     )
     lines = [Line(name, prediction.time_s, courses[:, k], _MODES[k % len(_MODES)]) for k, name in enumerate(names)]
     if len(names) > 1:
-        lines.append(
-            Line("all together", prediction.time_s, prediction.displacement_um[:, r], style.PREDICTED, width=2.2)
-        )
+        whole = prediction.displacement_um[:, r]
+        lines.append(Line("all together", prediction.time_s, whole, style.PREDICTED, width=2.2))
     panels = [Panel(f"{style.label(response, 12)} [{prediction.unit(response)}]", lines, height_px=260, least=0.0)]
     return stacked(title, panels, float(prediction.time_s[-1]))
 
@@ -110,35 +109,21 @@ def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[Re
         kept = telling_samples(residual, POINTS_PER_TEST)
         speeds = [f"{speed:.4g}" for speed in dict.fromkeys(one.speed_rpm.tolist()) if speed > 0]
         turning = f"{speeds[0]} r/min: " if len(speeds) == 1 else ""
-        traced.append(
-            Traced(
-                one.run,
-                f"{turning}rms {number_text(float(one.rmse_um[r]), 2)} {unit}, "
-                f"largest {number_text(float(np.nanmax(np.abs(residual))), 2)} {unit}",
-                one.time_s[kept],
-                one.measured_um[kept, r],
-                one.predicted_um[kept, r],
-            )
-        )
+        rms, largest = float(one.rmse_um[r]), float(np.nanmax(np.abs(residual)))
+        text = f"{turning}rms {number_text(rms, 2)} {unit}, largest {number_text(largest, 2)} {unit}"
+        courses = one.measured_um[kept, r], one.predicted_um[kept, r]
+        traced.append(Traced(one.run, text, one.time_s[kept], *courses))
     ranges = common_ranges([one.measured_um[:, r] for one in repeats], [one.predicted_um[:, r] for one in repeats])
     return beside_each_other(title, traced, response, *ranges)
 
 
 def _taken_off(program: CorrectionProgram, time_s: Vector, displacement_um: Vector) -> Line:
     """What zeros and corrections take off [µm]: the displacement at the zero of each operation, and its offsets."""
-    times, values = [], []
-    for operation in program.operations:
-        zero = float(np.interp(operation.start_s, time_s, displacement_um))
-        times.append(operation.times_s)
-        values.append(zero + operation.offsets_um)
-    end_s = program.operations[-1].end_s
-    return Line(
-        "zero and corrections",
-        np.r_[np.concatenate(times), end_s],
-        np.r_[np.concatenate(values), values[-1][-1]],
-        style.CHOSEN,
-        steps=True,
-    )
+    several = program.operations
+    times = np.r_[np.concatenate([one.times_s for one in several]), several[-1].end_s]
+    zeros = [float(np.interp(one.start_s, time_s, displacement_um)) for one in several]
+    values = np.concatenate([zero + one.offsets_um for zero, one in zip(zeros, several, strict=True)])
+    return Line("zero and corrections", times, np.r_[values, values[-1]], style.CHOSEN, steps=True)
 
 
 def _corrections(program: CorrectionProgram) -> str:

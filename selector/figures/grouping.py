@@ -83,17 +83,10 @@ def tree_picture(tree: Dendrogram, title: str, height: int | None = None) -> go.
     add_step_marks(drawn)
     if height is not None:
         drawn.update_yaxes(showticklabels=False)
-        drawn.add_scatter(
-            # at the end of the axis: what lies beyond it is not drawn
-            x=[end + 0.02 * (end - first)] * n,
-            y=list(range(n)),
-            mode="text",
-            textposition="middle right",
-            textfont={"size": 9 if n > 25 else 11},
-            cliponaxis=False,
-            hoverinfo="skip",
-            showlegend=False,
-        )
+        look = {"mode": "text", "textposition": "middle right", "textfont": {"size": 9 if n > 25 else 11}}
+        # at the end of the axis: what lies beyond it is not drawn
+        place = {"x": [end + 0.02 * (end - first)] * n, "y": list(range(n)), "cliponaxis": False}
+        drawn.add_scatter(**place, **look, hoverinfo="skip", showlegend=False)
     return drawn
 
 

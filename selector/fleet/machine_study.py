@@ -19,7 +19,7 @@ from selector.atomic_file import write_whole
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import write_model
 from selector.errors import CancelledError, InputError, ReadError, StudyError
-from selector.fleet.places import is_url, local_paths
+from selector.fleet.places import is_url, local_recordings
 from selector.json_text import json_text
 from selector.readers.files import recording_files
 from selector.selection import select
@@ -138,12 +138,11 @@ def _answered(task: Task, start: float, tell_key: Callable[[str], None]) -> Answ
     study = task.study
     with ExitStack() as stack:
         folder = Path()
-        named = [study.recordings.machine] if study.recordings.machine else []
-        if any(is_url(one) for one in (*study.recordings.runs, *named)):
+        if any(is_url(one) for one in (*study.recordings.runs, study.recordings.machine or "")):
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        runs = local_paths(study.recordings.runs, folder / "runs")
+        runs, machine = local_recordings(study.recordings, folder)
         found = recording_files(runs)
-        machine = local_paths(named, folder / "machine")[0] if named else found.machine
+        machine = machine or found.machine
         hashes = {file: sha256_of(file) for file in (*found.files, *([machine] if machine else []))}
         machine_sha256 = None if machine is None else hashes[machine]
         key = key_of(study, [(name, hashes[file]) for file, name in _names(found.files)], machine_sha256)

@@ -8,6 +8,7 @@ from typing import Any
 
 from selector.errors import OptionError, ReadError
 from selector.readers.files import MACHINE_FILE, has_name_of_recording, natural_key
+from selector.study.study_file import Recordings
 
 
 def is_url(reference: str) -> bool:
@@ -59,6 +60,12 @@ def local_paths(references: Sequence[str], folder: Path) -> list[Path]:
     return paths
 
 
+def local_recordings(recordings: Recordings, folder: Path) -> tuple[list[Path], Path | None]:
+    """What is named of recordings, and their machine file if one is named, here; errors as `local_paths`."""
+    named = [recordings.machine] if recordings.machine else []
+    return local_paths(recordings.runs, folder / "runs"), next(iter(local_paths(named, folder / "machine")), None)
+
+
 def _brought(url: str, folder: Path) -> Path:
     """The file of a URL, or the folder with its recordings and its machine file."""
     try:
@@ -99,10 +106,7 @@ def _reached(url: str) -> tuple[Any, str]:
 
 
 def fsspec_core(url: str) -> ModuleType:
-    """fsspec, which comes with the extra `fleet`.
-
-    Raises OptionError: it is not installed.
-    """
+    """fsspec, which comes with the extra `fleet`. Raises OptionError: it is not installed."""
     try:
         import fsspec.core
     except ImportError as error:

@@ -65,8 +65,7 @@ def challenge_of(study: Study, champion: Answer, results: Path) -> Challenge | A
 
     Raises InputError: the recordings or the model cannot be read.
     """
-    references = (*study.recordings.runs, *([study.recordings.machine] if study.recordings.machine else ()))
-    if any(map(is_url, references)):
+    if any(map(is_url, (*study.recordings.runs, study.recordings.machine or ""))):
         return kept(champion, "recordings behind URLs are not refitted: bring them into a folder")
     files = recording_files(local_paths(study.recordings.runs, Path()))
     machine = files.machine if study.recordings.machine is None else Path(study.recordings.machine)
@@ -96,7 +95,8 @@ def settled(challenge: Challenge, challenger: Answer, results: Path) -> Answer:
         return kept(champion, f"the new study failed: {challenger.error}")
     study = challenge.study
     machine = None if study.recordings.machine is None else Path(study.recordings.machine)
-    wrong = _errors_of_study(results / str(challenger.key))
+    told = json.loads((results / str(challenger.key) / "selection.json").read_bytes())["findings"]
+    wrong = [one["statement"] for one in told if one["level"] == "error"]
     if wrong:
         return kept(champion, f"the new study has an error: {wrong[0]}", challenger.key)
     try:
@@ -189,11 +189,6 @@ def _applied(model: ModelFile, reading: Reading) -> tuple[_Squares, list[str]]:
 
 def _errors(findings: Iterable[Finding]) -> list[str]:
     return [one.statement for one in findings if one.level == "error"]
-
-
-def _errors_of_study(place: Path) -> list[str]:
-    findings = json.loads((place / "selection.json").read_bytes())["findings"]
-    return [one["statement"] for one in findings if one["level"] == "error"]
 
 
 def kept(champion: Answer, because: str, challenger: str | None = None) -> Answer:

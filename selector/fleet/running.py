@@ -89,10 +89,7 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
 
 
 def read_answer(results: Path) -> FleetAnswer:
-    """What the last run left in a results folder.
-
-    Raises ResultError: there is nothing, or something else.
-    """
+    """What the last run left in a results folder. Raises ResultError: there is nothing, or something else."""
     place = results / RESULT_FILE
     try:
         return FleetAnswer.model_validate_json(place.read_bytes())
@@ -106,7 +103,6 @@ def read_answer(results: Path) -> FleetAnswer:
 
 
 def _in_use(fleet: Fleet, refit: bool) -> dict[str, Answer]:
-    """The machines that have a model."""
     try:
         machines = read_answer(fleet.results).machines
     except ResultError:

@@ -16,7 +16,7 @@ from selector.errors import InputError, OptionError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import runs_by_age
 from selector.fleet.machine_study import Document
-from selector.fleet.places import local_paths
+from selector.fleet.places import local_recordings
 from selector.fleet.refitting import least_fall
 from selector.models.best_subsets.results import adjusted_r2
 from selector.models.design import Columns, Datum, Design, Rows, datum_of, rows_of
@@ -459,10 +459,7 @@ def sisters_in(
 def _recording(study: Study) -> Recording:
     """The recordings of a machine without their faults; very long ones thinned."""
     with tempfile.TemporaryDirectory() as folder:
-        named = [study.recordings.machine] if study.recordings.machine else []
-        machine = local_paths(named, Path(folder, "machine"))
-        runs = local_paths(study.recordings.runs, Path(folder, "runs"))
-        source = material_of(runs, machine[0] if machine else None, overrides_of(study)).source
+        source = material_of(*local_recordings(study.recordings, Path(folder)), overrides_of(study)).source
         first = source.channels[0].name
         n_samples = sum(len(time_s) for run in source.runs for time_s, _ in source.chunks(run, [first]))
         return thinned(source, -(-n_samples // MOST_SAMPLES))

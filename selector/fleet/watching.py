@@ -18,7 +18,7 @@ from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
 from selector.fleet.later_runs import by_age, part_of, runs_by_age
 from selector.fleet.machine_study import DONE_FILE, Answer, Document, known_answer
-from selector.fleet.places import local_paths
+from selector.fleet.places import local_recordings
 from selector.fleet.running import has_model, read_answer
 from selector.json_text import json_text
 from selector.readers import read
@@ -39,11 +39,11 @@ class Watched(Document):
     runs: int  #: That have the displacement and a prediction
     rmse_um: float | None  #: In these runs
     expected_um: float | None  #: On unseen runs, when the model was made
-    alarm: Literal["mean", "spread"] | None  #: What has changed: the mean error of a run, or how large its errors are
-    since: str | None  #: The run from which on it is so, as far as the errors tell
-    mean_um: float | None  #: Mean error since then, else of all these runs; recorded minus predicted
-    highest: float | None  #: The cumulative sum at its highest, in standard deviations; None: too few runs proved it
-    limit: float | None  #: Beyond which there is an alarm
+    alarm: Literal["mean", "spread"] | None = None  #: Whether the mean error of a run, or its size, has changed
+    since: str | None = None  #: The run from which on it is so, as far as the errors tell
+    mean_um: float | None = None  #: Mean error since then, else of all these runs; recorded minus predicted
+    highest: float | None = None  #: The cumulative sum at its highest [standard deviations]; None: too few runs
+    limit: float | None = None  #: Beyond which there is an alarm
 
 
 class WatchedMachine(Document):
@@ -109,12 +109,11 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
     seen = {*model.provenance.data_sha256.values(), *(one for one, key in answer.judged.items() if key == answer.key)}
     nothing = WatchedMachine(status="nothing-new", key=answer.key)
     with tempfile.TemporaryDirectory() as folder:
-        files = recording_files(local_paths(study.recordings.runs, Path(folder, "runs")))
+        runs_at, machine = local_recordings(study.recordings, Path(folder))
+        files = recording_files(runs_at)
         if all(sha256_of(file) in seen for file in files.files):
             return nothing
-        named = [study.recordings.machine] if study.recordings.machine else []
-        machine = local_paths(named, Path(folder, "machine"))[0] if named else files.machine
-        whole = read(files.files, machine=machine, overrides=overrides_of(study))
+        whole = read(files.files, machine=machine or files.machine, overrides=overrides_of(study))
         later = by_age(whole, seen).later
         if not later:
             return nothing
@@ -152,11 +151,7 @@ def _response(proved: Mapping[str, Any], runs: Sequence[tuple[str, Accuracy]], n
         runs=len(seen),
         rmse_um=None if rmse is None else math.sqrt(rmse),
         expected_um=proved.get("heldout_rmse_um"),
-        alarm=None,
-        since=None,
         mean_um=_mean(means, weights),
-        highest=None,
-        limit=None,
     )
     if len(of_proof) < FEWEST_KNOWN or not seen:
         return plain

@@ -44,8 +44,9 @@ class Collection:
 
     def __init__(self, io: IoFile, clock: Clock, folder: Path) -> None:
         """`folder` is the lake. Raises OptionError: it cannot be written to."""
-        # outputs are not opened: this process only reads
-        self._io, self._clock = io.model_copy(update={"outputs": {}, "control": io.control.without_heartbeat()}), clock
+        # outputs and heartbeat are not opened: this process only reads
+        control = io.control.model_copy(update={"heartbeat": None})
+        self._io, self._clock = io.model_copy(update={"outputs": {}, "control": control}), clock
         self._journal = Journal(folder / f"machine={io.machine}" / "journal", clock)
         self._links = supervised_links(self._io, clock, self._journal.tell)
         self._readings = Readings(self._io, self._links, clock, hold_s=0.0)

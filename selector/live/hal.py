@@ -4,16 +4,19 @@ import asyncio
 import re
 from collections.abc import Iterable, Mapping
 
-from selector.live.links import History, Sample, number_in
+from selector.live.links import Link, Sample, number_in
 
 _TRUTHS = {"TRUE": 1.0, "FALSE": 0.0}
 
 
-class HalLink:
+class HalLink(Link):
     """The HAL of this computer. A pin that is linked to a signal is written through its signal."""
 
     async def open(self) -> None:
         """See `Link`."""
+
+    async def close(self) -> None:
+        """See `Link`; nothing is held."""
 
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
@@ -30,13 +33,6 @@ class HalLink:
         """See `Link`."""
         # a count of 3.0 is no s32 for halcmd
         await self._said([f"set{_kind(name)} {name} {value:.17g}" for name, value in values.items()])
-
-    async def history(self, addresses: Iterable[str], since_s: float, until_s: float) -> History:
-        """See `Link`."""
-        return {}
-
-    async def close(self) -> None:
-        """See `Link`; nothing is held."""
 
     async def _said(self, commands: list[str]) -> str:
         run = await asyncio.create_subprocess_exec(

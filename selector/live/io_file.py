@@ -92,10 +92,6 @@ class Control(Table):
     alive: Name | None = None
     heartbeat: Place | None = None
 
-    def without_heartbeat(self) -> "Control":
-        """For who only reads."""
-        return self.model_copy(update={"heartbeat": None})
-
 
 class IoFile(Table):
     """An IO file as it is written."""

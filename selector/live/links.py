@@ -111,6 +111,7 @@ class Link(Protocol):
 
     async def history(self, addresses: Iterable[str], since_s: float, until_s: float) -> History:
         """What the server has kept between two moments [s since 1970]; empty where it keeps nothing."""
+        return {}
 
     async def close(self) -> None:
         """Let go."""
@@ -190,7 +191,7 @@ class Supervised:
         return LostError(f"{self.name}: {said}")
 
 
-class FileLink:
+class FileLink(Link):
     """A CSV with ``time_s`` and a column an address, read as time passes; outputs are appended to one like it."""
 
     def __init__(self, path: str, writes: Iterable[str], clock: Clock) -> None:
@@ -245,10 +246,6 @@ class FileLink:
         csv.writer(self._file, lineterminator="\n").writerow(cells)
         self._file.flush()
 
-    async def history(self, addresses: Iterable[str], since_s: float, until_s: float) -> History:
-        """See `Link`."""
-        return {}
-
     async def close(self) -> None:
         """See `Link`."""
         if self._file is not None:
@@ -266,10 +263,7 @@ def supervised_links(io: IoFile, clock: Clock, tell: Tell) -> dict[str, Supervis
 def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     writes = io.writes(name)
     if connection.kind == "file":
-        if writes:
-            _require_own_table(connection.url, writes, f"connection {name}")
-        else:
-            _require_table(connection.url, f"connection {name}")
+        _require_table(connection.url, writes, f"connection {name}: {connection.url}")
         return FileLink(connection.url, writes, clock)
     # heavy, and extras
     if connection.kind == "opcua":
@@ -291,29 +285,19 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     return HalLink()
 
 
-def _require_own_table(path: str, writes: tuple[str, ...], where: str) -> None:
-    """Ends with an error unless this file is new, empty, or begun with these outputs."""
-    if not Path(path).is_file():
-        return
-    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        head = next(csv.reader([file.readline(100_000)]), [])
-    if head and head != ["time_s", *writes]:
+def _require_table(path: str, writes: tuple[str, ...], where: str) -> None:
+    """Ends with an error unless this is a CSV with a column ``time_s``, or new, empty or begun with these outputs."""
+    is_there, head = Path(path).is_file(), list[str]()
+    if is_there:
+        with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            head = next(csv.reader([file.readline(100_000)]), [])
+    if writes and head not in ([], ["time_s", *writes]):
         raise OptionError(
             "a file with other columns",
             expected=f"no file yet, or one with the columns {', '.join(('time_s', *writes))}",
-            where=f"{where}: {path}",
+            where=where,
             advice="name another file for the outputs, or move this one away",
         )
-
-
-def _require_table(path: str, where: str) -> None:
-    """Ends with an error unless this is a CSV with a column ``time_s``."""
-
-    def refused(found: str) -> OptionError:
-        return OptionError(found, expected="a CSV with a column time_s", where=f"{where}: {path}", advice="correct url")
-
-    if not Path(path).is_file():
-        raise refused("no such file")
-    with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        if "time_s" not in next(csv.reader([file.readline(100_000)]), []):
-            raise refused("no column time_s")
+    if not writes and "time_s" not in head:
+        found = "no column time_s" if is_there else "no such file"
+        raise OptionError(found, expected="a CSV with a column time_s", where=where, advice="correct url")

@@ -10,12 +10,12 @@ from urllib.parse import urlsplit
 import aiomqtt
 
 from selector.live.io_file import Connection
-from selector.live.links import Clock, History, Sample, number_in
+from selector.live.links import Clock, Link, Sample, number_in
 
 LARGEST_PAYLOAD = 65_536
 
 
-class MqttLink:
+class MqttLink(Link):
     """A broker; an address is a topic, or ``topic#key.key`` for a number inside of JSON."""
 
     def __init__(self, connection: Connection, reads: Iterable[str], writes: Iterable[str], clock: Clock) -> None:
@@ -86,10 +86,6 @@ class MqttLink:
         for topic, value in values.items():
             self._awaited.add(topic)
             await self._client.publish(topic, repr(value), qos=1)
-
-    async def history(self, addresses: Iterable[str], since_s: float, until_s: float) -> History:
-        """See `Link`."""
-        return {}
 
     async def close(self) -> None:
         """See `Link`."""

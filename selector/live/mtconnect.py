@@ -10,13 +10,13 @@ from urllib.request import ProxyHandler, Request, build_opener
 from xml.etree import ElementTree
 
 from selector.live.io_file import Connection
-from selector.live.links import History, Sample, number_in
+from selector.live.links import History, Link, Sample, number_in
 
 LARGEST_ANSWER = 16_000_000
 PAGE = 1000  #: Observations that are asked for at once
 
 
-class MTConnectLink:
+class MTConnectLink(Link):
     """An agent; an address is the id of a data item."""
 
     def __init__(self, connection: Connection) -> None:
@@ -25,6 +25,9 @@ class MTConnectLink:
     async def open(self) -> None:
         """See `Link`."""
         await self._answer("current")
+
+    async def close(self) -> None:
+        """See `Link`; there is nothing to let go."""
 
     async def read(self, addresses: Iterable[str]) -> dict[str, Sample]:
         """See `Link`."""
@@ -57,9 +60,6 @@ class MTConnectLink:
                 break
             first = int(header["nextSequence"])
         return {item: sorted(of, key=lambda one: one[0]) for item, of in found.items()}
-
-    async def close(self) -> None:
-        """See `Link`; there is nothing to let go."""
 
     async def _answer(self, question: str) -> tuple[dict[str, str], list[tuple[str, float | None, str]]]:
         root = await asyncio.to_thread(self._document, question)

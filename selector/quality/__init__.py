@@ -61,13 +61,7 @@ def inspect(recording: Recording, channels: Iterable[str] | None = None) -> tupl
     Raises RecordingError: a name in `channels` is not in the recording.
     """
     wanted = None if channels is None else {recording.channel(name).name for name in channels}
-    survey = Survey(recording)
-    found: list[Finding] = []
-    with np.errstate(all="ignore"):
-        for check in _CHECKS:
-            new = list(check(survey))
-            survey.leave_out(new)
-            found += new
+    found = Survey(recording).found_by(_CHECKS)
     runs = {name: k for k, name in enumerate(recording.runs)}
     order = {name: k for k, name in enumerate(recording.names)}
 

@@ -50,6 +50,10 @@ class Relations:
         """Start of each block of a run and the end of the last [s], shape (n_blocks + 1,)."""
         return self._blocks[r][1]
 
+    def others(self, i: int, r: int) -> list[int]:
+        """The other runs in which a channel is present."""
+        return [o for o in range(len(self.runs)) if o != r and self.present[i, o]]
+
     @cached_property
     def _grams(self) -> Floats:
         return np.array([self.movement(r) @ self.movement(r).T for r in range(len(self.runs))])
@@ -191,7 +195,7 @@ def other_cause(
     `departure` is what the channel is off by [K], shape (n_blocks,); `off_elsewhere` the largest departure of any other
     channel in this run over what is usual for that channel.
     """
-    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    others = relations.others(i, r)
     size = float(np.quantile(np.abs(departure), 0.95))
     warm = _starting_elsewhere(relations, r, others)
     if warm is not None:
@@ -312,7 +316,7 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
                 siblings = relations.siblings(i) if siblings is None else siblings
                 begin, end = float(series.time_s[still.first[k]]), float(series.time_s[still.last[k]])
                 railed = float(still.value[k]) in extremes
-                others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+                others = relations.others(i, r)
                 due = _due(relations, i, siblings, r, others, (begin, end), quantum, railed=railed)
                 moving = [o for o in others if longest_s[o] < 0.5 * (end - begin)]
                 unsure = due is None and bool(moving)
@@ -352,7 +356,7 @@ def _departures(relations: Relations, i: int, siblings: Sequence[int]) -> Floats
 
 def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Floats, float]:
     """(departure in run r, largest departure in the other runs, each learned without run r and itself)."""
-    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    others = relations.others(i, r)
     departure = relations.departure(i, siblings, relations.weights(i, siblings, others), r)
     usual = [_FLOOR_K]
     for o in others[:: max(1, len(others) // _REFERENCES)]:
@@ -364,7 +368,7 @@ def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tu
 def _judged(relations: Relations, i: int, siblings: dict[int, list[int]], r: int) -> tuple[float, Finding] | None:
     """(how many times the usual departure, the finding) if a channel left its group in a run, and only it."""
     departure, usual = _excess(relations, i, siblings[i], r)
-    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    others = relations.others(i, r)
     movement = float(np.median([np.ptp(relations.movement(o)[i]) for o in others]))
     excess = _size(departure) / usual
     if _size(departure) < _LEAST_K or excess < _TIMES_USUAL or usual > _WELL_KNOWN * max(movement, _size(departure)):

@@ -1,6 +1,6 @@
 """What the channels of a recording look like, run by run: level, resolution, noise; and how a finding says it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,6 +105,16 @@ class Survey:
             return self.scale(run, column).quantum
         steps = [s.quantum for s in (self.scale(run, column) for run in self.runs) if s.distinct > 1]
         return float(np.median(steps)) if steps else 0.0
+
+    def found_by(self, checks: Iterable[Callable[["Survey"], Iterable[Finding]]]) -> list[Finding]:
+        """What checks find, one after the other; what one leaves out is blank for the next."""
+        found: list[Finding] = []
+        with np.errstate(all="ignore"):
+            for check in checks:
+                new = list(check(self))
+                self.leave_out(new)
+                found += new
+        return found
 
     def leave_out(self, findings: Iterable[Finding]) -> None:
         """Blank what these findings leave out."""

@@ -147,7 +147,7 @@ def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> flo
     """Movement of a channel over what its siblings say, learned on the other runs; None if it does not follow them."""
     i = relations.columns.index(column)
     siblings = relations.siblings(i, without=[relations.columns.index(other) for other in affected])
-    others = [o for o in range(len(relations.runs)) if o != r and relations.present[i, o]]
+    others = relations.others(i, r)
     if not siblings or not others or not relations.present[i, r]:
         return None
     told = relations.prediction(siblings, relations.weights(i, siblings, others), r)

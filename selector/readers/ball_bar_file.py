@@ -238,7 +238,6 @@ def _there_and_back(rows: Indices, angle: Vector) -> list[Indices]:
 
 
 def _way_in(name: str) -> Way | None:
-    """The direction that a heading names."""
     words = re.split(r"[\s_.()]+", name.casefold())
     return next((_WAYS[word] for word in words if word in _WAYS and not word[-1:].isdigit()), None)
 

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from selector.errors import ReadError, RecordingError, UnitError
 from selector.readers.clock.stamps import time_unit
-from selector.readers.roles.names import closest
+from selector.readers.roles.names import closest, one_of_words
 from selector.text_file import text_of, toml_key, toml_value
 from selector.units import ROLES, unit_for_role
 
@@ -203,8 +203,12 @@ def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, g
     ``[time]`` that nobody said.
     """
     lines: list[str] = []
+
+    def add(section: str, content: Mapping[str, Any]) -> None:
+        lines.extend([f"[{section}]", *(f"{key} = {toml_value(value)}" for key, value in content.items()), ""])
+
     if values.machine.name is not None:
-        lines += ["[machine]", f"name = {toml_value(values.machine.name)}", ""]
+        add("machine", {"name": values.machine.name})
     time = values.time.model_dump(exclude_none=True)
     if time or guessed_clock is not None:
         lines.append("[time]")
@@ -213,20 +217,16 @@ def machine_text(values: Machine, undeclared: Mapping[str, str] | None = None, g
             lines.append(f"# {guessed_clock}  # a guess: correct it, and take the first # away")
         lines.append("")
     for name, channel in values.channels.items():
-        lines.append(f"[channels.{toml_key(name)}]")
-        content = channel.model_dump(exclude_none=True)
-        lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
+        add(f"channels.{toml_key(name)}", channel.model_dump(exclude_none=True))
     for run, section in values.runs.items():
         content = section.model_dump(exclude_defaults=True, exclude={"channels"})
         if content or not section.channels:
-            lines.append(f"[runs.{toml_key(run)}]")
-            lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
+            add(f"runs.{toml_key(run)}", content)
         for name, repair in section.channels.items():
-            lines.append(f"[runs.{toml_key(run)}.channels.{toml_key(name)}]")
             content = repair.model_dump(exclude_defaults=True)
             if repair.leave_out == WHOLE:
                 content["leave_out"] = "all"
-            lines += [f"{key} = {toml_value(value)}" for key, value in content.items()] + [""]
+            add(f"runs.{toml_key(run)}.channels.{toml_key(name)}", content)
     for name, reason in (undeclared or {}).items():
         shown = " ".join(reason.split())
         lines += [f"# not a channel: {shown}", f"# [channels.{toml_key(name)}]", "# role = ", "# unit = ", ""]
@@ -245,11 +245,9 @@ def _invalid(error: ValidationError, text: str, where: str) -> ReadError:
     dotted = ".".join(path) or "the file"
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     if first["type"] == "extra_forbidden":
-        keys = _valid_keys(path[:-1])
-        near = closest(path[-1], keys)
         return ReadError(
             f"unknown key {path[-1]!r}{more}",
-            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(keys),
+            expected=one_of_words(path[-1], _valid_keys(path[:-1])),
             where=_place(where, text, path),
             advice="correct the spelling, or remove the line",
         )

@@ -247,7 +247,7 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         runs, planned, noticed = settled(timed, declared, overrides)
         recording, told = assembled(runs, planned)
     said = condensed([*findings, *noticed, *told])
-    infos, channels = tuple(_run_info(run) for run in runs), tuple(_channel_info(planned, runs))
+    infos, channels = tuple(map(_run_info, runs)), tuple(_channel_info(planned, runs))
     return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
 
 

@@ -62,10 +62,7 @@ def strict_rows(path: Path, name: str, what: str, example: str) -> tuple[list[tu
 
 
 def strict_number(cell: str, what: str, where: str, *, comma: bool) -> float:
-    """The number in a cell; `comma`: it may have a decimal comma.
-
-    Raises ReadError: it holds none.
-    """
+    """The number in a cell; `comma`: it may have a decimal comma. Raises ReadError: it holds none."""
     text = cell.strip().replace("−", "-")
     if comma and text.count(",") == 1:
         text = text.replace(",", ".")

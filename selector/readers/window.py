@@ -63,10 +63,7 @@ def within(run: TimedRun, overrides: Overrides) -> TimedRun | None:
 
 
 def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
-    """Ends with an error where nothing is left of any run.
-
-    Raises ReadError: so it is.
-    """
+    """Ends with an error where nothing is left of any run. Raises ReadError: so it is."""
     if not runs and not overrides.has_window:
         raise ReadError(
             f"runs that are no longer than {overrides.mean_s:g} s",

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from selector.atomic_file import write_whole
 from selector.errors import ModelFileError, StudyError
 from selector.physics.model_text import expected_text, key_text, keys_at, sections_of_text, shown
-from selector.readers.roles.names import closest
+from selector.readers.roles.names import one_of_words
 from selector.selection.options import MAX_ROUNDS
 from selector.text_file import text_of, toml_key, toml_value
 
@@ -143,13 +143,7 @@ class ExportSection(Table):
 class InputFile(Table):
     """``[[files]]``: one file that was read, and what it held then.
 
-    Attributes
-    ----------
-    path : str
-        Relative to the folder of the study file where that is possible, with ``/`` between folders.
-    sha256 : str
-        Of its bytes, 64 hexadecimal digits.
-    kind : {"recording", "machine", "simulation", "model"}
+    `path` is relative to the folder of the study file where that is possible, with ``/`` between folders.
     """
 
     path: KeyPath
@@ -160,23 +154,9 @@ class InputFile(Table):
 class Study(Table):
     """A study file.
 
-    Attributes
-    ----------
-    schema_ : str
-        ``"selector.study/1"``; the key is `schema`.
-    version : str
-        Of the program that wrote the file; another one may give other bytes.
-    date : str or None
-        As it stands in the results; the clock is never read.
-    recordings : Recordings
-    reading : ReadingSection
-    select : SelectSection or None
-    diagnose : DiagnoseSection or None
-    export : ExportSection or None
-    files : tuple of InputFile
-        In the order in which they were read.
-    results : mapping of str to str
-        Name of a file beside the study file → SHA-256 of what was written there.
+    `version` is that of the program that wrote it; another one may give other bytes. `date` is as it stands in the
+    results; the clock is never read. `files` are in the order in which they were read; `results`: name of a file beside
+    the study file → SHA-256 of what was written there.
     """
 
     schema_: Annotated[Literal["selector.study/1"], Field(alias="schema")] = "selector.study/1"
@@ -246,10 +226,7 @@ def parsed_study(text: str, *, where: str = "study file") -> Study:
 
 
 def study_sections(text: str, tables: str, where: str) -> dict[str, Any]:
-    """The tables of a TOML text; `tables` names some of those that are expected.
-
-    Raises StudyError: it is not TOML.
-    """
+    """The tables of a TOML text; `tables` names some of those that are expected. Raises StudyError: it is not TOML."""
     try:
         return sections_of_text(text, where=where)
     except ModelFileError as error:
@@ -311,11 +288,9 @@ def _invalid(error: ValidationError, kind: type[BaseModel], where: str, page: st
     more = f" (also wrong: {', '.join(elsewhere[:8])})" if elsewhere else ""
     place = f"{where}, key {key_text(key)}"
     if first["type"] == "extra_forbidden":
-        known = keys_at(kind, key[:-1])
-        near = closest(str(key[-1]), known)
         return StudyError(
             f"unknown key {shown(key[-1])}{more}",
-            expected=(f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(known),
+            expected=one_of_words(str(key[-1]), keys_at(kind, key[:-1])),
             where=place,
             advice=f"correct the spelling, or remove it; {page} explains every key",
         )

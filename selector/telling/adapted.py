@@ -21,7 +21,7 @@ from selector.telling.account import (
     sections,
     table,
 )
-from selector.telling.numbers import NONE, share_text, span_text
+from selector.telling.numbers import share_text, span_text
 from selector.telling.origin import label_text
 
 MOST_DRAWN = 6  #: Runs of a response that are drawn, the worst ones.
@@ -41,7 +41,8 @@ def adaptation_account(
     """
     described, provenance = description or {}, provenance or {}
     verdict, sentences = _advice(found)
-    urgent = remarks_of(found.findings, "error", "warning")
+    urgent, no_warnings = remarks_of(found.findings, "error", "warning"), Paragraph("No warnings were found.")
+    learnt = Captioned("Drift and noise", _learnt_table(found), on_screen=False)
     return Account(
         title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
         label=label_text("the recordings", "", provenance, described),
@@ -49,22 +50,12 @@ def adaptation_account(
         sentences=sentences,
         answer=_overall_table(found),
         sections=sections(
-            section(
-                "warnings",
-                "Before you use it",
-                Remarks(urgent) if urgent else Paragraph("No warnings were found."),
-                link="Warnings",
-            ),
+            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
             section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
             section(
                 "runs", "Run by run", Captioned("Errors", _runs_table(found)), *_drawings(found, drawn), link="Runs"
             ),
-            section(
-                "learnt",
-                "What the runs teach",
-                Captioned("Drift and noise", _learnt_table(found), on_screen=False),
-                link="Learnt",
-            ),
+            section("learnt", "What the runs teach", learnt, link="Learnt"),
             section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
             section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
@@ -74,12 +65,11 @@ def adaptation_account(
 
 
 def _advice(found: Adaptation) -> tuple[Verdict, tuple[str, ...]]:
-    said = [*_of_policy(found)]
     told = [_of_response(name, of, found) for name, of in found.responses.items()]
     is_bad = found.policy is not None and not found.policy.is_reached
     is_nothing = found.kind == "none" and (found.policy is None or found.policy.every_s is not None)
     verdict: Verdict = "bad" if is_bad else "plain" if is_nothing else "good"
-    return verdict, (*said, *told)
+    return verdict, (*_of_policy(found), *told)
 
 
 def _of_policy(found: Adaptation) -> Iterator[str]:
@@ -87,14 +77,10 @@ def _of_policy(found: Adaptation) -> Iterator[str]:
     if policy is None:
         return
     if not policy.is_reached:
+        how = "without probing" if policy.every_s is None else f"with a touch-off every {span_text(policy.every_s)}"
         yield (
             f"± {number_text(policy.within_um)} µm cannot be held in 95 % of the time, however often the machine is "
-            f"probed; {share_text(policy.share_within)} was reached"
-            + (
-                " without probing."
-                if policy.every_s is None
-                else f" with a touch-off every {span_text(policy.every_s)}."
-            )
+            f"probed; {share_text(policy.share_within)} was reached {how}."
         )
     elif policy.every_s is None:
         yield (
@@ -156,31 +142,22 @@ def _runs_table(found: Adaptation) -> Table:
     return table(["run", "response", *_HEADINGS], rows)
 
 
-def _cells(one: Accuracy) -> tuple[str, ...]:
-    def text(value: float | None) -> str:
-        return NONE if value is None else number_text(value)
-
-    share = NONE if one.interval_share is None else share_text(one.interval_share)
+def _cells(one: Accuracy) -> tuple[str | float | None, ...]:
+    share = None if one.interval_share is None else share_text(one.interval_share)
     errors = (one.rmse_um, one.max_um, one.without_rmse_um, one.before_rmse_um)
-    return (*map(text, errors), str(one.touch_offs), share)
+    return (*errors, str(one.touch_offs), share)
 
 
 def _learnt_table(found: Adaptation) -> Table:
     rows = []
     for name, of in found.responses.items():
-        unseen = [number_text(of.rmse_um_of[kind]) if kind in of.rmse_um_of else NONE for kind in KINDS]
-        if of.learnt is None:
-            rows.append((name, of.kind, *unseen, *[NONE] * 5))
-            continue
-        drift, hour = of.learnt.drift, 60.0
-        rows.append(
-            (
-                name, of.kind, *unseen, number_text(drift.offset_start_um2**0.5),
-                number_text(drift.offset_um2_per_s**0.5 * hour), number_text(drift.noise_um2**0.5),
-                number_text(drift.gain_start**0.5 * 100) if drift.has_gain else NONE,
-                number_text(drift.offset_limit_um),
-            )
-        )  # fmt: skip
+        learnt: tuple[float | None, ...] = (None,) * 5
+        if of.learnt is not None:
+            drift, hour = of.learnt.drift, 60.0
+            starts = drift.offset_start_um2**0.5, drift.gain_start**0.5 * 100 if drift.has_gain else None
+            learnt = (starts[0], drift.offset_um2_per_s**0.5 * hour, drift.noise_um2**0.5, starts[1])
+            learnt = (*learnt, drift.offset_limit_um)
+        rows.append((name, of.kind, *(of.rmse_um_of.get(kind) for kind in KINDS), *learnt))
     headings = [
         "response", "kind", ">model alone [µm]", ">offset [µm]", ">offset and gain [µm]", ">offset at the start [µm]",
         ">drift [µm/√h]", ">noise [µm]", ">gain at the start [%]", ">limit of the offset [µm]",

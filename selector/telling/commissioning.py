@@ -30,7 +30,7 @@ from selector.telling.account import (
     table,
 )
 from selector.telling.model_card import STANDARD, card_blocks, formula_blocks, limits_table, sensors_table
-from selector.telling.numbers import NONE, share_text
+from selector.telling.numbers import share_text
 
 MOST_RUNS_DRAWN = 3
 
@@ -115,17 +115,8 @@ def _sign_blocks(model: ModelFile, test: SignTest, target: Target, name: str, is
         ["output", "axis", "command", "wait", "the control shows", "the indicator has to read [µm]", "read [µm]",
          "right", "date, name"],
         [
-            (
-                one.output,
-                one.axis or NONE,
-                one.command,
-                f"{one.wait_s:.0f} s" if one.wait_s else "none",
-                one.shown,
-                f"{one.expected_um:+g}".replace("-", "−"),
-                "",
-                "☐ yes ☐ no",
-                "",
-            )
+            (one.output, one.axis or None, one.command, f"{one.wait_s:.0f} s" if one.wait_s else "none", one.shown,
+             f"{one.expected_um:+g}".replace("-", "−"), "", "☐ yes ☐ no", "")
             for one in test.commanded
         ],
     )  # fmt: skip
@@ -232,19 +223,9 @@ def replay_table(replay: Replay) -> Table:
     rows = []
     for run in replay.runs:
         for name, of in run.accuracy.items():
-            rows.append(
-                (
-                    run.run,
-                    name,
-                    str(len(run.time_s)),
-                    number_text(run.max_abs_difference_um) if run.max_abs_difference_um else "0",
-                    number_text(of.before_rmse_um),
-                    number_text(run.applied[name].rmse_um) if name in run.applied else NONE,
-                    number_text(of.rmse_um),
-                    number_text(of.max_um),
-                    share_text(run.faulty_share),
-                )
-            )
+            alone = run.applied[name].rmse_um if name in run.applied else None
+            errors = (run.max_abs_difference_um, of.before_rmse_um, alone, of.rmse_um, of.max_um)
+            rows.append((run.run, name, str(len(run.time_s)), *errors, share_text(run.faulty_share)))
     return table(
         ["run", "output", ">samples", ">program − reference [µm]", ">without correction: rms [µm]",
          ">apply: rms [µm]", ">with correction: rms [µm]", ">with correction: largest [µm]", ">not the whole model"],
@@ -255,17 +236,11 @@ def replay_table(replay: Replay) -> Table:
 
 def parts_table(replay: Replay) -> Table:
     """One row per written file and output."""
-    rows = [
-        (
-            part.file,
-            part.output,
-            number_text(part.max_abs_difference_um) if part.max_abs_difference_um else "0",
-            number_text(part.allowed_um) if part.allowed_um else "0",
-            number_text(part.guard_difference_um) if part.lacks else "0",
-            part.executed_by,
-        )
-        for part in replay.parts
-    ]
+    rows = []
+    for part in replay.parts:
+        smaller_guard = part.guard_difference_um if part.lacks else 0.0
+        differences = (part.max_abs_difference_um, part.allowed_um, smaller_guard)
+        rows.append((part.file, part.output, *differences, part.executed_by))
     return table(
         ["file", "output", ">largest difference [µm]", ">allowed [µm]", ">smaller guard [µm]", "executed by"],
         rows,
@@ -276,20 +251,11 @@ def parts_table(replay: Replay) -> Table:
 
 def rehearsal_table(replay: Replay) -> Table:
     """One row per rehearsed fault and output."""
-    first, waits = replay.rehearsal[0], "never noticed"
-    rows = [
-        (
-            one.sensor or "control",
-            one.fault,
-            one.output,
-            number_text(one.healthy_rmse_um),
-            number_text(one.left.rmse_um),
-            number_text(one.left.max_um),
-            one.mode or NONE,
-            waits if one.reacts_after_s is None else f"{one.reacts_after_s:.0f}",
-        )
-        for one in replay.rehearsal
-    ]
+    first, rows = replay.rehearsal[0], []
+    for one in replay.rehearsal:
+        errors = (one.healthy_rmse_um, one.left.rmse_um, one.left.max_um)
+        reacts = "never noticed" if one.reacts_after_s is None else f"{one.reacts_after_s:.0f}"
+        rows.append((one.sensor or "control", one.fault, one.output, *errors, one.mode or None, reacts))
     return table(
         ["what fails", "how", "output", ">without the fault: rms [µm]", ">left: rms [µm]", ">left: largest [µm]",
          "it follows", ">reacts after [s]"],

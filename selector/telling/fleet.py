@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer, WatchedMachine
+from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer
 from selector.number_text import number_text
 from selector.telling.account import Account, Captioned, Items, Table, section, sections, table
 from selector.telling.numbers import NONE
@@ -216,6 +216,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
     responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
     ordered = [(name, answer.machines[name]) for name in _by_error(answer)]
     watched = {} if beside.watch is None else beside.watch.machines
+    alarms = [name for name, one in watched.items() if one.status == "alarm"]
     rows = [
         (
             name,
@@ -236,7 +237,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
         rows,
         "Failed ones first, then by the largest root mean square error on unseen runs. Bars: this error run by run, "
         "the highest of a machine is full. An answer lies in the folder that is called by its key.",
-        marked=[i for i, (name, one) in enumerate(ordered) if one.status in _UNWELL or _has_alarm(watched.get(name))],
+        marked=[i for i, (name, one) in enumerate(ordered) if one.status in _UNWELL or name in alarms],
     )
 
 
@@ -244,10 +245,6 @@ def _bars(errors: Sequence[float]) -> str:
     """Numbers as a small row of bars; of many the last ones."""
     top = max(errors, default=0.0)
     return "".join(_BARS[min(int(len(_BARS) * error / top), len(_BARS) - 1)] for error in errors[-24:]) if top else ""
-
-
-def _has_alarm(one: WatchedMachine | None) -> bool:
-    return one is not None and one.status == "alarm"
 
 
 def _gravest(findings: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:

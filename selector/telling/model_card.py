@@ -67,10 +67,10 @@ def sensors_table(model: ModelFile, *, has_guard: bool = True) -> Table:
             (
                 str(k),
                 item.name,
-                item.place or NONE,
+                item.place or None,
                 "rise since the start" if item.reference == "rise" else "reading",
-                number_text(item.valid_min),
-                number_text(item.valid_max),
+                item.valid_min,
+                item.valid_max,
                 _unit(item),
                 _faults(item) if has_guard else "not looked for",
             )
@@ -115,15 +115,14 @@ def limits_table(model: ModelFile) -> Table:
 
 
 def _touch_offs(of: Adaptation) -> Table:
-    """What touch-offs do to each output."""
     rows = [
         (
             one.output,
-            number_text(one.noise_um2**0.5),
-            number_text(one.offset_start_um2**0.5),
-            number_text((3600.0 * one.offset_um2_per_s) ** 0.5),
-            number_text(one.offset_limit_um),
-            NONE if one.gain_limit == 0.0 else number_text(100.0 * one.gain_limit),
+            one.noise_um2**0.5,
+            one.offset_start_um2**0.5,
+            (3600.0 * one.offset_um2_per_s) ** 0.5,
+            one.offset_limit_um,
+            100.0 * one.gain_limit or None,
         )
         for one in of.outputs
     ]
@@ -182,26 +181,24 @@ def _method(model: ModelFile) -> Table:
     memory = ", ".join(f"{state.source} over {span_text(state.tau_s)}" for state in model.states)
     rows = [
         ("model", model.name),
-        ("method", origin.method or NONE),
-        ("why", origin.note or NONE),
+        ("method", origin.method or None),
+        ("why", origin.note or None),
         ("memory", memory or "none"),
-        ("made by", NONE if origin.version is None else f"selector {origin.version}"),
-        ("seed", NONE if origin.seed is None else str(origin.seed)),
+        ("made by", None if origin.version is None else f"selector {origin.version}"),
+        ("seed", None if origin.seed is None else str(origin.seed)),
     ]
     return table(["", ""], rows)
 
 
 def _coefficients(model: ModelFile) -> Table:
-    rows = []
+    rows: list[tuple[str | float, ...]] = []
     for output in model.outputs:
         rows.append((output.name, "intercept", _uncertain(output.intercept, output.intercept_standard_error)))
         for term in output.terms:
             factors = " · ".join(name if power == 1 else f"{name}^{power}" for name, power in term.powers.items())
             rows.append((output.name, factors, _uncertain(term.coefficient, term.standard_error)))
         if output.position is not None:
-            rows.append(
-                (output.name, f"slope over {output.position.axis} [µm/m]", number_text(output.position.intercept))
-            )
+            rows.append((output.name, f"slope over {output.position.axis} [µm/m]", output.position.intercept))
     return table(
         ["output", "term", ">coefficient ± standard error [µm]"],
         rows,
@@ -223,12 +220,12 @@ def _validation(model: ModelFile) -> Table:
         [
             (
                 name,
-                number_text(proof.heldout_rmse_um),
-                number_text(proof.heldout_max_um),
-                number_text(proof.rmse_um),
+                proof.heldout_rmse_um,
+                proof.heldout_max_um,
+                proof.rmse_um,
                 number_text(proof.adjusted_r2, 5),
-                NONE if proof.n_runs is None else str(proof.n_runs),
-                proof.method or NONE,
+                None if proof.n_runs is None else str(proof.n_runs),
+                proof.method or None,
             )
             for name, proof in model.validation.items()
         ],

@@ -7,6 +7,7 @@ import dataclasses
 import json
 import threading
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partialmethod
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,11 @@ class Bench:
         """The recordings that are used, as a menu offers them."""
         return [{"label": path.name, "value": str(path)} for path in self.used]
 
+    def channels(self, *roles: str) -> list[str]:
+        """Names of the channels that were read, of these roles if any."""
+        recording = None if self.material.reading is None else self.material.reading.recording
+        return [] if recording is None else list(recording.with_role(*roles) if roles else recording.names)
+
     @property
     def simulated(self) -> tuple[Path, ...]:
         """The simulated runs in the study folder."""
@@ -117,8 +123,7 @@ class Bench:
 
         Raises OptionError: an option has a value that cannot be used.
         """
-        with self._lock:
-            return self._taken("options", dataclasses.replace(self.options, **changes))
+        return self._choose("options", **changes)
 
     def choose_diagnosis(self, **changes: Any) -> bool:
         """Changes options of the diagnosis; whether any is different now.
@@ -129,20 +134,14 @@ class Bench:
             asked = diagnose_section(self.folder, **{**self._diagnosis.model_dump(exclude=_COMPARED), **changes})
             return self._taken("_diagnosis", asked)
 
-    def choose_export(self, **changes: Any) -> bool:
-        """Changes what is asked of an export; whether anything is different now."""
+    def _choose(self, what: str, **changes: Any) -> bool:
         with self._lock:
-            return self._taken("export", dataclasses.replace(self.export, **changes))
+            return self._taken(what, dataclasses.replace(getattr(self, what), **changes))
 
-    def choose_prediction(self, **changes: Any) -> bool:
-        """Changes what is asked of a prediction; whether anything is different now."""
-        with self._lock:
-            return self._taken("prediction", dataclasses.replace(self.prediction, **changes))
-
-    def choose_ball_bar(self, **changes: Any) -> bool:
-        """Changes what is asked of measured circles; whether anything is different now."""
-        with self._lock:
-            return self._taken("ball_bar", dataclasses.replace(self.ball_bar, **changes))
+    #: As `choose`: what is asked of an export, of a prediction, of measured circles
+    choose_export = partialmethod(_choose, "export")
+    choose_prediction = partialmethod(_choose, "prediction")
+    choose_ball_bar = partialmethod(_choose, "ball_bar")
 
     def choose_simulation(self, **changes: Any) -> bool:
         """Changes what is simulated; whether anything is different now. Another machine has other parameters."""

@@ -35,7 +35,7 @@ def several(name: str, title: str, note: str, offered: Callable[[], list[Any]]) 
     return Box(name, title, note, lambda names: tuple(names or ()), list, list[str] | None, _many, offered)
 
 
-def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], Any] = str, note: str = "") -> Box:
+def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], Any] = str) -> Box:
     """A field for one of a few words."""
 
     def chosen(word: str) -> Any:
@@ -43,7 +43,7 @@ def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], An
             raise not_sent(word, f"one of {', '.join(words)}", title)
         return read(word)
 
-    return Box(name, title, note, chosen, str, str, lambda box, value: parts.choice(box, words, value))
+    return Box(name, title, "", chosen, str, str, lambda box, value: parts.choice(box, words, value))
 
 
 def tick(name: str, title: str) -> Box:

@@ -33,10 +33,7 @@ class Latest(Generic[_Made]):
         self._problem: InputError | None = None
 
     def of(self, asked: object, work: Callable[[], _Made]) -> _Made | None:
-        """What `work` makes of what is `asked`; None: it is being made.
-
-        Raises InputError: it cannot be made.
-        """
+        """What `work` makes of what is `asked`; None: it is being made. Raises InputError: it cannot be made."""
         with self._lock:
             if asked != self._asked:
                 self._asked, self._work, self._made, self._problem = asked, work, None, None

@@ -22,7 +22,7 @@ from selector.diagnosis.effects.vibration.hysteresis import EFFECT as HYSTERESIS
 from selector.diagnosis.matching.alignment import comparison_of
 from selector.diagnosis.shapes.force_response import closed_loop
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import rate
 from selector.errors import OptionError, ReadError
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -44,7 +44,7 @@ def answered(name: str) -> Outcome:
 def errors(comparison: Comparison, response: str, effect: Effect) -> tuple[float, float]:
     """Held-out root mean square error as given, and with the variant that fits the other rows best."""
     fitted = ~comparison.held_out
-    simulation = filled(comparison, comparison.simulated[response])
+    simulation = comparison.simulated_course(response)
     target = comparison.difference(response)
     base = np.column_stack([np.ones(len(simulation)), simulation, rate(comparison, simulation)])
     best, left = np.inf, target

@@ -85,10 +85,7 @@ class Asked:
 
 
 def asked_of(opened: OpenedStudy) -> Asked:
-    """What the ``[diagnose]`` of a study asks.
-
-    Raises StudyError: it has none.
-    """
+    """What the ``[diagnose]`` of a study asks. Raises StudyError: it has none."""
     from selector.study import path_at
     from selector.study.asked import require_diagnose
 
@@ -218,13 +215,13 @@ class Answer:
 
 
 def answered(source: Source, asked: Asked, progress: Callable[[str, float], None]) -> Answer:
-    """Read, compare and diagnose.
-
-    Raises InputError: a file cannot be read, or what is asked cannot be answered.
-    """
+    """Read, compare and diagnose. Raises InputError: a file cannot be read, or what is asked cannot be answered."""
     progress("reading", 0.0)
-    say = _in_steps(progress)
     improved, simulated = None, None
+
+    def say(done: int, total: int, text: str) -> None:
+        progress(text, 0.05 + 0.95 * done / max(total, 1))
+
     _require(
         asked.model is None or source.mean_s is None, "--mean-s beside --model", "inputs as they were recorded",
         "--mean-s", "leave it out: a mean of the speed does not drive a model as the speed does",
@@ -272,9 +269,7 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
     return dataclasses.replace(comparison, findings=findings), simulated
 
 
-def _of_model(
-    reading: Reading, model: Path, asked: Asked, say: Callable[[int, int, str], None]
-) -> tuple[Diagnosis, Improved | None]:
+def _of_model(reading: Reading, model: Path, asked: Asked, say: Progress) -> tuple[Diagnosis, Improved | None]:
     """The diagnosis of a model that can be run again, and the improved one."""
     from selector.study.material import without_folders
 
@@ -298,10 +293,6 @@ def _provenance(
         asked["model"] = printable_name(model.name)
         asked["SHA-256 of the model"] = hashlib.sha256(model.read_bytes()).hexdigest()
     return told | asked
-
-
-def _in_steps(progress: Callable[[str, float], None]) -> Callable[[int, int, str], None]:
-    return lambda done, total, text: progress(text, 0.05 + 0.95 * done / max(total, 1))
 
 
 def correction_told(found: Diagnosis, improved: Improved | None) -> tuple[Diagnosis, ModelFile | None]:

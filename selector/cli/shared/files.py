@@ -1,9 +1,22 @@
 """Where do files go: into a folder that is named, and that holds nothing which is read."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from selector.atomic_file import folder_written_whole
 from selector.errors import OptionError
+from selector.telling.account import Account
+
+
+def write_answer(out: Path, texts: Mapping[str, str], account: Account, earlier: Iterable[str] = ()) -> list[str]:
+    """Texts by their names and the page of an account into a folder, all or none; the names written."""
+    from selector.telling import write_account
+
+    with folder_written_whole(out, earlier) as folder:
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_account(account, folder / "report.html")
+    return [*texts, "report.html"]
 
 
 def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
@@ -24,10 +37,7 @@ def refuse_folder_of_inputs(out: Path, inputs: Iterable[str | Path]) -> None:
 
 
 def written_folder(text: str | Path) -> Path:
-    """The folder that an option names.
-
-    Raises OptionError: it names none.
-    """
+    """The folder that an option names. Raises OptionError: it names none."""
     if not str(text).strip():
         raise OptionError(
             "an empty name",

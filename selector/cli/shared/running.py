@@ -18,7 +18,7 @@ import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from typing import Any, TextIO
+from typing import Any
 
 import typer
 
@@ -94,7 +94,8 @@ def _as_input_error(error: Exception) -> InputError | None:
     """The error as the user's to solve, or None when it is a defect of ours."""
     if isinstance(error, InputError):
         return error
-    if _is_usage_error(error):
+    # typer brings its own click, so that the type of a wrong command line has no stable name
+    if hasattr(error, "format_message") and hasattr(error, "exit_code"):
         return _usage_error(error)
     if isinstance(error, UnicodeEncodeError):
         return OptionError(
@@ -145,11 +146,6 @@ EXTRAS = {
 }
 
 
-def _is_usage_error(error: Exception) -> bool:
-    """Whether the command line itself is at fault; typer brings its own click, so the type has no stable name."""
-    return hasattr(error, "format_message") and hasattr(error, "exit_code")
-
-
 def _usage_error(error: Any) -> OptionError:
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "selector"
@@ -190,8 +186,7 @@ def _debugging() -> bool:
     return os.environ.get("SELECTOR_DEBUG", "") not in ("", "0")
 
 
-def _say(text: str, stream: TextIO | None = None) -> None:
-    stream = sys.stderr if stream is None else stream
-    encoding = getattr(stream, "encoding", None) or "utf-8"
-    stream.write(f"selector: {text}\n".encode(encoding, "backslashreplace").decode(encoding))
-    stream.flush()
+def _say(text: str) -> None:
+    encoding = getattr(sys.stderr, "encoding", None) or "utf-8"
+    sys.stderr.write(f"selector: {text}\n".encode(encoding, "backslashreplace").decode(encoding))
+    sys.stderr.flush()

@@ -128,20 +128,26 @@ def show_account(console: Console, account: Account, *, everything: bool = False
                 show_captioned(console, block, section.title, most=most, noted=noted)
             elif isinstance(block, Heading) and block.on_screen:
                 console.print(_harmless(block.text), style="bold", markup=False)
-            elif isinstance(block, Note | Paragraph) and block.on_screen and not _is_said(block.text, account):
+            elif isinstance(block, Note | Paragraph) and block.on_screen:
+                # the sentences of the answer may have it already
+                if any(block.text.rstrip(".") in sentence for sentence in account.sentences):
+                    continue
                 lead = f"{block.lead} " if isinstance(block, Paragraph) and block.lead else ""
                 console.print(_harmless(lead + block.text), "", sep="\n", markup=False)
-
-
-def _is_said(text: str, account: Account) -> bool:
-    """Whether the sentences of the answer have it already."""
-    return any(text.rstrip(".") in sentence for sentence in account.sentences)
 
 
 def show_answer(console: Console, account: Account, findings: Iterable[Finding], *, everything: bool) -> None:
     """What an account says, the findings of the answer, and where the rest is."""
     show_account(console, account, everything=everything)
     show_findings(console, findings, everything=everything, more=account.brief is not None)
+
+
+def tell_answer(account: Account, findings: Iterable[Finding], *, everything: bool, as_json: bool) -> None:
+    """The answer of a command: its JSON, or what people read."""
+    if as_json:
+        print_json(account.data)
+    else:
+        show_answer(screen(), account, findings, everything=everything)
 
 
 def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -> None:

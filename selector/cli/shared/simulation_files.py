@@ -28,10 +28,7 @@ class Destination:
 
 
 def require_inputs_for_machine(machine: Path | None, inputs: Sequence[Path] | None) -> None:
-    """Refuses a machine file that describes no recordings.
-
-    Raises OptionError: `--machine` without `--inputs`.
-    """
+    """Refuses a machine file that describes no recordings. Raises OptionError: `--machine` without `--inputs`."""
     if machine is not None and not inputs:
         raise OptionError(
             "--machine without --inputs",

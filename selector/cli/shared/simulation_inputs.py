@@ -124,7 +124,8 @@ def _with_its_clock(
             ) from error
     free = machine.model_copy(update={"time": machine.time.model_copy(update={"unit": None})})
     found = _in_its_units(paths, free, dataclasses.replace(overrides, time_unit=None))
-    if not _unit_guessed(found):
+    times = [found.reading["time"], *(own["time"] for own in found.reading.get("per_run", {}).values())]
+    if not any("unit" in time["guessed"] for time in times):
         return found
     told = recorded.reading["time"]["unit"]
     usual = told if told in _UNITS_S else None
@@ -170,11 +171,6 @@ def _in_its_units(paths: Sequence[Path], machine: Machine, overrides: Overrides)
             where=f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}",
             advice="correct the unit in the header, or simulate the quantity that was recorded",
         ) from error
-
-
-def _unit_guessed(found: Reading) -> bool:
-    times = [found.reading["time"], *(own["time"] for own in found.reading.get("per_run", {}).values())]
-    return any("unit" in time["guessed"] for time in times)
 
 
 def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str | None:

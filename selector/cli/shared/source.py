@@ -114,10 +114,7 @@ class Source:
             )
 
     def overrides(self) -> Overrides:
-        """What the user decides instead of the reader.
-
-        Raises OptionError: an option cannot be used.
-        """
+        """What the user decides instead of the reader. Raises OptionError: an option cannot be used."""
         from selector.readers import Overrides
 
         said = {name: value for name, value in vars(self).items() if name not in ("runs", "machine")}
@@ -160,7 +157,8 @@ def with_source(command: Callable[..., None], runs: Any = None) -> Callable[...,
 
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
-    leading = [part for part in own if _is_argument(part.annotation) or (runs is not None and _is_needed(part))]
+    needed = [part for part in own if runs is not None and part.default is inspect.Parameter.empty]
+    leading = [part for part in own if _is_argument(part.annotation) or part in needed]
     parameters = [*leading, named, shared[0], *(part for part in own if part not in leading), *shared[1:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
@@ -183,10 +181,6 @@ def _one_by_one(kind: Any) -> list[inspect.Parameter]:
 
 def _is_argument(annotation: Any) -> bool:
     return any(isinstance(note, type(typer.Argument())) for note in get_args(annotation))
-
-
-def _is_needed(part: inspect.Parameter) -> bool:
-    return part.default is inspect.Parameter.empty
 
 
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:

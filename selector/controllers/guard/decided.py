@@ -11,6 +11,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.model_file import ModelFile, Output, OutputLimits, with_signs
 from selector.errors import OptionError
 from selector.findings import Finding
+from selector.json_text import fields_of
 
 LARGEST_NUMBER = 1e9  #: What is beyond it, in whatever unit, is no reading, no position and no correction.
 #: Clocks stop there: what is added to a larger one is lost in single precision. A longer time between calls is none.
@@ -150,9 +151,7 @@ def with_decided_limits(model: ModelFile) -> ModelFile:
     limits = tuple(
         OutputLimits(
             output=name,
-            clamp_um=of.clamp_um,
-            slew_um_per_s=of.slew_um_per_s,
-            dead_band_um=of.dead_band_um,
+            **fields_of(of, "clamp_um", "slew_um_per_s", "dead_band_um"),
             slope_clamp_um_per_m=of.slope_clamp_um_per_m or None,
         )
         for name, of in decided.items()

@@ -116,8 +116,7 @@ def recomputed(model: ModelFile, of: GuardedModel, vector: GuardVector) -> dict[
 
 def _start(item: Input) -> float:
     """A start reading inside the limits of readings."""
-    low = -math.inf if item.reading_min is None else item.reading_min
-    high = math.inf if item.reading_max is None else item.reading_max
+    low, high = item.reading_limits
     return START_DEGC if low <= START_DEGC <= high else low if math.isfinite(low) else high
 
 

@@ -12,6 +12,8 @@ from typing import Literal
 Kind = Literal["real", "flag", "code"]
 #: Outputs are kept from call to call, too; what is retained outlives a restart of the control.
 Place = Literal["input", "output", "kept", "retained", "temporary"]
+#: Places that last, with what is said above their variables.
+PLACES = {"input": "inputs", "output": "outputs", "retained": "to be kept when the control is off", "kept": "state"}
 
 
 def _joined(sign: str) -> Callable[[Expression, Expression | float], Operation]:
@@ -162,7 +164,6 @@ def _truth(of: Expression, known: Mapping[str, bool]) -> bool | None:
 
 
 def _named(of: Statement | Expression) -> Iterator[str]:
-    """Names of the variables that occur."""
     if isinstance(of, Variable):
         yield of.name
     for part in vars(of).values():

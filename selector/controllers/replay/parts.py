@@ -215,12 +215,13 @@ class Part:
 
 def units_in_single_um(model: ModelFile, rows: Rows, _whole: Answers) -> dict[str, float]:
     """K0, slope and reference position in other units: a literal and a product are rounded, at these positions."""
-    found, far_m = {}, farthest_m(model, rows)
+    found, places, axes = {}, places_m(model, rows), axes_of(model)
     limits, _ = decided_limits(model)
     for output in model.outputs:
-        limit, reach_m = limits[output.name], 0.0
-        if output.position is not None:
-            reach_m = far_m[output.name] + abs(output.position.reference_m)
+        limit, reach_m, part = limits[output.name], 0.0, output.position
+        if part is not None:
+            far_m = np.abs(places[:, axes.index(part.axis)] - part.reference_m)
+            reach_m = float(np.max(far_m, initial=0.0)) + abs(part.reference_m)
         found[output.name] = 2.1 * SINGLE * (limit.clamp_um + reach_m * limit.slope_clamp_um_per_m)
     return found
 
@@ -230,14 +231,3 @@ def tenths_um(model: ModelFile, rows: Rows, whole: Answers) -> dict[str, float]:
     limits, _ = decided_limits(model)
     # and float64 itself
     return {name: 0.05 + 0.5e-7 * of.slope_clamp_um_per_m + 1e-9 for name, of in limits.items()}
-
-
-def farthest_m(model: ModelFile, rows: Rows) -> dict[str, float]:
-    """Per output, the largest distance of a position of the rows from the reference; 0 without a slope."""
-    places, axes = places_m(model, rows), list(dict.fromkeys(o.position.axis for o in model.outputs if o.position))
-    return {
-        o.name: 0.0
-        if o.position is None
-        else float(np.max(np.abs(places[:, axes.index(o.position.axis)] - o.position.reference_m), initial=0.0))
-        for o in model.outputs
-    }

@@ -130,14 +130,10 @@ def _reaction(
         noticed |= (code > SensorCode.RECOVERING) & (kept >= at)
     reacts_s = float(time_s[kept[int(np.argmax(noticed))]] - time_s[at]) if noticed.any() else None
     modes, counts = np.unique(answers.mode[changed if changed.any() else kept >= at], return_counts=True)
-    return mode_text(model, int(modes[int(np.argmax(counts))])), reacts_s
-
-
-def mode_text(model: ModelFile, mode: int) -> str:
-    """A mode in words."""
+    mode = int(modes[int(np.argmax(counts))])
     if mode >= Mode.FALLBACK and mode - Mode.FALLBACK < len(model.fallbacks):
-        return f"fallback without {', '.join(model.fallbacks[mode - Mode.FALLBACK].without)}"
-    return Mode(mode).name.lower().replace("_", " ")
+        return f"fallback without {', '.join(model.fallbacks[mode - Mode.FALLBACK].without)}", reacts_s
+    return Mode(mode).name.lower().replace("_", " "), reacts_s
 
 
 def rehearsal_findings(found: Sequence[Rehearsed]) -> Iterator[Finding]:

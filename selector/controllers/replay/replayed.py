@@ -222,21 +222,8 @@ def _run(
     cut = [wanted_beyond_clamp(model, applied, run, name) for name in accuracy] if main.part.tells_mode else []
     clamped = tuple(one for one in cut if one is not None)
     because = {name: tuple(_because(applied, clamped, run, name, faulty, begins_s, main.part)) for name in accuracy}
-    alone = applied.per_run[run]
-    return ReplayedRun(
-        run,
-        time_s,
-        correction_um,
-        main.expected_um,
-        recorded,
-        accuracy,
-        faulty,
-        beyond,
-        begins_s,
-        alone,
-        because,
-        clamped,
-    )
+    said = faulty, beyond, begins_s, applied.per_run[run], because, clamped
+    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, *said)
 
 
 def _because(

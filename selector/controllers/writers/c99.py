@@ -9,7 +9,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Language, Program, Variable, plain
+from selector.controllers.program.language import PLACES, Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
 from selector.controllers.writers.exported import Exported, heading, sign_test
 from selector.errors import OptionError
@@ -117,9 +117,8 @@ def c_core(program: Program, precision: Precision) -> tuple[list[str], list[str]
 
 def c_members(program: Program, precision: Precision) -> list[str]:
     """Members of the struct, one a line, with what they mean."""
-    titles = {"input": "inputs", "output": "outputs", "retained": "to be kept when the control is off", "kept": "state"}
     lines = []
-    for place, title in titles.items():
+    for place, title in PLACES.items():
         lines.append(f"    /* {title} */")
         for one in _members(program):
             if one.place == place:

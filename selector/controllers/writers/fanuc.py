@@ -213,8 +213,6 @@ class _MacroText(Language):
 
 
 class _Blocks:
-    """Statements of a program as blocks."""
-
     _OPPOSITE: Mapping[str, str] = {"<": "GE", "<=": "GT", ">": "LE", ">=": "LT", "==": "NE"}
     _SIGNS: Mapping[str, str] = {"<": "LT", "<=": "LE", ">": "GT", ">=": "GE", "==": "EQ"}
 

@@ -154,7 +154,9 @@ def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
     """Source of the component for halcompile."""
     program = guarded_program(model)
     head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
-    kept = _kept_pins(program)
+    # what has to outlive LinuxCNC; a change of `restart` takes it over
+    said = "set it, with restart, before the thread starts"
+    kept = [Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; {said}") for one in program.of("retained")]
     lines = [
         "/*",
         *head,
@@ -213,12 +215,6 @@ def output_pins(model: ModelFile) -> list[Pin]:
     for k, output in enumerate(model.outputs, start=1):
         pins.append(Pin(f"counts_{k}", "s32", f"for axis.L.eoffset-counts, {output.name} [0.1 um]"))
     return pins
-
-
-def _kept_pins(program: Program) -> list[Pin]:
-    """What has to outlive LinuxCNC; a change of ``restart`` takes it over."""
-    said = "set it, with restart, before the thread starts"
-    return [Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; {said}") for one in program.of("retained")]
 
 
 def _declared(pin: Pin) -> str:

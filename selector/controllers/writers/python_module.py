@@ -4,7 +4,7 @@ from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import Program, plain
+from selector.controllers.program.language import PLACES, Program, plain
 from selector.controllers.writers.exported import Exported, heading, sign_test
 
 MODULE_NAME = "thermal_correction"
@@ -54,8 +54,7 @@ def _class(program: Program) -> list[str]:
         "",
         "    def __init__(self):",
     ]
-    titles = {"input": "inputs", "output": "outputs", "retained": "to be kept when the control is off", "kept": "state"}
-    for place, title in titles.items():
+    for place, title in PLACES.items():
         lines.append(f"        # {title}")
         for one in program.variables:
             if one.place == place:

@@ -90,7 +90,6 @@ def _cc() -> str:
 
 
 def _alone(execute: Callable[..., Answers]) -> Execution:
-    """A file that needs no other."""
     return lambda model, rows, files, _main: execute(model, rows, files=files)
 
 

@@ -116,10 +116,7 @@ def catalogue() -> tuple[Effect, ...]:
 
 
 def effect_of(id: str) -> Effect:  # noqa: A002 - the word of the contract
-    """The effect with this id.
-
-    Raises OptionError if there is none.
-    """
+    """The effect with this id. Raises OptionError if there is none."""
     known = {effect.id: effect for effect in catalogue()}
     if id not in known:
         raise OptionError(

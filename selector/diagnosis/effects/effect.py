@@ -53,6 +53,10 @@ class ShapeParameter:
     meaning: str
 
 
+#: Of shapes whose coefficient says nothing by itself.
+LARGEST = ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response")
+
+
 @dataclass(frozen=True, eq=False)
 class Variant:
     """One shape that an effect can take in the residual of one response: columns whose coefficients are fitted."""

@@ -81,7 +81,7 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
         found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
 
 
-def _growth(comparison: Comparison, found: Search, id: str, response: str) -> float:  # noqa: A002 - as in the contract
+def _growth(comparison: Comparison, found: Search, id_: str, response: str) -> float:
     """Times by which the held-out error of a response grows with an effect; 0 where it takes less than it gives.
 
     Compared with the simulation without it, recalibrated or as it was given, whichever is nearer. What it gives is the
@@ -89,7 +89,7 @@ def _growth(comparison: Comparison, found: Search, id: str, response: str) -> fl
     """
     bench, named = found.benches[response], numbers(found.named, response)
     with_it = bench.residual(named)
-    without_it = bench.residual([other for other in named if other != found.named[id][response]])
+    without_it = bench.residual([other for other in named if other != found.named[id_][response]])
     rows = comparison.held_out & np.isfinite(without_it)
     if not rows.any():
         return 0.0

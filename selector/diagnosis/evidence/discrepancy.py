@@ -20,7 +20,7 @@ from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import MOST_OF_IT, Named, Search, numbers, without
 from selector.diagnosis.evidence.testing import members_of, prices_of
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import filled, lagged
+from selector.diagnosis.shapes.signals import lagged
 from selector.types import Matrix, Vector
 
 _WAVES = 96
@@ -84,7 +84,7 @@ def waves_of(comparison: Comparison, response: str, memories: Sequence[float] = 
 
 def _states(comparison: Comparison, response: str, memories: Sequence[float]) -> Iterator[Vector]:
     """Where the response is, and how far it is ahead of its memories."""
-    course = filled(comparison, comparison.simulated[response])
+    course = comparison.simulated_course(response)
     yield course
     for part in memories:
         yield course - lagged(comparison, course, part * comparison.longest_s, settled=True)

@@ -14,7 +14,6 @@ from selector.diagnosis.evidence.search import Search
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.usable import LEAST_SAMPLES, fit_of_copy, rows_in_stretches
 from selector.diagnosis.shapes.input_faults import InputFault
-from selector.diagnosis.shapes.signals import filled
 from selector.diagnosis.wording import headline
 from selector.findings import Where
 from selector.types import Mask
@@ -24,7 +23,7 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
     """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed."""
     faults = []
     for name in comparison.responses:
-        expected = filled(comparison, comparison.simulated[name])
+        expected = comparison.simulated_course(name)
         for run, first, last in frozen_stretches(comparison, name, surely=True):
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True

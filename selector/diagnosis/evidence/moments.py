@@ -174,11 +174,7 @@ def moderated(beta: Vector, covariance: Matrix) -> Vector:
     R. Kennard, Technometrics 12, 1970). Columns that nearly are one another then do not cancel where the record was
     fitted and run away where it was not.
 
-    Parameters
-    ----------
-    beta : ndarray of shape (k,)
-        Generalised least squares, of columns of about one size.
-    covariance : ndarray of shape (k, k)
+    `beta`, shape (k,), is by generalised least squares, of columns of about one size.
     """
     variances, directions = np.linalg.eigh(covariance)
     told = variances > 1e-12 * variances.max(initial=0.0)

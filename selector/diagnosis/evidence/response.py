@@ -19,7 +19,7 @@ from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
-from selector.diagnosis.shapes.signals import by_run, filled, rate
+from selector.diagnosis.shapes.signals import by_run, rate
 from selector.types import Matrix, Vector
 
 _BLOCKS = 24
@@ -76,10 +76,6 @@ class Bench:
     def n_plain(self) -> int:
         """Columns of `nuisance` before the own parameters."""
         return min((part.start for part in self.own.values()), default=self.nuisance.shape[1])
-
-    def off_cycle(self, cycle: MachineCycle) -> Bench:
-        """The same with what comes back with every cycle taken off."""
-        return replace(self, cycle=cycle, is_off_cycle=True)
 
     def without_own(self, id: str) -> Bench:  # noqa: A002 - the word of the contract
         """The same with an own parameter as a candidate instead."""
@@ -260,32 +256,18 @@ class Bench:
     def refitted_noise(self, named: Sequence[int]) -> Bench:
         """The same with the noise that is left beside the candidates `named`."""
         left = np.where(self.fitted, self.residual(named), np.nan)
-        parts = [part for part in stretches_of(self, self.fitted) if part.stop - part.start > 8]
+        parts = []
+        for part in self.parts:
+            here = part.start + np.flatnonzero(self.fitted[part])
+            if len(here) > 2 and here[-1] - here[0] >= 8:
+                parts.append(slice(int(here[0]), int(here[-1]) + 1))
         lost = self.nuisance.shape[1] + sum(self.counts[v] for v in named)
         lost += self.cycle.samples if self.cycle is not None and self.is_off_cycle else 0
         return self.with_noise(noise_model(left, parts, lost=lost, rounding=self.rounding))
 
 
-def stretches_of(bench: Bench, seen: NDArray[np.bool_]) -> list[slice]:
-    """The stretches of a bench, cut to rows that are `seen` at both ends."""
-    found = []
-    for part in bench.parts:
-        here = np.flatnonzero(seen[part])
-        if len(here) > 2:
-            found.append(slice(part.start + int(here[0]), part.start + int(here[-1]) + 1))
-    return found
-
-
-def bench_of(
-    comparison: Comparison,
-    response: str,
-    effects: Sequence[Effect],
-    extra: Mapping[str, Sequence[Variant]] | None = None,
-) -> tuple[Bench, dict[str, str]]:
-    """The bench of a response, and for every effect that cannot be tested in it, why.
-
-    `extra` are shapes that a runnable model gave, effect id → variants; they take the place of the effect's own.
-    """
+def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -> tuple[Bench, dict[str, str]]:
+    """The bench of a response, and for every effect that cannot be tested in it, why."""
     target = comparison.difference(response)
     seen = np.isfinite(target)
     fitted = seen & ~comparison.held_out
@@ -296,13 +278,12 @@ def bench_of(
     own: dict[str, slice] = {}
     first = 0
     for effect in effects:
-        given = (extra or {}).get(effect.id)
-        reason = None if given else effect.testable(comparison, response)
+        reason = effect.testable(comparison, response)
         if reason is not None:
             untested[effect.id] = reason
             continue
         before = first
-        for variant in given or effect.variants(comparison, response):
+        for variant in effect.variants(comparison, response):
             scale = np.sqrt(np.mean(variant.columns[fitted] ** 2, axis=0))
             if not np.isfinite(variant.columns).all() or not (scale > 0.0).all():
                 continue
@@ -345,7 +326,7 @@ def recalibration_columns(
 
     Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
     """
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     found, names = [np.ones(len(simulated))], ["offset"]
     for name, column in (("gain", simulated), ("delay", _delayed(comparison, response, simulated, fitted))):
         spread = float(np.std(column[fitted]))

@@ -270,14 +270,14 @@ def _beside_the_cycle(bench: Bench, chosen: list[int]) -> tuple[Bench, list[int]
     by_chance = cycle.samples
     if left - by_chance < max(_CLEAR * np.sqrt(2.0 * by_chance), _MOST_LEFT * (before - by_chance)):
         return bench, chosen
-    return with_noise_of_full_fit(bench.off_cycle(cycle).refitted_noise([]))
+    return with_noise_of_full_fit(replace(bench, cycle=cycle, is_off_cycle=True).refitted_noise([]))
 
 
 def _repeated(bench: Bench, cycle: MachineCycle, columns: Matrix) -> tuple[float, MachineCycle]:
     """Whitened squares beside `columns` that come back with a cycle, and the length of it at which they are most."""
     values = np.zeros((len(bench.target), 1))
     values[bench.rows, 0] = bench.white_target - columns @ least_squares(columns, bench.white_target)
-    tried = [cycle.lengthened(share) for share in _LENGTHS]
+    tried = [replace(cycle, period_s=cycle.period_s * (1.0 + share)) for share in _LENGTHS]
     squares = [float(np.sum(one.repeated(values, bench.rows)[bench.rows] ** 2)) for one in tried]
     best = int(np.argmax(squares))
     return squares[best], tried[best]
@@ -496,46 +496,37 @@ def unseen_rms(bench: Bench, named: Sequence[int]) -> float:
 
 
 def _rivals(
-    benches: Benches,
-    beside: Mapping[str, Standing],
-    named: Named,
-    id: str,  # noqa: A002 - the word of the contract
-    weights: Mapping[str, float],
+    benches: Benches, beside: Mapping[str, Standing], named: Named, id_: str, weights: Mapping[str, float]
 ) -> tuple[str, ...]:
     """Effects with a like course that are needed until the set is sure (`_ENOUGH`), largest first."""
     found: list[str] = []
-    sure = weights[id]
+    sure = weights[id_]
     for other in sorted(weights, key=lambda name: -weights[name]):
-        if sure >= _ENOUGH or weights[other] < _RIVAL * weights[id]:
+        if sure >= _ENOUGH or weights[other] < _RIVAL * weights[id_]:
             break
-        if other != id and _alike(benches, beside, named, id, other):
+        if other != id_ and _alike(benches, beside, named, id_, other):
             found.append(other)
             sure += weights[other]
     return tuple(found)
 
 
-def _weights(beside: Mapping[str, Standing], id: str) -> dict[str, float]:  # noqa: A002 - the word of the contract
-    """Weights of the effects that may stand in the place of `id`, summing to 1: how likely each makes the record."""
-    scores = {name: one.score for name, one in beside.items() if name == id or one.is_the_same_in_all_runs}
+def _weights(beside: Mapping[str, Standing], id_: str) -> dict[str, float]:
+    """Weights of the effects that may stand in the place of `id_`, summing to 1: how likely each makes the record."""
+    scores = {name: one.score for name, one in beside.items() if name == id_ or one.is_the_same_in_all_runs}
     raw = {name: float(np.exp(0.5 * (value - max(scores.values())))) for name, value in scores.items()}
     return {name: value / sum(raw.values()) for name, value in raw.items()}
 
 
 def _alike(
-    benches: Benches,
-    beside: Mapping[str, Standing],
-    named: Named,
-    id: str,  # noqa: A002 - the word of the contract
-    other: str,
-    at_least: float = _NEARLY,
+    benches: Benches, beside: Mapping[str, Standing], named: Named, id_: str, other: str, at_least: float = _NEARLY
 ) -> bool:
     """Whether two effects make nearly the same course in the response that shows the first one most."""
-    first, second = beside[id], beside[other]
+    first, second = beside[id_], beside[other]
     response = first.main
     if response not in second.tested:
         return False
     bench = benches[response]
-    base = np.linalg.qr(bench.base(numbers(without(named, id), response)))[0]
+    base = np.linalg.qr(bench.base(numbers(without(named, id_), response)))[0]
     spaces = []
     for one in (first, second):
         columns = bench.white_columns[:, bench.candidates[one.tested[response].best].columns]

@@ -284,13 +284,8 @@ def without_codes(recording: Recording) -> tuple[Recording, tuple[Finding, ...]]
     no such samples. Ids: ``sensor-break``, ``out-of-range``; all of them warnings, for what is left out does no more
     harm to the answer. O(samples).
     """
-    survey, found = Survey(recording), list[Finding]()
-    with np.errstate(all="ignore"):
-        for check in _CHECKS:
-            new = list(check(survey))
-            survey.leave_out(new)
-            found += new
-    found = [replace(finding, level="warning") for finding in found if finding.id in _NO_READINGS]
+    codes = (finding for finding in Survey(recording).found_by(_CHECKS) if finding.id in _NO_READINGS)
+    found = [replace(finding, level="warning") for finding in codes]
     if not found:
         return recording, ()
     tables: dict[str, pd.DataFrame] = {}
@@ -359,14 +354,5 @@ def fit_of_copy(comparison: Comparison, response: str) -> Fit:
     course = comparison.simulated[response]
     difference = comparison.difference(response)
     train, held = (rms(difference[rows]) for rows in (~comparison.held_out, comparison.held_out))
-    return Fit(
-        unit=comparison.channel(response).unit,
-        train=Errors(train, train),
-        heldout=Errors(held, held),
-        recalibrated_heldout=held,
-        gap_closed=None,
-        placebo_gain=None,
-        before=course,
-        recalibrated=course,
-        after=course,
-    )
+    errors = Errors(train, train), Errors(held, held), held
+    return Fit(comparison.channel(response).unit, *errors, None, None, course, course, course)

@@ -10,7 +10,7 @@ from scipy.signal.windows import tukey
 from scipy.stats import norm, rankdata
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import rate
 from selector.types import Matrix, Vector
 
 LONGEST_NOISE_PERIOD = 45.0  #: Samples: slower than this is judged against the noise, not part of it.
@@ -236,7 +236,7 @@ def recalibrated_away(comparison: Comparison, response: str, rows: Sequence[NDAr
     """Orthonormal columns of what a recalibration takes: an offset a run, gain and delay; shape (n_rows, p)."""
     n = len(comparison.time_s)
     seen = np.concatenate(rows)
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     columns = [(comparison.run_index == k).astype(np.float64) for k in range(len(comparison.runs))]
     columns += [simulated, rate(comparison, simulated)]
     table = np.zeros((n, len(columns)))
@@ -281,7 +281,7 @@ def noise_alone(
             # Readings of a few steps say little of the noise before it was rounded: normal values in the same order.
             ranks = rankdata(bringing + 1e-6 * spread * rng.standard_normal(len(bringing)))
             bringing = float(np.std(bringing)) * norm.ppf((ranks - 0.5) / len(ranks))
-        course = filled(comparison, comparison.recorded[response] - residual)
+        course = comparison.filled(comparison.recorded[response] - residual)
         noises[response] = _Noise(model, bringing, taken, seen, step, spread, course)
         stacks[response] = np.empty((1 + n_sets, n))
         stacks[response][0] = own[0]

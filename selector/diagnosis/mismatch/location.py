@@ -83,14 +83,15 @@ def _since_reversal(comparison: Comparison, position: Vector) -> Vector:
     return result
 
 
-def in_words(comparison: Comparison, active: Mask, *, agreement: float = 0.75) -> str | None:
-    """The state of the machine that tells best when something acts, in words; None if none tells it well enough.
+#: Least overlap (rows in both / rows in either) of a state of the machine and what is active.
+_AGREEMENT = 0.75
 
-    `agreement` is the least overlap (rows in both / rows in either) of the state and what is `active`.
-    """
+
+def in_words(comparison: Comparison, active: Mask) -> str | None:
+    """The state of the machine that tells best when something acts, in words; None if none tells it well enough."""
     if active.all() or not active.any():
         return None
-    best, words = agreement, None
+    best, words = _AGREEMENT, None
     for variable in variables(comparison):
         order = np.argsort(variable.values, kind="stable")
         sorted_values, here = variable.values[order], active[order].astype(np.float64)
@@ -121,13 +122,6 @@ _POWERS = np.array([1.0, 2.5, 6.0, 16.0, 40.0, 120.0, 400.0, 2000.0])
 _SWITCH, _CHANGE = 4.0, 1.5
 _ROUNDS = 5
 _FEWEST = 40
-
-
-def large_rows(comparison: Comparison, course: Vector) -> Mask:
-    """Rows in which a course without noise acts: at least a quarter of its largest amount."""
-    if not np.any(course):
-        return np.zeros(len(course), dtype=np.bool_)
-    return _without_gaps(comparison, np.abs(course) >= LARGE * float(np.abs(course).max()))
 
 
 def noisy_rows(comparison: Comparison, residual: Vector) -> Mask:
@@ -263,7 +257,8 @@ def active_windows(comparison: Comparison, response: str, course: Vector) -> tup
     """
     clean = np.nan_to_num(course)
     if _is_clean(comparison, course):
-        active = large_rows(comparison, clean)
+        largest = float(np.abs(clean).max(initial=0.0))
+        active = _without_gaps(comparison, np.abs(clean) >= LARGE * largest) & (largest > 0.0)
     else:
         active = noisy_rows(comparison, course)
         if not active.any():

@@ -71,7 +71,8 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
         while width <= len(bins):
             step = 1 if width <= 4 * narrow else width // 4
             first = np.arange(0, len(bins) - width + 1, step)
-            unusual = _normal_of_sum(sums[:, first + width] - sums[:, first], width)
+            # a unit exponential is half a sum of two squares
+            unusual = _normal_of_squares(2.0 * (sums[:, first + width] - sums[:, first]), 2 * width)
             slow = frequency[first + width - 1] < slow_limit
             narrow_enough = frequency[first + width - 1] <= _WIDEST * frequency[first]
             other: Kind = "line" if width <= 2 * narrow else "cycle"
@@ -88,12 +89,6 @@ def spectral(of: Spectrum, ratio: Matrix) -> list[Tested]:
 def joined(parts: Sequence[Tested]) -> Tested:
     """The same test of several blocks of a stack, the first block of which has the residual in question."""
     return replace(parts[0], statistic=np.concatenate([part.statistic for part in parts]))
-
-
-def largest_of_each_kind(found: Sequence[Tested]) -> list[Tested]:
-    """One statistic of each kind that there is."""
-    kinds = dict.fromkeys(one.kind for one in found)
-    return [largest([one for one in found if one.kind == kind]) for kind in kinds]
 
 
 def largest(found: Sequence[Tested]) -> Tested:
@@ -264,11 +259,6 @@ def _size_by_state(size: Matrix, states: Sequence[ColumnsOfState]) -> Matrix:
     return scale
 
 
-def _normal_of_sum(total: Matrix, count: int) -> Matrix:
-    """Standard normal value of a sum of `count` unit exponentials (Wilson–Hilferty)."""
-    return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 1.0 / (9.0 * count)) * np.sqrt(9.0 * count))
-
-
 def _normal_of_squares(total: Vector, count: int) -> Vector:
     """Standard normal value of a sum of `count` squares of standard normal values (Wilson–Hilferty)."""
     return np.asarray(((total / count) ** (1.0 / 3.0) - 1.0 + 2.0 / (9.0 * count)) * np.sqrt(4.5 * count))
@@ -363,7 +353,8 @@ def _tests(
     tests = [joined(same) for same in zip(*parts, strict=True)]
     short = background(own, wanders=False)
     spread = float(np.sqrt(short.density(np.linspace(0.001, 0.5, 500))[0].mean()))
-    return largest_of_each_kind(tests), Background(np.concatenate(levels)), spread
+    of_kind = [largest([one for one in tests if one.kind == kind]) for kind in dict.fromkeys(one.kind for one in tests)]
+    return of_kind, Background(np.concatenate(levels)), spread
 
 
 def _tests_of(

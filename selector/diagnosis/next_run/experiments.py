@@ -19,7 +19,7 @@ from selector.diagnosis.evidence.search import Search, numbers
 from selector.diagnosis.next_run.planned_runs import PlannedRun, planned_runs
 from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, follows_sensors, heats, sources
-from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, filled, lagged, rise, time_constants
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, lagged, rise, time_constants
 from selector.types import Matrix, Vector
 
 Blocks = list[Matrix]
@@ -56,14 +56,14 @@ def extended(comparison: Comparison, planned: PlannedRun, response: str) -> Comp
     for channel in comparison.channels:
         if channel.name in inputs or channel.name in comparison.responses:
             continue
-        of, is_state = filled(comparison, comparison.recorded[channel.name]), channel.role == "state"
+        of, is_state = comparison.filled(comparison.recorded[channel.name]), channel.role == "state"
         new = np.full(n, np.median(of)) if is_state else _foretold(comparison, table, of, as_rise=is_slow)[0]
         recorded[channel.name] = np.r_[comparison.recorded[channel.name], new]
     stage = replace(stage, recorded=recorded)
     for name in comparison.simulated:
         if name in inputs:
             continue
-        of = filled(comparison, comparison.simulated[name])
+        of = comparison.simulated_course(name)
         if is_shaken:
             simulated[name] = np.r_[comparison.simulated[name], _shaken(comparison, inputs, of, n)]
             continue
@@ -105,9 +105,9 @@ def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> 
     for name in inputs:
         role = stage.channel(name).role
         if role in ("ambient", "temperature"):
-            drivers = [rise(stage, filled(stage, stage.recorded[name]))]
+            drivers = [rise(stage, stage.filled(stage.recorded[name]))]
         elif name == known.spindle:
-            speed = np.abs(filled(stage, stage.recorded[name]))
+            speed = np.abs(stage.filled(stage.recorded[name]))
             drivers = [(speed / max(float(speed.max()), 1e-300)) ** power for power in (1.0, 2.0)]
         else:
             drivers = [heat for _, heat in heats(stage, name)]
@@ -116,7 +116,7 @@ def _heat_columns(stage: Comparison, inputs: tuple[str, ...], response: str) -> 
 
 
 def _drive_columns(stage: Comparison, name: str) -> Matrix:
-    told = filled(stage, stage.simulated[name] if name in stage.simulated else stage.recorded[name])
+    told = stage.filled(stage.simulated[name] if name in stage.simulated else stage.recorded[name])
     if stage.channel(name).role == "velocity":
         speed, acceleration = told, derivatives(stage, told)[0]
         place = np.zeros(len(told))
@@ -130,7 +130,7 @@ def _drive_columns(stage: Comparison, name: str) -> Matrix:
 
 def _lag_columns(stage: Comparison, inputs: tuple[str, ...]) -> Matrix:
     taus = (0.0, *np.geomspace(4.0 * stage.period_s, max(stage.longest_s, 8.0 * stage.period_s), 6))
-    drivers = [filled(stage, stage.recorded[name]) for name in inputs]
+    drivers = [stage.filled(stage.recorded[name]) for name in inputs]
     columns = [lagged(stage, driver, float(tau), settled=True) for driver in drivers for tau in taus]
     return np.column_stack([np.ones(len(stage.time_s)), *columns])
 
@@ -139,7 +139,7 @@ def _sensor_columns(stage: Comparison, response: str) -> Matrix:
     """Rises of the temperatures and their products: what a static regression is made of."""
     known = sources(stage, response)
     names = dict.fromkeys((*known.machine, *known.hall, *known.coolant_temperatures))
-    rises = [rise(stage, filled(stage, stage.recorded[name])) for name in names]
+    rises = [rise(stage, stage.filled(stage.recorded[name])) for name in names]
     return np.column_stack([*rises, *(a * b for k, a in enumerate(rises) for b in rises[k:])])
 
 
@@ -149,7 +149,7 @@ def _shaken(comparison: Comparison, inputs: Mapping[str, Vector], values: Vector
     longest = max((rows for _, rows in comparison.rows_of_runs()), key=lambda rows: rows.stop - rows.start)
     size = min(1024, (longest.stop - longest.start) // 2)
     for name, new in inputs.items():
-        force = filled(comparison, comparison.recorded[name])
+        force = comparison.filled(comparison.recorded[name])
         if comparison.channel(name).role == "spindle_speed" or float(np.std(force)) <= 0.0:
             continue
         power = signal.welch(force, nperseg=size)[1]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.axis import derivatives
 from selector.diagnosis.shapes.heating import SHORTEST_S, Sources, sources
-from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, filled, no_gauging
+from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, no_gauging
 from selector.quality.survey import duration
 from selector.types import Vector
 
@@ -122,7 +122,7 @@ def _axis_input(comparison: Comparison, response: str) -> str | None:
 
 def _of_axis(comparison: Comparison, name: str) -> Iterator[PlannedRun]:
     role = comparison.channel(name).role
-    told = filled(comparison, comparison.simulated[name]) if name in comparison.simulated else course(comparison, name)
+    told = comparison.simulated_course(name) if name in comparison.simulated else course(comparison, name)
     if role == "velocity":
         acceleration = derivatives(comparison, told)[0]
         speed, low, travel = told, 0.0, float(np.abs(told).max()) * 0.25 * comparison.longest_s

@@ -199,19 +199,11 @@ def refitted(
     thought about. Noise is estimated from what is left, and the fit repeated with it. Parameters that the record does
     not determine stay near what the file says, and are told.
 
-    Parameters
-    ----------
-    runnable
-        What is fitted.
-    recording, responses, holdout
-        As of `alignment.comparison_of`.
-    added : sequence of mapping of str to float
-        Parameters to be fitted beyond those that recalibration changes, of which nothing is known but their bounds:
-        where the search may begin. The best one is taken, for the way from one to another may lead uphill.
-    start : Refitted, optional
-        Of the model without what was added: where to begin with the others, and how they change it there.
-    progress : callable, optional
-        Told how often the simulation was run, how often it may have to be, and what is done.
+    `responses` and `holdout` are those of `alignment.comparison_of`. `added` are parameters to be fitted beyond those
+    that recalibration changes, of which nothing is known but their bounds: where the search may begin. The best one is
+    taken, for the way from one to another may lead uphill. `start` is of the model without what was added: where to
+    begin with the others, and how they change it there. `progress` is told how often the simulation was run, how often
+    it may have to be, and what is done.
 
     Raises InputError: recordings and simulation cannot be compared.
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import by_run, filled, lagged, rate
+from selector.diagnosis.shapes.signals import by_run, lagged, rate
 from selector.types import Vector
 
 NOISE_SHARE = 0.02  #: Noise that smoothing may leave in an acceleration, as a share of its root mean square.
@@ -103,7 +103,7 @@ def _named(comparison: Comparison, role: str, axis: str | None) -> str | None:
 
 def _values(comparison: Comparison, name: str) -> Vector:
     simulated = comparison.simulated.get(name)
-    return filled(comparison, comparison.recorded[name] if simulated is None else simulated)
+    return comparison.filled(comparison.recorded[name] if simulated is None else simulated)
 
 
 def _followed(
@@ -114,7 +114,7 @@ def _followed(
     errors = [c for c in comparison.channels if c.role == "displacement" and c.name in comparison.simulated]
     errors = [c for c in errors if axis is None or c.axis in (axis, None)]
     if errors:
-        error = UM * filled(comparison, comparison.simulated[errors[0].name])
+        error = UM * comparison.simulated_course(errors[0].name)
         # a command is followed, not led: that tells which sign the error has
         sign = -1.0 if float(error @ speed) > 0.0 else 1.0
         return command + sign * error, (errors[0].name,)
@@ -256,7 +256,7 @@ def simulated_drive_force(comparison: Comparison, axis: str | None) -> tuple[str
     for channel in comparison.channels:
         of_axis = axis is None or channel.axis in (None, axis)
         if channel.role in FORCE_ROLES and channel.name in comparison.simulated and of_axis:
-            return channel.name, filled(comparison, comparison.simulated[channel.name])
+            return channel.name, comparison.simulated_course(channel.name)
     return None
 
 

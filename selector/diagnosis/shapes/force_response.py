@@ -23,7 +23,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
     telling_rows,
 )
-from selector.diagnosis.shapes.signals import by_run, filled, lagged, rise
+from selector.diagnosis.shapes.signals import by_run, lagged, rise
 from selector.types import Vector
 
 PLACE_ROLES = ("displacement", "position")
@@ -54,11 +54,6 @@ class ClosedLoop:
     #: Coefficients of s³, s², s, 1, or of s², s, 1 where the control has no integral part; the first is 1
     polynomial: tuple[float, ...]
     misfit: float  #: What it leaves of the simulated courses, over these (rms)
-
-    @property
-    def paces_per_s(self) -> tuple[float, ...]:
-        """Amounts of its poles."""
-        return tuple(float(pace) for pace in np.abs(np.roots(self.polynomial)))
 
     @property
     def order(self) -> int:
@@ -131,7 +126,8 @@ def passed(
         return moved, "as the drive counters it"
     back = -_sense_of(comparison, response)
     if order > 0 or yield_s2 == 0.0:
-        usual = "" if guess is None else f" with poles at {', '.join(f'{p:.0f}' for p in sorted(guess.paces_per_s))}/s"
+        paces = [] if guess is None else sorted(np.abs(np.roots(guess.polynomial)).tolist())
+        usual = f" with poles at {', '.join(f'{p:.0f}' for p in paces)}/s" if paces else ""
         return _as_large(back * moved, force), f"through the loop{usual}"
     bent = 0.0 if told is not None else yield_s2 * force
     return _as_large(back * (moved + bent), force), "through the loop and by compliance"
@@ -159,7 +155,7 @@ def _sense_of(comparison: Comparison, response: str) -> float:
     command, moving = commanded(comparison, channel.axis), motion(comparison, channel.axis)
     if channel.role != "displacement" or command is None or moving is None or response not in comparison.simulated:
         return 1.0
-    along = float(filled(comparison, comparison.simulated[response]) @ (moving.position_m - command))
+    along = float(comparison.simulated_course(response) @ (moving.position_m - command))
     return -1.0 if along < 0.0 else 1.0
 
 
@@ -253,7 +249,7 @@ def _loop_course(comparison: Comparison, command: Vector, name: str, axis: str |
         return None
     if channel.role not in ("displacement", "position"):
         return None
-    course = filled(comparison, comparison.simulated[name])
+    course = comparison.simulated_course(name)
     if channel.role == "position":
         course = course - command
     course = rise(comparison, course, over_samples=1)

@@ -9,7 +9,7 @@ from numba import njit
 from scipy.ndimage import uniform_filter1d
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, rate, rise, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, rate, rise, time_constants
 from selector.quality.survey import duration
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -124,7 +124,7 @@ def temperature_rise(comparison: Comparison, name: str) -> Vector:
 
 def simulated_rise(comparison: Comparison, response: str) -> Vector:
     """What the simulated course has risen since the start of its run [unit of the response], without holes."""
-    return rise(comparison, filled(comparison, comparison.simulated[response]), over_samples=1)
+    return rise(comparison, comparison.simulated_course(response), over_samples=1)
 
 
 def shown_unit(unit: str) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
-from selector.diagnosis.shapes.signals import excited, filled
+from selector.diagnosis.shapes.signals import excited
 from selector.findings import Finding, Where
 from selector.quality import inspect
 from selector.quality.finding_table import CLOCK_JUMP, DRIFTS_FROM_GROUP, SATURATED, STEP, STUCK, SWAPPED_CHANNELS
@@ -190,11 +190,11 @@ def _excess(comparison: Comparison, finding: Finding, here: NDArray[np.bool_], r
     if finding.id == CLOCK_JUMP:
         return np.full(n, float(finding.evidence["leap_s"]))
     name = str(finding.where.channel)
-    recorded = filled(comparison, comparison.recorded[name])
+    recorded = comparison.filled(comparison.recorded[name])
     if finding.id == STEP:
         return np.full(n, float(finding.evidence["height"]))
     if finding.id == SWAPPED_CHANNELS:
-        return recorded - filled(comparison, comparison.recorded[str(finding.evidence["other"])])
+        return recorded - comparison.filled(comparison.recorded[str(finding.evidence["other"])])
     return recorded - _as_siblings_say(comparison, name, recorded, here, rows)
 
 
@@ -207,7 +207,7 @@ def _as_siblings_say(
     index = np.arange(len(recorded))
     if not others or (~here).sum() < 3 * len(others):
         return np.interp(index, index[~here], recorded[~here])
-    courses = np.column_stack([filled(comparison, comparison.recorded[other]) for other in others])
+    courses = np.column_stack([comparison.filled(comparison.recorded[other]) for other in others])
     middle = courses[~here].mean(axis=0)
     x, y = courses[~here] - middle, recorded[~here] - recorded[~here].mean()
     gram = x.T @ x + _RIDGE * max(float(np.trace(x.T @ x)), 1e-12) / len(others) * np.eye(len(others))

@@ -20,7 +20,6 @@ from selector.diagnosis.shapes.signals import (
     course,
     even_runs,
     excited,
-    filled,
     no_vibration,
     of_a_drive,
     on_even_clock,
@@ -89,7 +88,7 @@ def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, f
 def filter_between(comparison: Comparison, source: str, response: str) -> LinearResponse | None:
     """How one simulated course follows another; None if a filter does not explain it."""
     runs = _shortened(even_runs(comparison))
-    u, y = (filled(comparison, comparison.simulated[name]) for name in (source, response))
+    u, y = (comparison.simulated_course(name) for name in (source, response))
     return _fitted([run.on(u)[:, None] for run in runs], [run.on(y) for run in runs], (source,))
 
 
@@ -104,11 +103,7 @@ def inputs(comparison: Comparison, response: str) -> tuple[str, ...]:
 def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Matrix, Vector]:
     """Discrete filter of ẍ + 2ζωẋ + ω²x = ω²u, exact for a u that is linear between samples.
 
-    Returns
-    -------
-    numerators : ndarray of shape (3, 3)
-        Of x, of ẋ/ω and of ẍ/ω².
-    denominator : ndarray of shape (3,)
+    Numerators of x, of ẋ/ω and of ẍ/ω², shape (3, 3), and the denominator, shape (3,).
     """
     w = 2.0 * np.pi * frequency_hz
     a = np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])
@@ -124,7 +119,7 @@ def resonator(frequency_hz: float, damping: float, period_s: float) -> tuple[Mat
 
 def simulated_peaks_hz(comparison: Comparison, response: str) -> tuple[float, ...]:
     """Frequencies of the two highest peaks in the spectrum of the simulated course [Hz], highest first."""
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     best: tuple[float, ...] = ()
     longest = max(even_runs(comparison), key=lambda run: len(run.clock_s))
     part = longest.on(simulated)
@@ -139,7 +134,7 @@ def simulated_peaks_hz(comparison: Comparison, response: str) -> tuple[float, ..
 
 
 def _found(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     names = inputs(comparison, response)
     runs = _shortened(even_runs(comparison))
     y = [run.on(simulated) for run in runs]
@@ -403,7 +398,7 @@ def members(comparison: Comparison, response: str) -> tuple[str, ...]:
     """Other channels that are motions of members: responses first."""
     names = [c.name for c in comparison.channels if c.role in _MOTION and c.name != response]
     names.sort(key=lambda name: name not in comparison.responses)
-    return tuple(n for n in names if excited(filled(comparison, comparison.recorded[n])))[:_MOST]
+    return tuple(n for n in names if excited(comparison.filled(comparison.recorded[n])))[:_MOST]
 
 
 JOINT_ROLES = ("displacement", "acceleration", "velocity", "position", "voltage")
@@ -444,7 +439,7 @@ def inertia_force(comparison: Comparison, member: str, origin: str) -> Vector | 
     courses = comparison.simulated if origin == "simulated" else comparison.recorded
     if member not in courses:
         return None
-    motion = filled(comparison, courses[member])
+    motion = comparison.filled(courses[member])
     order = _MOTION[comparison.channel(member).role]
     if order == 2:
         return motion

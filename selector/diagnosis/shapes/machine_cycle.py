@@ -1,6 +1,6 @@
 """The cycle that a machine repeats, read off the simulated courses: what comes back with it may be noise or missing."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.sparse import csr_matrix, identity
 from scipy.sparse.linalg import splu
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import even_runs, filled
+from selector.diagnosis.shapes.signals import even_runs
 from selector.types import Matrix, Vector
 
 Rows = NDArray[np.bool_] | NDArray[np.intp]
@@ -29,10 +29,6 @@ class MachineCycle:
     period_s: float
     samples: int  #: Rows in a cycle: what it repeats is a polygon of as many knots
     time_s: Vector  #: (n_rows,): From the start of the run [s]; NaN in runs that do not repeat the cycle
-
-    def lengthened(self, share: float) -> "MachineCycle":
-        """A cycle longer by this share."""
-        return replace(self, period_s=self.period_s * (1.0 + share))
 
     def repeated(self, values: Matrix, rows: Rows) -> Matrix:
         """The part of `values` (n_rows, m) that comes back with every cycle, by least squares over some of the `rows`.
@@ -58,7 +54,7 @@ class MachineCycle:
 def machine_cycle(comparison: Comparison) -> MachineCycle | None:
     """The cycle that most of the runs repeat three times or more, all at one period; None if there is none."""
     periods: dict[int, float] = {}
-    responses = [filled(comparison, comparison.simulated[name]) for name in comparison.responses]
+    responses = [comparison.simulated_course(name) for name in comparison.responses]
     for k, run in enumerate(even_runs(comparison)):
         found = _samples([run.on(course) for course in responses])
         if found is not None:

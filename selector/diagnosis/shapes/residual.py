@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.shapes.signals import course, excited, filled, rate, rise
+from selector.diagnosis.shapes.signals import course, excited, rate, rise
 from selector.types import Matrix, Vector
 
 
 def leftover(comparison: Comparison, response: str) -> Vector:
     """Recorded − simulated [unit of the response] less offset, gain and delay; 0 where either is missing."""
     difference = comparison.difference(response)
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     columns = np.column_stack([np.ones(len(simulated)), simulated, rate(comparison, simulated)])
     seen = np.isfinite(difference)
     left = np.where(seen, difference, 0.0)
@@ -34,7 +34,7 @@ class Remainder:
 
     def __init__(self, comparison: Comparison, response: str) -> None:
         difference = comparison.difference(response)
-        simulated = filled(comparison, comparison.simulated[response])
+        simulated = comparison.simulated_course(response)
         self._rows = np.isfinite(difference) & ~comparison.held_out
         columns = np.column_stack([np.ones(len(simulated)), simulated, rate(comparison, simulated)])[self._rows]
         size = np.sqrt(np.mean(columns**2, axis=0)) if len(columns) else np.ones(3)
@@ -84,7 +84,7 @@ def weights_of_readings(comparison: Comparison, response: str) -> Mapping[str, f
     names = [name for name in comparison.with_role(*_ROLES) if name != response and name in comparison.recorded]
     rises = {name: rise(comparison, course(comparison, name)) for name in names}
     rises = {name: values for name, values in rises.items() if excited(values)}
-    simulated = rise(comparison, filled(comparison, comparison.simulated[response]))
+    simulated = rise(comparison, comparison.simulated_course(response))
     if not 2 <= len(rises) <= _MOST or not excited(simulated):
         return {}
     columns = np.column_stack([*rises.values(), *np.eye(len(comparison.runs))[:, comparison.run_index]])

@@ -11,18 +11,6 @@ from selector.diagnosis.comparison import Comparison
 from selector.types import Matrix, Vector
 
 
-def filled(comparison: Comparison, values: Vector) -> Vector:
-    """The course with missing samples put in from both sides, run by run; 0 in a run that has no sample at all."""
-    result = np.array(values, dtype=np.float64)
-    for _, rows in comparison.rows_of_runs():
-        part = result[rows]
-        seen = np.isfinite(part)
-        if not seen.all():
-            time = comparison.time_s[rows]
-            result[rows] = np.interp(time, time[seen], part[seen]) if seen.any() else 0.0
-    return result
-
-
 def by_run(comparison: Comparison, made: Callable[..., Vector], *courses: Vector) -> Vector:
     """A course that is made of others run by run."""
     return np.concatenate([made(*(values[rows] for values in courses)) for _, rows in comparison.rows_of_runs()])
@@ -30,7 +18,7 @@ def by_run(comparison: Comparison, made: Callable[..., Vector], *courses: Vector
 
 def course(comparison: Comparison, name: str) -> Vector:
     """The recorded channel without holes, in its canonical unit; of a channel that is only simulated, that."""
-    return filled(comparison, comparison.recorded[name] if name in comparison.recorded else comparison.simulated[name])
+    return comparison.filled(comparison.recorded[name] if name in comparison.recorded else comparison.simulated[name])
 
 
 def rise(comparison: Comparison, values: Vector, *, over_samples: int = 5) -> Vector:
@@ -154,7 +142,7 @@ def on_even_clock(comparison: Comparison, made: Callable[[Vector], Vector], valu
 
 def slope(comparison: Comparison, response: str, swept_hz: Vector) -> Vector:
     """f·dA/df of the simulated curve, run by run [unit of the response]: what a shift of all resonances adds."""
-    amplitude = filled(comparison, comparison.simulated[response])
+    amplitude = comparison.simulated_course(response)
     result = np.zeros(len(amplitude))
     for _, rows in comparison.rows_of_runs():
         f, a = swept_hz[rows], amplitude[rows]

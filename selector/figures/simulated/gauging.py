@@ -59,11 +59,8 @@ def gauge_characteristic(
         (allowance_um, error_um, "2", LINE, "solid", "error of the line"),
     ):
         unit = "µm" if axis else "V"
-        hover, place = (
-            f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>",
-            {"xaxis": f"x{axis}", "yaxis": f"y{axis}"},
-        )
-        style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, **place)
+        hover = f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>"
+        style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, xaxis=f"x{axis}", yaxis=f"y{axis}")
     _band(drawn, line_um, allowance_um)
     _thresholds(drawn, allowance_um, voltage_v, thresholds, (low, high), split * inside + _GAP_PX / 2, inside)
     across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
@@ -108,18 +105,13 @@ def part_in_time(
         for k, (_, volts) in enumerate(thresholds, start=1)
         if k > over
     ]
-    panels = [
-        Panel(
-            "allowance [µm]",
-            [
-                Line("gauge reads", time, measured_um[kept], SEEN, width=1.2),
-                Line("true", time, allowance_um[kept], TRUE, width=2.4),
-                Line(f"wanted, {number_text(wanted)} µm", ends, np.full(2, wanted), style.MUTED, dash="dash", width=1),
-            ],
-            210,
-        ),
-        Panel("voltage [V]", [*limits, Line("", time, voltage_v[kept], SEEN)], 170),
+    allowances = [
+        Line("gauge reads", time, measured_um[kept], SEEN, width=1.2),
+        Line("true", time, allowance_um[kept], TRUE, width=2.4),
+        Line(f"wanted, {number_text(wanted)} µm", ends, np.full(2, wanted), style.MUTED, dash="dash", width=1),
     ]
+    panels = [Panel("allowance [µm]", allowances, 210)]
+    panels.append(Panel("voltage [V]", [*limits, Line("", time, voltage_v[kept], SEEN)], 170))
     if feed_um_per_s is not None:
         fed = Line("", time, feed_um_per_s[kept], style.INK, steps=True)
         panels.append(Panel("feed [µm/s]", [fed], 90, least=0.0))

@@ -107,6 +107,7 @@ _PANELS: tuple[tuple[str, tuple[str, ...], int], ...] = (
     ("speed", ("spindle_speed",), 80),
 )
 _OTHER_PX, _MOST_OTHERS = 90, 6
+_UNITS = {"degC": "°C", "um": "µm", "rpm": "1/min"}
 
 
 def courses(
@@ -132,7 +133,8 @@ def courses(
             lines = _lines(recording, run, chosen, _DASHES[:1])
             if len(lines) > MOST_NAMED:
                 lines = [replace(line, name="", width=1.0) for line in lines]
-            panels.append(Panel(f"{text} [{_unit(chosen[0])}]", lines, height, spans_s=spans))
+            unit = _UNITS.get(chosen[0].unit, chosen[0].unit)
+            panels.append(Panel(f"{text} [{unit}]", lines, height, spans_s=spans))
             drawn_channels += chosen
     drawn = stacked(f"Run {style.label(run)}", panels, end_s)
     for line, channel in zip(drawn.data, drawn_channels, strict=True):
@@ -142,10 +144,5 @@ def courses(
 
 
 def _recorded(recording: Recording, run: str, roles: tuple[str, ...]) -> list[Channel]:
-    """Channels of these roles with a value in this run."""
     named = [channel for channel in recording.channels if channel.role in roles]
     return [channel for channel in named if np.isfinite(recording.values(run, [channel.name])).any()]
-
-
-def _unit(channel: Channel) -> str:
-    return {"degC": "°C", "um": "µm", "rpm": "1/min"}.get(channel.unit, channel.unit)

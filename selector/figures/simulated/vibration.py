@@ -131,14 +131,8 @@ def motion_course(
         panels.append(Panel("speed [r/min]", lines, 90, least=0.0))
     *parts, last = motions_um
     if parts:
-        panels.append(
-            Panel(
-                "motion [µm]",
-                [Line(final_text(name), time_s, motions_um[name], _MOTIONS[k % 3]) for k, name in enumerate(parts)],
-                190,
-                least=0.0,
-            )
-        )
+        lines = [Line(final_text(name), time_s, motions_um[name], _MOTIONS[k % 3]) for k, name in enumerate(parts)]
+        panels.append(Panel("motion [µm]", lines, 190, least=0.0))
     panels.append(Panel(f"{final_text(last)} [µm]", [Line("", time_s, motions_um[last], style.INK)], 190, least=0.0))
     shown = [name for name in colours if name in forces_n][:MOST_SOURCES]
     if shown:
@@ -194,10 +188,8 @@ def errors_over_wavelength(
         low, high = float(waves.min()) - 0.3, float(waves.max()) + 0.3
         if direction == "cut":
             # the limits of the kinds belong into the picture
-            low, high = (
-                min(low, math.log10(surface.roughness_below_mm) - 0.5),
-                max(high, _lobing_mm(cutting, surface)[0]),
-            )
+            low = min(low, math.log10(surface.roughness_below_mm) - 0.5)
+            high = max(high, _lobing_mm(cutting, surface)[0])
         _add_zones(drawn, direction, cutting, surface, key, (low, high))
         _add_errors(drawn, ones, colours, key, is_first=number == 0)
         drawn.layout[f"xaxis{key}"] = {

@@ -1,8 +1,9 @@
 """What would the model have done in recorded runs: which channels are its axes', in closed loop or opened."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -259,11 +260,12 @@ def _axis_run(
             start = _recorded_start(axis, time_s, _values(recording, run, found["position"]))
     if added is not None and commands is not None and not _takes_force(axis):
         commands, added = np.add(commands, added), None
+    run_along = partial(model.axis_run, name, commands=commands, start=start, seed=seed)
     if added is None:
-        return model.axis_run(name, reference, commands=commands, start=start, seed=seed)
+        return run_along(reference)
     if not _takes_force(axis):
         raise _cannot_be_added(name, found["added"])
-    return _with_added(model, name, reference, added, commands, start, seed)
+    return _with_added(run_along, axis, reference, added)
 
 
 def _takes_force(axis: Axis) -> bool:
@@ -271,20 +273,11 @@ def _takes_force(axis: Axis) -> bool:
     return isinstance(axis.mechanics, RigidMechanics) and not any(ripple.share for ripple in axis.ripple)
 
 
-def _with_added(
-    model: DriveModel,
-    name: str,
-    reference: Reference,
-    added: Vector,
-    commands: Vector | None,
-    start: AxisState | None,
-    seed: int,
-) -> AxisRun:
+def _with_added(run_along: Callable[[Reference], AxisRun], axis: Axis, reference: Reference, added: Vector) -> AxisRun:
     """A run in which this acts besides the control, behind its limit and its delay [actuator unit]."""
-    servo = model.file_axes[name].axis.servo
-    pushed_n = (1.0 if servo is None else servo.actuator_gain) * added
+    pushed_n = (1.0 if axis.servo is None else axis.servo.actuator_gain) * added
     load_n = pushed_n if reference.force_n is None else reference.force_n + pushed_n
-    done = model.axis_run(name, replace(reference, force_n=load_n), commands=commands, start=start, seed=seed)
+    done = run_along(replace(reference, force_n=load_n))
     motion = replace(
         done.motion,
         actuator_force=done.motion.actuator_force + pushed_n,

@@ -48,7 +48,5 @@ bristles-make-energy [warning] the bristles of a LuGre friction are damped so mu
     → Take less damping of the bristles.
 """
 )
-FINDINGS["channel-undecided"] = SHARED_FINDINGS["channel-undecided"]
-FINDINGS["output-not-recorded"] = SHARED_FINDINGS["output-not-recorded"]
-FINDINGS["unlikely-value"] = SHARED_FINDINGS["unlikely-value"]
-FINDINGS["recorded-clock-jitter"] = SHARED_FINDINGS["recorded-clock-jitter"]
+for id_ in ("channel-undecided", "output-not-recorded", "unlikely-value", "recorded-clock-jitter"):
+    FINDINGS[id_] = SHARED_FINDINGS[id_]

@@ -44,7 +44,5 @@ threshold-reached-at-once [warning] parts have passed a threshold already when i
     → start with more allowance, set the stages further apart, or shorten filter and delay
 """
 )
-FINDINGS["channel-undecided"] = SHARED_FINDINGS["channel-undecided"]
-FINDINGS["recorded-gap"] = SHARED_FINDINGS["recorded-gap"]
-FINDINGS["recorded-clock-jitter"] = SHARED_FINDINGS["recorded-clock-jitter"]
-FINDINGS["output-not-recorded"] = SHARED_FINDINGS["output-not-recorded"]
+for id_ in ("channel-undecided", "recorded-gap", "recorded-clock-jitter", "output-not-recorded"):
+    FINDINGS[id_] = SHARED_FINDINGS[id_]

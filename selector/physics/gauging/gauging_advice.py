@@ -174,16 +174,8 @@ class _Bench:
 
 def _setting(name: str, model: GaugingModel, sizes: FinishedSizes, *, at_limit: bool = False) -> Setting:
     setup = model.setup
-    return Setting(
-        name,
-        setup.gauge.time_constant_s,
-        setup.thresholds_v,
-        len(sizes.finished_um),
-        sizes.mean_um - setup.wanted_um,
-        sizes.mean_error_um,
-        sizes.sd_um,
-        at_limit,
-    )
+    found = len(sizes.finished_um), sizes.mean_um - setup.wanted_um, sizes.mean_error_um, sizes.sd_um
+    return Setting(name, setup.gauge.time_constant_s, setup.thresholds_v, *found, at_limit)
 
 
 def _missed(sizes: FinishedSizes) -> float:

@@ -244,17 +244,8 @@ class GaugingModel:
         """What is ground and gauged, with the thresholds of the file or, left out, those of eq. 23."""
         made, said = self.values, self.file.thresholds
         volts = self.advised_thresholds_v if said is None else said.volts
-        return GaugedGrinding(
-            self.stage_gauges[-1],
-            made.grinding,
-            made.relay,
-            made.surface,
-            made.noise,
-            self.characteristic,
-            volts,
-            self.crest,
-            made.correction,
-        )
+        process = made.grinding, made.relay, made.surface, made.noise
+        return GaugedGrinding(self.stage_gauges[-1], *process, self.characteristic, volts, self.crest, made.correction)
 
     def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":
         """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""

@@ -235,12 +235,8 @@ def contradictions(file: GaugingFile) -> Iterator[Contradiction]:
 def _of_gauge(file: GaugingFile) -> Iterator[Contradiction]:
     one = "one gauge: [transducer] with its parts, or [linear]"
     if file.transducer is None and file.linear is None:
-        yield (
-            ("linear",),
-            "no gauge",
-            one,
-            "add gain_v_per_um, bias_v and time_constant_s under [linear], or a transducer",
-        )
+        advice = "add gain_v_per_um, bias_v and time_constant_s under [linear], or a transducer"
+        yield ("linear",), "no gauge", one, advice
     elif file.transducer is not None and file.linear is not None:
         yield ("linear",), "a second gauge beside [transducer]", one, "leave one of the two out"
     if file.transducer is not None and file.relay is not None:

@@ -57,15 +57,9 @@ def sizes_by_formula(setup: GaugedGrinding, *, parts: int = 1) -> SizesByFormula
         within, feeds = math.hypot(within * own, setup.correction.gauge_sd_um * of_gauge), feeds * own
     between = math.hypot(float(each.std()), feeds)
     _, rate = smoothed_surface(line.surface, line.gauge.time_constant_s, np.arange(_WAVE) / _WAVE)
-    return SizesByFormula(
-        float(each.mean()),
-        math.hypot(within, between),
-        within,
-        between,
-        setup.restlessness,
-        float(np.abs(rate).max()) / line.rates_um_per_s[-1],
-        curvature_um(setup),
-    )
+    spread, ripple = math.hypot(within, between), float(np.abs(rate).max()) / line.rates_um_per_s[-1]
+    curvature = curvature_um(setup)
+    return SizesByFormula(float(each.mean()), spread, within, between, setup.restlessness, ripple, curvature)
 
 
 def _met_um(setup: GaugedGrinding) -> float:

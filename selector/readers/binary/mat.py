@@ -172,7 +172,6 @@ def _check_text(data: bytes, text: _Element, count: int) -> None:
 
 
 def _check_parts(data: bytes, position: int, end: int, order: str, depth: int, kind: int, count: int) -> None:
-    """Check the arrays inside of a cell array or structure."""
     n_parts = count
     if kind == _STRUCT:
         width = _numbers(data, position, end, order, 1)

@@ -75,7 +75,6 @@ def damaged(where: str, error: Exception) -> ReadError:
 
 
 def _unit(field: pa.Field) -> str | None:
-    """The unit in the metadata of a column."""
     metadata = field.metadata or {}
     for key in (b"unit", b"units", b"unit_string"):
         if key in metadata:

@@ -129,6 +129,13 @@ def closest(name: str, among: Iterable[str]) -> str | None:
     return folded[near[0]] if near else None
 
 
+def one_of_words(name: str, known: Iterable[str]) -> str:
+    """What a name that is none of these should have been: the nearest of them, and all."""
+    names = list(known)
+    near = closest(name, names)
+    return (f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(names)
+
+
 def printable_name(text: str) -> str:
     """A name on one line, as it can stand in a terminal, a table and a JSON file: at most 100 characters, never empty.
 

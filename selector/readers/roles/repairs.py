@@ -12,7 +12,7 @@ from selector.findings import Finding, Where
 from selector.quality.finding_table import SWAPPED_CHANNELS, WRONG_UNIT
 from selector.readers.finding_table import FINDINGS, RUN_REPAIRED
 from selector.readers.machine_file import Machine, RunChannelSection, RunSection
-from selector.readers.roles.names import closest
+from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan, Planned
 from selector.readers.runs import TimedRun
 from selector.readers.tables import listed
@@ -109,8 +109,7 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
 
 def _in_run(channels: dict[str, Planned], name: str, run: str) -> Planned:
     if name not in channels:
-        near = closest(name, list(channels))
-        _refuse(f"no channel {name!r}", (f"{near!r} perhaps; " if near else "") + "one of " + ", ".join(channels), run)
+        _refuse(f"no channel {name!r}", one_of_words(name, channels), run)
     if run not in channels[name].headers:
         _refuse(f"channel {name!r}, which run {run!r} does not have", f"a channel that {run!r} has", run)
     return channels[name]

@@ -80,13 +80,14 @@ def dialect(
             continue
         rows = [cells_of(line, candidate, quoted) for line in body]
         counts = Counter(len(row) for row in rows)
-        n_columns, agreeing = max(counts.items(), key=lambda item: (item[1], item[0]))
+        n_columns = max(counts, key=lambda n: (counts[n], n))
         for mark in (".", ",") if decimal is None else (decimal,):
             if candidate == "," and mark == "," and not quoted:
                 continue
-            score = _score(rows, n_columns, agreeing / len(rows), head, candidate, mark, quoted)
+            tried = Dialect(candidate, mark, n_columns, quoted)
+            score = _score(rows, head, tried)
             if best is None or score > best[0] + 1e-9:
-                best = (score, Dialect(candidate, mark, n_columns, quoted))
+                best = (score, tried)
     single = _single_column(body, head, decimal, quoted)
     if named is None and single is not None and (best is None or single[0] >= best[0] - 1e-9):
         best = single
@@ -103,18 +104,12 @@ def dialect(
     return best[1]
 
 
-def _score(
-    rows: list[list[str]],
-    n_columns: int,
-    agreement: float,
-    head: Sequence[str],
-    separator: str,
-    decimal: str,
-    quoted: bool,
-) -> float:
+def _score(rows: list[list[str]], head: Sequence[str], tried: Dialect) -> float:
+    n_columns, decimal = tried.n_columns, tried.decimal
     if n_columns < 2:
         return 0.0
-    usual = [row for row in rows if len(row) == n_columns][:60]
+    agreeing = [row for row in rows if len(row) == n_columns]
+    usual = agreeing[:60]
     trailing = all(not row[-1] for row in usual)
     good = 0
     filled = 0
@@ -133,9 +128,9 @@ def _score(
         grouped += any(is_grouped_number(row[position], decimal) for row in usual if position < len(row))
     if good == 0 or filled == 0:
         return 0.0
-    score = agreement * (good - 0.1 * min(grouped, good)) / filled
+    score = len(agreeing) / len(rows) * (good - 0.1 * min(grouped, good)) / filled
     for line in head:
-        words = cells_of(line, separator, quoted)
+        words = cells_of(line, tried.separator, tried.quoted)
         fits = len(words) == n_columns or (trailing and len(words) == n_columns - 1)
         if fits and len([w for w in words if w]) >= min(2, n_columns - trailing):
             texts = sum(cell_kind(w, decimal) == "text" for w in words)
@@ -143,7 +138,7 @@ def _score(
                 score += 0.3
                 break
     # commas inside numbers must not win over a real separator that explains the same cells
-    preference = {",": 0.03, "blanks": 0.02, "blank": 0.0}.get(separator, 0.05)
+    preference = {",": 0.03, "blanks": 0.02, "blank": 0.0}.get(tried.separator, 0.05)
     return score + preference + (0.004 if decimal == "." else 0.0)
 
 

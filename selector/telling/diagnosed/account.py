@@ -188,7 +188,6 @@ def _places(found: Diagnosis) -> Table | None:
 
 
 def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
-    """What is said of one effect that was named."""
     name, known = name_of(effect.id), next((one for one in catalogue() if one.id == effect.id), None)
     sure = f"{sure_words(effect.confidence)}, {p_words(effect.p_value, 'p = ')}"
     told = [sure, f"{share_text(effect.share)} of the mismatch"]
@@ -273,7 +272,6 @@ def _tested(found: Diagnosis) -> Table | None:
 
 
 def _untested(found: Diagnosis) -> Table | None:
-    """Effects that this record says nothing of, by the reason."""
     by_reason: dict[tuple[str, str], list[str]] = {}
     for one in found.evidence:
         if one.note.startswith(UNTESTED):

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import dropwhile, groupby
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from selector.telling.account import (
     sections,
     table,
 )
-from selector.telling.numbers import NONE, given_text, listed, span_text
+from selector.telling.numbers import given_text, listed, span_text
 from selector.telling.origin import label_text
 
 MOST_TOLD = 8  #: Corrections that a sentence can hold; more are in the table.
@@ -143,7 +143,8 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
     if not useful:
         first = f"Do not use this program: the prediction of {listed(doubtful)} is not good enough for {told} µm."
         return "bad", (first, _trust(prediction), _SIGN)
-    ends = f"; the drift then stays within {told} µm" if _any_correction(prediction, useful) else ""
+    corrected = any(len(one.times_s) > 1 for name in useful for one in prediction.programs[name].operations)
+    ends = f"; the drift then stays within {told} µm" if corrected else ""
     first = "; ".join(instructions) + ends + "."
     first = first[0].upper() + first[1:] if first.startswith("correct ") else first
     if doubtful:
@@ -191,7 +192,6 @@ def _day_table(prediction: Prediction, seen: Observed) -> Table:
     for r, name in enumerate(prediction.responses):
         if name not in seen.thermometers:
             unit = prediction.unit(name)
-            unit = prediction.unit(name)
             headings += [f">{name} by the plan [{unit}]", f">by the readings [{unit}]"]
             columns.append(np.interp(times_s, prediction.time_s, prediction.displacement_um[:, r]))
             columns.append(np.interp(times_s, seen.time_s, seen.displacement_um[:, r]))
@@ -211,7 +211,9 @@ def _instruction(prediction: Prediction, name: str) -> str:
     counts = [len(operation.times_s) - 1 for operation in program.operations]
     total = sum(counts)
     if total == 0:
-        _, left = program.drift_left_um(prediction.time_s, prediction.displacement_um[:, _index(prediction, name)])
+        _, left = program.drift_left_um(
+            prediction.time_s, prediction.displacement_um[:, prediction.responses.index(name)]
+        )
         largest = number_text(float(np.abs(left).max()), 2)
         within = " within an operation" if len(program.operations) > 1 else ""
         return f"{name} needs no correction, it drifts by at most {largest} µm{within}"
@@ -283,19 +285,11 @@ def _trust(prediction: Prediction) -> str:
 
 def _error_um(prediction: Prediction, name: str) -> float:
     """Error on what was left out; without it the worst on a test; 0 if nothing is known."""
-    r = _index(prediction, name)
+    r = prediction.responses.index(name)
     for errors in (prediction.claimed_um, prediction.heldout_um):
         if errors is not None and np.isfinite(errors[r]):
             return float(errors[r])
     return max((float(one.rmse_um[r]) for one in prediction.repeats), default=0.0)
-
-
-def _any_correction(prediction: Prediction, names: list[str]) -> bool:
-    return any(len(operation.times_s) > 1 for name in names for operation in prediction.programs[name].operations)
-
-
-def _index(prediction: Prediction, name: str) -> int:
-    return prediction.responses.index(name)
 
 
 def _times(count: int) -> str:
@@ -335,8 +329,8 @@ def _program_table(prediction: Prediction) -> Table:
             f"{_down(time_s):.1f}",
             f"{_down(time_s - operation.start_s):.1f}",
             f"{_down(time_s + held_s) - _down(time_s):.1f}",
-            "new zero" if k == 0 else number_text(step_um),
-            number_text(offset_um),
+            "new zero" if k == 0 else float(step_um),
+            float(offset_um),
             f"{offset_um / 1000:.4f}".replace("-", "−"),
         )
         for name, program in prediction.programs.items()
@@ -346,15 +340,9 @@ def _program_table(prediction: Prediction) -> Table:
         )
     ]
     headings = [
-        "response",
-        ">operation",
-        ">at [min]",
-        ">after the zero [min]",
-        ">holds for [min]",
-        ">step [µm]",
-        ">offset [µm]",
-        ">offset [mm]",
-    ]
+        "response", ">operation", ">at [min]", ">after the zero [min]", ">holds for [min]", ">step [µm]",
+        ">offset [µm]", ">offset [mm]",
+    ]  # fmt: skip
     more = f" {len(rows) - MOST_ROWS} more rows are in program.csv." if len(rows) > MOST_ROWS else ""
     note = "Step and offset are the displacement to be subtracted, counted as the gauge counted in the tests. "
     note += "Times are rounded down to 0.1 min, so corrections act up to 6 s early; the JSON form is exact." + more
@@ -368,10 +356,8 @@ def _down(time_s: float) -> float:
 
 def _blocks(prediction: Prediction) -> str:
     """Timed offset blocks, the first of very many."""
-    lines = program_blocks(prediction.programs).splitlines()
     # the rules stand in the page already
-    first = next(i for i, line in enumerate(lines) if line.startswith("["))
-    lines = lines[first:]
+    lines = [*dropwhile(lambda line: not line.startswith("["), program_blocks(prediction.programs).splitlines())]
     more = [f"; {len(lines) - MOST_ROWS} more lines are in program.txt"] if len(lines) > MOST_ROWS else []
     return "\n".join([*lines[:MOST_ROWS], *more]).strip()
 
@@ -397,7 +383,6 @@ def _headings(prediction: Prediction) -> list[str]:
 
 
 def _accuracy_table(prediction: Prediction) -> Table:
-    """Errors of every response; those of single tests too."""
     columns = _headings(prediction)
     rows = [
         (label, *(number_text(float(value), 2) for value in values))
@@ -419,11 +404,7 @@ def _accuracy_table(prediction: Prediction) -> Table:
 
 def _modes_table(prediction: Prediction) -> Table:
     rows = [
-        (
-            str(number),
-            number_text(mode.tau_s / 60),
-            *(NONE if end is None else number_text(end / 60) for end in (mode.low, mode.high)),
-        )
+        (str(number), *(None if end is None else end / 60 for end in (mode.tau_s, mode.low, mode.high)))
         for number, mode in enumerate(prediction.modes, start=1)
     ]
     note = (

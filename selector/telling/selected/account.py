@@ -48,12 +48,12 @@ def gain_table(selection: Selection) -> Table:
         rows.append(
             (
                 name,
-                number_text(proof.baselines_um[name]["none"]),
+                proof.baselines_um[name]["none"],
                 rounded_text(proof.rmse_um(name), rmse_error_um(parts)),
-                f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else NONE,
-                number_text(proof.max_um(name)),
-                NONE if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
-                number_text(max(one.per_kelvin_um for one in faults)) if faults else NONE,
+                f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
+                proof.max_um(name),
+                None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
+                max((one.per_kelvin_um for one in faults), default=None),
             )
         )
     headings = [
@@ -74,7 +74,7 @@ def curve_table(selection: Selection) -> Table:
         fixed = selection.fixed_set_errors_um(name)
         for point in selection.proof.curve:
             best = rounded_text(float(point.rmse_um[at]), float(point.standard_error_um[at]))
-            rows.append((name, str(point.n_sensors), best, number_text(fixed.get(point.n_sensors))))
+            rows.append((name, str(point.n_sensors), best, fixed.get(point.n_sensors)))
     headings = ["error of", ">sensors", f">unseen, {BEST_OF_SIZE} [µm]", f">unseen, {FIXED_SET} [µm]"]
     return table(headings, rows, f"Root mean squares. {told_apart(selection.proof.left_out)}")
 
@@ -90,10 +90,7 @@ def combinations_table(selection: Selection, response: str) -> Table:
     left = len(compared) - len(rows)
     return table(
         ["sensors", ">R²", ">adjusted R²", f">unseen, {FIXED_SET}: rms [µm]", "from"],
-        [
-            (", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), number_text(one.heldout_rmse_um), one.origin)
-            for one in rows
-        ],
+        [(", ".join(one.sensors), _r2(one.r2), _r2(one.adjusted_r2), one.heldout_rmse_um, one.origin) for one in rows],
         f"{left} more sets were compared." if left else "",
         [i for i, one in enumerate(rows) if set(one.sensors) == set(selection.chosen)],
     )
@@ -113,15 +110,7 @@ def equal_table(selection: Selection) -> Table | None:
             ">largest VIF",
             ">worst fault",
         ],
-        [
-            (
-                ", ".join(one.sensors),
-                *map(number_text, one.heldout_rmse_um),
-                number_text(one.largest_vif),
-                number_text(one.worst_fault),
-            )
-            for one in equal.sets
-        ],
+        [(", ".join(one.sensors), *one.heldout_rmse_um, one.largest_vif, one.worst_fault) for one in equal.sets],
         f"All {equal.n_compared} sets of this size were looked at: {equal.n_equal} have at most {margin} more error "
         "than the best of them. Worst fault: share of the displacement's spread that one sensor moves when it is wrong "
         "by its own spread." + (f" {left} more are not listed." if left else ""),
@@ -135,14 +124,8 @@ def groups_table(selection: Selection) -> Table:
     representatives = set(selection.grouping.chosen.representatives)
     for i, group in enumerate(selection.grouping.chosen.rounds[0].groups):
         names = [selection.sensors[k] for k in group]
-        rows.append(
-            (
-                str(i + 1),
-                ", ".join(names),
-                ", ".join(name for name in names if name in representatives) or NONE,
-                ", ".join(name for name in names if name in selection.chosen) or NONE,
-            )
-        )
+        kept = ([name for name in names if name in some] for some in (representatives, selection.chosen))
+        rows.append((str(i + 1), ", ".join(names), *(", ".join(some) or NONE for some in kept)))
     marked = [i for i, row in enumerate(rows) if row[3] != NONE]
     return table([">group", "sensors", "representative", "chosen"], rows, marked=marked)
 
@@ -177,7 +160,7 @@ def sensors_table(selection: Selection) -> Table:
                 name,
                 str(group_of[k] + 1) if k in group_of else NONE,
                 selection.reasons.get(name, NONE),
-                share_text(selection.stability[name]) if name in selection.stability else NONE,
+                share_text(selection.stability[name]) if name in selection.stability else None,
             )
             for k, name in enumerate(selection.sensors)
         ],
@@ -191,33 +174,19 @@ def runs_table(selection: Selection, response: str) -> Table:
     """Errors of every left-out part, with the sensors that were chosen without it, and in sample."""
     fitted = selection.fit_per_run[response]
     proved = {part.name for part in selection.proof.per_response[response]}
-    rows: list[tuple[str, ...]] = [
-        (
-            part.name,
-            number_text(part.before_rmse_um),
-            number_text(part.before_max_um),
-            number_text(part.rmse_um),
-            number_text(part.max_um),
-            beside_text(part.mean_um, part.rmse_um),
-            number_text(fitted[part.name][0]) if part.name in fitted else NONE,
-            ", ".join(part.sensors),
-        )
-        for part in selection.proof.per_response[response]
-    ]
-    rows += [(run, *[NONE] * 5, number_text(fit[0]), "") for run, fit in fitted.items() if run not in proved]
+    rows: list[tuple[str | float | None, ...]] = []
+    for part in selection.proof.per_response[response]:
+        errors = (part.before_rmse_um, part.before_max_um, part.rmse_um, part.max_um)
+        in_sample = fitted[part.name][0] if part.name in fitted else None
+        rows.append((part.name, *errors, beside_text(part.mean_um, part.rmse_um), in_sample, ", ".join(part.sensors)))
+    rows += [(run, *[None] * 5, fit[0], "") for run, fit in fitted.items() if run not in proved]
     return table(
         [
-            selection.proof.left_out,
-            ">before: rms [µm]",
-            ">before: largest [µm]",
-            ">unseen: rms [µm]",
-            ">unseen: largest [µm]",
-            ">unseen: mean [µm]",
-            ">in sample: rms [µm]",
-            "sensors chosen without it",
+            selection.proof.left_out, ">before: rms [µm]", ">before: largest [µm]", ">unseen: rms [µm]",
+            ">unseen: largest [µm]", ">unseen: mean [µm]", ">in sample: rms [µm]", "sensors chosen without it",
         ],
         rows,
-    )
+    )  # fmt: skip
 
 
 def coefficients_table(selection: Selection, response: str) -> Table:
@@ -235,39 +204,31 @@ def coefficients_table(selection: Selection, response: str) -> Table:
 def quality_table(selection: Selection) -> Table:
     """Fit, proof and diagnostics of every model."""
     models, proof = selection.models, selection.proof
-    lines: list[tuple[str, list[str]]] = [
-        ("R²", [_r2(model.r2) for model in models.values()]),
-        ("adjusted R²", [_r2(model.adjusted_r2) for model in models.values()]),
-        ("error in sample, rms [µm]", [number_text(model.rmse_um) for model in models.values()]),
-        (f"error unseen, {PROCEDURE}, rms [µm]", [number_text(proof.rmse_um(name)) for name in models]),
-        (f"error unseen, {PROCEDURE}, largest [µm]", [number_text(proof.max_um(name)) for name in models]),
-        ("samples [–]", [str(model.n_samples) for model in models.values()]),
-        ("condition number [–]", [number_text(model.diagnostics.condition_number) for model in models.values()]),
-        ("Durbin–Watson [–]", [number_text(model.diagnostics.durbin_watson) for model in models.values()]),
-        ("Ljung–Box p [–]", [p_text(model.diagnostics.ljung_box_p) for model in models.values()]),
-        (
-            "largest Cook's distance [–]",
-            [number_text(model.diagnostics.max_cooks_distance, 2) for model in models.values()],
-        ),
-        ("ridge penalty [–]", [number_text(model.ridge, 2) for model in models.values()]),
+    columns: list[dict[str, str | float]] = [
+        {
+            "R²": _r2(model.r2),
+            "adjusted R²": _r2(model.adjusted_r2),
+            "error in sample, rms [µm]": model.rmse_um,
+            f"error unseen, {PROCEDURE}, rms [µm]": proof.rmse_um(name),
+            f"error unseen, {PROCEDURE}, largest [µm]": proof.max_um(name),
+            "samples [–]": str(model.n_samples),
+            "condition number [–]": model.diagnostics.condition_number,
+            "Durbin–Watson [–]": model.diagnostics.durbin_watson,
+            "Ljung–Box p [–]": p_text(model.diagnostics.ljung_box_p),
+            "largest Cook's distance [–]": number_text(model.diagnostics.max_cooks_distance, 2),
+            "ridge penalty [–]": number_text(model.ridge, 2),
+        }
+        for name, model in models.items()
     ]
-    return table(["", *(f">{name}" for name in models)], [(name, *values) for name, values in lines])
+    rows = [(line, *(column[line] for column in columns)) for line in columns[0]]
+    return table(["", *(f">{name}" for name in models)], rows)
 
 
 def faults_table(selection: Selection) -> Table:
     """What a fault of each sensor does."""
     return table(
         ["sensor", "response", ">1 K too high [µm]", ">stuck [µm]", ">open [µm]"],
-        [
-            (
-                one.sensor,
-                one.response,
-                number_text(one.per_kelvin_um),
-                number_text(one.stuck_um),
-                number_text(one.open_um),
-            )
-            for one in selection.faults
-        ],
+        [(one.sensor, one.response, one.per_kelvin_um, one.stuck_um, one.open_um) for one in selection.faults],
         "Largest change of the prediction over the recorded samples. Stuck: frozen at the reading of the start of the "
         "run. Open: driven to the edge of the valid range, where a guard holds it.",
     )

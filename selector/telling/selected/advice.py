@@ -31,7 +31,8 @@ def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:
     keep = f"Keep sensor{'s' * (len(selection.chosen) > 1)} {listed(selection.chosen)}"
     warnings = tuple(_uselessness(selection, name) for name in useless)
     if not useful:
-        return "bad", (f"Do not use this model{_of(useless, selection)}.", *warnings)
+        of = f" of {listed(useless)}" if len(selection.models) == 1 else ""
+        return "bad", (f"Do not use this model{of}.", *warnings)
     gain = f"{_improvement(selection, useful)}{_worst_fault(selection, useful)}."
     more = (*_dropped(selection), *_worse(selection, useful), *_faults(selection, useful))
     if useless:
@@ -63,10 +64,6 @@ def useless_responses(selection: Selection) -> frozenset[str]:
         if finding.id == USELESS
         for name in ([finding.where.channel] if finding.where.channel else list(selection.models))
     )
-
-
-def _of(names: tuple[str, ...], selection: Selection) -> str:
-    return f" of {listed(names)}" if len(selection.models) == 1 else ""
 
 
 def _dropped(selection: Selection) -> tuple[str, ...]:
@@ -113,7 +110,6 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
 
 
 def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Where the model does harm."""
     worse = []
     for name in names:
         parts = selection.proof.per_response[name]
@@ -133,7 +129,6 @@ def _uselessness(selection: Selection, name: str) -> str:
 
 
 def _worst(selection: Selection, names: tuple[str, ...]) -> dict[str, FaultGain]:
-    """The worst fault in each displacement."""
     worst = {}
     for name in names:
         gains = [gain for gain in selection.faults if gain.response == name]

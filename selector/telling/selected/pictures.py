@@ -177,7 +177,6 @@ def _memory(selection: Selection) -> str:
 
 
 def _thinning(selection: Selection) -> str:
-    """How many of the samples are drawn."""
     shown, all_runs = selection.readings, {run for runs in selection.fit_per_run.values() for run in runs}
     samples = sum(len(one.time_s) for one in shown), sum(one.n_samples for one in shown)
     text = ""

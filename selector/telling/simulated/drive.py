@@ -18,7 +18,6 @@ from selector.physics.drive.drive_summary import (
     ErrorParts,
     LoopSummary,
     Measures,
-    StickSlip,
 )
 from selector.physics.drive.loop.stability import LoopFigures
 from selector.physics.drive.parts.axis import Axis, Friction, Servo
@@ -137,8 +136,11 @@ def _sentences(axes: Sequence[AxisInRun], summary: DriveSummary, several: bool) 
     if one.summary.limited_share > 0:
         share = number_text(100 * one.summary.limited_share, 2)
         more.append(f"A limit of current or speed was reached {share} % of the time.")
-    if one.summary.stick_slip is not None:
-        more.insert(0, stick_slip_sentence(one.summary.stick_slip, name))
+    slips = one.summary.stick_slip
+    if slips is not None:
+        creeping = f"it stands or creeps for {number_text(100 * slips.creeping_share, 2)} % of the time"
+        jumping = f"and jumps {slips.jumps} times after it first broke loose"
+        more.insert(0, f"{name or 'The table'} sticks and slips: {creeping} that it is commanded to move, {jumping}.")
     unstable = [name for name, loop in summary.loops.items() if not loop.stability.stable]
     if unstable:
         more.insert(0, f"The control loop of {', '.join(unstable)} is unstable.")
@@ -218,14 +220,6 @@ def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
     if name == "rest":
         return f"{most} goes with neither speed, acceleration nor direction ({part}); see its course."
     return f"{most} ({part}) may be {_WHY[name].replace(': it moves', '; it moves')}, which tells no more."
-
-
-def stick_slip_sentence(found: StickSlip, name: str) -> str:
-    """How often and how long a table sticks."""
-    return (
-        f"{name or 'The table'} sticks and slips: it stands or creeps for {number_text(100 * found.creeping_share, 2)} "
-        f"% of the time that it is commanded to move, and jumps {found.jumps} times after it first broke loose."
-    )
 
 
 def parts_table(parts: ErrorParts, measures: Measures) -> Table:

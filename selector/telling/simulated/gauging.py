@@ -126,9 +126,7 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
         (
             "by eq. 25" if summary.formula_holds else "by eq. 25, which does not hold here",
             *(_um(formula.mean_um - zero) for zero in zeros),
-            _um(formula.sd_um),
-            _um(formula.within_um),
-            _um(formula.between_um),
+            *map(_um, (formula.sd_um, formula.within_um, formula.between_um)),
         ),
     ]
     heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
@@ -152,7 +150,10 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
 
 def capability_table(one: Capability) -> Table:
     """Cp and Cpk with intervals, and shares out of tolerance."""
-    level = f"{100 * CONFIDENCE:.3g} %"
+    level, counted = (
+        f"{100 * CONFIDENCE:.3g} %",
+        " to ".join(map(percent, (one.share_outside_low, one.share_outside_high))),
+    )
     rows = [
         ("Cp", number_text(one.cp), f"{number_text(one.cp_low)} to {number_text(one.cp_high)}"),
         ("Cpk", number_text(one.cpk), f"{number_text(one.cpk_low)} to {number_text(one.cpk_high)}"),
@@ -160,11 +161,7 @@ def capability_table(one: Capability) -> Table:
         ("Cpk by quantiles", number_text(one.cpk_quantiles), NONE),
         ("too small, of normal sizes", percent(one.share_below), NONE),
         ("too large, of normal sizes", percent(one.share_above), NONE),
-        (
-            "out of tolerance, counted",
-            percent(one.share_outside),
-            f"{percent(one.share_outside_low)} to {percent(one.share_outside_high)}",
-        ),
+        ("out of tolerance, counted", percent(one.share_outside), counted),
     ]
     note = (
         "Intervals: chi-square for Cp, Bissell for Cpk, Clopper and Pearson for the count; they say what a sample of "
@@ -227,27 +224,15 @@ def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
     if curve is None:
         rows = [row for row in rows if not row[0].startswith("line")]
     stages = [
-        (
-            str(number),
-            number_text(stage.feed_um_per_s),
-            number_text(stage.rate_um_per_s),
-            number_text(stage.until_um),
-            number_text(stage.threshold_v, 5),
-        )
+        (str(number), stage.feed_um_per_s, stage.rate_um_per_s, stage.until_um, number_text(stage.threshold_v, 5))
         for number, stage in enumerate(summary.stages, start=1)
     ]
-    return [
-        ("Line of the gauge", table(["", ">value", "unit"], rows)),
-        (
-            "Stages",
-            table(
-                [">stage", ">feed [µm/s]", ">allowance falls at [µm/s]", ">until [µm]", ">threshold [V]"],
-                stages,
-                "A threshold is ahead of the allowance at which the stage is to end by what the filter, the relay "
-                "and, at the last one, the springs of the machine are late.",
-            ),
-        ),
-    ]
+    headings = [">stage", ">feed [µm/s]", ">allowance falls at [µm/s]", ">until [µm]", ">threshold [V]"]
+    note = (
+        "A threshold is ahead of the allowance at which the stage is to end by what the filter, the relay "
+        "and, at the last one, the springs of the machine are late."
+    )
+    return [("Line of the gauge", table(["", ">value", "unit"], rows)), ("Stages", table(headings, stages, note))]
 
 
 def _um(value: float, digits: int = 3) -> str:

@@ -12,10 +12,9 @@ from selector.figures.simulated.gauging import (
     sizes_over_parts,
 )
 from selector.number_text import number_text
-from selector.physics.gauging.gauging_advice import BEST_CENTRED, PRESENT, Setting
+from selector.physics.gauging.gauging_advice import BEST_CENTRED, PRESENT
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED
 from selector.physics.gauging.gauging_summary import GaugingSummary
-from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.sizes import SizesByFormula
 from selector.telling.account import Block, Drawing, Note
 from selector.telling.numbers import ms_text, uncertain_text
@@ -44,13 +43,18 @@ def _sizes(result: SimulationResult) -> list[Block]:
     tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
     limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
     curves = {"eq. 25": size_density(summary.formula)} if summary.formula.sd_um > 0 else {}
-    histogram = size_histogram(summary.sizes.finished_um, curves, limits, wanted_um, sizes_title(summary))
+    sizes, formula = summary.sizes, summary.formula
+    of_formula = uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)
+    title = f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
+    histogram = size_histogram(sizes.finished_um, curves, limits, wanted_um, f"{title}by formula {of_formula} µm")
     drawn: list[Block] = [Drawing(histogram, _HISTOGRAM)]
     if ground is not None and len(ground.size_um) > 1:
         grinding = model.values.grinding
         every = grinding.dress_every if grinding.wheel_wear > 0 else 0
         dressed = range(every + 1, len(ground.size_um) + 1, every) if every > 0 else ()
-        chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, parts_title(ground))
+        low, high = number_text(float(ground.size_um.min())), number_text(float(ground.size_um.max()))
+        title = f"Simulated: {len(ground.size_um)} parts of {low} to {high} µm"
+        chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, title)
         drawn.append(Drawing(chart, _CHART_DRESSED if dressed else _CHART))
     return drawn
 
@@ -119,13 +123,15 @@ def _in_time(result: SimulationResult) -> dict[str, _InTime]:
 def _filter(summary: GaugingSummary) -> list[Block]:
     if not summary.filters:
         return []
-    best, present = _best_and_present(summary)
-    return [Drawing(filter_trade_off(summary.filters, best, present, filter_title(summary)), _FILTER)]
-
-
-def _best_and_present(summary: GaugingSummary) -> tuple[Setting, Setting]:
     by_name = {one.name: one for one in summary.settings}
-    return by_name.get(BEST_CENTRED, by_name[PRESENT]), by_name[PRESENT]
+    present = by_name[PRESENT]
+    best = by_name.get(BEST_CENTRED, present)
+    title = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
+    if best.rms_um > MATTERS * present.rms_um:
+        title += "; the best one would make little difference"
+    else:
+        title += f", {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
+    return [Drawing(filter_trade_off(summary.filters, best, present, title), _FILTER)]
 
 
 def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
@@ -133,31 +139,6 @@ def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
     at = np.linspace(-_DENSITY_SIGMAS, _DENSITY_SIGMAS, _DENSITY_POINTS)
     density = np.exp(-0.5 * at**2) / (math.sqrt(2.0 * math.pi) * one.sd_um)
     return one.mean_um + one.curvature_um + one.sd_um * at, density
-
-
-def sizes_title(summary: GaugingSummary) -> str:
-    """What the histogram shows, as plain text for a figure."""
-    sizes, formula = summary.sizes, summary.formula
-    return (
-        f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
-        "by formula "
-        f"{uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)} µm"
-    )
-
-
-def parts_title(ground: FinishedSizes) -> str:
-    """What the chart over the parts shows, as plain text for a figure."""
-    low, high = float(ground.size_um.min()), float(ground.size_um.max())
-    return f"Simulated: {len(ground.size_um)} parts of {number_text(low)} to {number_text(high)} µm"
-
-
-def filter_title(summary: GaugingSummary) -> str:
-    """What the trade-off shows, as plain text for a figure."""
-    best, present = _best_and_present(summary)
-    text = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
-    if best.rms_um > MATTERS * present.rms_um:
-        return f"{text}; the best one would make little difference"
-    return f"{text}, {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
 
 
 _HISTOGRAM = (

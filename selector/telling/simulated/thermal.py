@@ -90,7 +90,6 @@ def _run_with(simulated: Recording, first: str, at_s: float) -> str:
 
 
 def _first(result: SimulationResult) -> str:
-    """What moved and warmed most, in one sentence."""
     recording, inputs = result.recording, result.simulated.inputs
     run, _ = largest_of(recording)
     name, at_s, um = largest_displacement(recording, run)
@@ -115,7 +114,7 @@ def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
     """The slowest time constants of every state in which the machine is held [min]."""
     count = max(len(values) for values in constants.values())
     rows = [
-        (str(k + 1), *(_minutes(values[k]) if k < len(values) else NONE for values in constants.values()))
+        (str(k + 1), *(_minutes(values[k]) if k < len(values) else None for values in constants.values()))
         for k in range(count)
     ]
     note = "Slowest first. After one time constant 63 % of the way to the steady state is done, after three 95 %."

@@ -40,7 +40,6 @@ def _run(result: SimulationResult, run: str) -> list[Block]:
 
 
 def _moment(result: SimulationResult) -> list[Block]:
-    """The field machine, if it is one."""
     file, inputs, recording = result.simulated.model.file, result.simulated.inputs, result.recording
     if not isinstance(file, FieldFile):
         return []

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.json_text import fields_of
 from selector.number_text import number_text
@@ -113,15 +112,28 @@ def _sentences(result: SimulationResult) -> list[str]:
     turning = [one for one in motion_courses(result) if any(np.ptp(rpm) > 0 for rpm in one.speeds_rpm.values())]
     if turning:
         worst = max(turning, key=lambda one: float(np.abs(one.motions_um[RELATIVE]).max()))
-        said.append(run_up_sentence(worst.time_s, worst.motions_um[RELATIVE], worst.speeds_rpm))
+        motion_um = np.abs(worst.motions_um[RELATIVE])
+        k = int(np.argmax(motion_um))
+        rpms = [f"{name} at {rpm[k]:.4g} r/min" for name, rpm in worst.speeds_rpm.items() if np.ptp(rpm) > 0]
+        said.append(
+            f"The tool moves against the workpiece by up to {number_text(float(motion_um[k]))} µm, after "
+            f"{span_text(float(worst.time_s[k]))}, with {listed(rpms)}."
+        )
         speeds = [f"{name} {rpm:.4g} r/min" for name, rpm in summary.shaft_rpm.items()]
         said.append(f"What follows is about the mean speeds: {listed(speeds)}.")
     carried = carrying(model, summary)
     if summary.errors:
         said += [error_sentence(highest(summary.errors), carried)]
-        said += [*published_sentences(summary.errors), kinds_sentence(tuple(summary.heights.values()))]
+        parts = [f"{one.kind} {number_text(one.kinematic_um)} µm" for one in summary.heights.values()]
+        said += published_sentences(summary.errors)
+        said.append(f"All lines of a kind together, root of the sum of squares: {listed(parts)}.")
     elif summary.lines:
-        said.append(line_sentence(max(summary.lines, key=lambda one: one.motion_um[RELATIVE]), carried))
+        line = max(summary.lines, key=lambda one: one.motion_um[RELATIVE])
+        said.append(
+            f"The tool moves most against the workpiece at {line.frequency_hz:.4g} Hz, with an amplitude of "
+            f"{number_text(line.motion_um[RELATIVE])} µm. It comes from {line.source}"
+            f"{carried_text(carried, line.frequency_hz)}."
+        )
     if summary.stability is not None:
         said.append(stability_sentence(summary.stability))
     said.append(motion_sentence(summary))
@@ -226,27 +238,6 @@ def published_sentences(errors: Sequence[PeriodicError]) -> list[str]:
     return [f"{said}."]
 
 
-def line_sentence(one: LineSummary, carried: CarryingMode | None) -> str:
-    """The line that moves the tool most against the workpiece, where nothing is said of a cut."""
-    return (
-        f"The tool moves most against the workpiece at {one.frequency_hz:.4g} Hz, with an amplitude of "
-        f"{number_text(one.motion_um[RELATIVE])} µm. It comes from {one.source}"
-        f"{carried_text(carried, one.frequency_hz)}."
-    )
-
-
-def run_up_sentence(
-    time_s: NDArray[np.float64], motion_um: NDArray[np.float64], speeds_rpm: Mapping[str, NDArray[np.float64]]
-) -> str:
-    """The largest motion of the tool against the workpiece while speeds change, when, and at which of them."""
-    k = int(np.argmax(np.abs(motion_um)))
-    turning = [f"{name} at {rpm[k]:.4g} r/min" for name, rpm in speeds_rpm.items() if np.ptp(rpm) > 0]
-    return (
-        f"The tool moves against the workpiece by up to {number_text(float(abs(motion_um[k])))} µm, after "
-        f"{span_text(float(time_s[k]))}, with {listed(turning)}."
-    )
-
-
 def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
     """Which resonance has a hand in a line of this frequency [Hz], or that none has, as the end of a sentence."""
     if carried is None:
@@ -259,12 +250,6 @@ def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
     side, why = ("below", "the machine gives way as to a steady force") if below else ("above", "the masses resist it")
     mode = f"the mode that has most of it ({at_hz}, the {carried.member} moves most)"
     return f". No resonance makes it large: it lies {side} {mode}, and {why}"
-
-
-def kinds_sentence(heights: Sequence[KindHeight]) -> str:
-    """All errors of each kind together."""
-    parts = [f"{one.kind} {number_text(one.kinematic_um)} µm" for one in heights]
-    return f"All lines of a kind together, root of the sum of squares: {listed(parts)}."
 
 
 def motion_sentence(summary: VibrationSummary) -> str:

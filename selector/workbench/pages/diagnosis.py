@@ -31,13 +31,8 @@ _LEAST, _MOST = 1e-9, 0.2
 
 def _boxes(bench: Bench) -> Boxes:
     default, title = DiagnoseSection(), FIELDS["--false-alarm"]
-
-    def channels() -> list[str]:
-        reading = bench.material.reading
-        return [] if reading is None else list(reading.recording.names)
-
     boxes = (
-        several("responses", "Channels to compare", "None: all that are simulated.", channels),
+        several("responses", "Channels to compare", "None: all that are simulated.", bench.channels),
         Box(
             "holdout", FIELDS["--holdout"], "last, the name of a run, or a share such as 0.3",
             lambda text: (text or "").strip() or default.holdout,

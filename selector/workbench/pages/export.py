@@ -247,7 +247,6 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
 
 
 def _replay_text(said: Mapping[str, Any] | None) -> str:
-    """How far the program is from the model, in a sentence."""
     if said is None:
         return "What the replay said stands in the commissioning sheet below."
     replay = said["replay"]

@@ -1,6 +1,7 @@
 """Predict: a duty cycle that is drawn, heating tests, and what comes out: the course and the correction program."""
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,7 @@ def _boxes(bench: Bench) -> Boxes:
     def tests(paths: list[str] | None) -> tuple[Path, ...]:
         return tuple(path for path in bench.used if str(path) in (paths or ()))
 
-    def responses() -> list[str]:
-        reading = bench.material.reading
-        return [] if reading is None else list(reading.recording.with_role("displacement", "temperature"))
-
+    responses = partial(bench.channels, "displacement", "temperature")
     about = "Recordings with a spindle speed. None: all that are used."
     chosen = several("tests", "Heating and cooling tests", about, bench.used_as_options)
     boxes = (

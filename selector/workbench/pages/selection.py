@@ -1,6 +1,7 @@
 """Selection: what is asked, which sensors must or must not be used, the command, and its report."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import dash
@@ -46,10 +47,7 @@ def _boxes(bench: Bench) -> Boxes:
             changes["rounds"] = max(changes["rounds"], len(levels))
         return bench.choose(**changes)
 
-    def displacements() -> list[str]:
-        reading = bench.material.reading
-        return [] if reading is None else list(reading.recording.with_role("displacement"))
-
+    displacements = partial(bench.channels, "displacement")
     boxes = (
         several("responses", FIELDS["--response"], "None: all that are there.", displacements),
         Box(

@@ -115,9 +115,8 @@ def register(app: dash.Dash, bench: Bench) -> None:
     choices.register(app)
 
     missing = OptionError("no machine", expected="a model file", where=TITLE, advice="choose one")
-    parts.register_task(
-        app, bench, parts.Task(ID, TITLE, _started, lambda _: SIMULATED, missing, [choices, values], answered=_answered)
-    )
+    task = parts.Task(ID, TITLE, _started, lambda _: SIMULATED, missing, [choices, values], answered=_answered)
+    parts.register_task(app, bench, task)
 
 
 def _started(bench: Bench) -> tuple[str, ...] | None:
@@ -161,7 +160,6 @@ def _models(bench: Bench, kind: str) -> dict[str, str]:
 
 
 def _parameters(asked: Simulation) -> Mapping[str, Parameter]:
-    """The numbers of the model file as it is."""
     return _parameters_of(asked.kind, Path(asked.model), Path(asked.model).stat().st_mtime_ns)
 
 

@@ -15,7 +15,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Fitted, Variant
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.residual import leftover
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import rate
 from tests.diagnosis.effects.concealed_truths import TRUTHS, comparison_of, gauged_parts, structure, tanks
 
 EFFECTS = {name: importlib.import_module(f"selector.diagnosis.effects.{name}").EFFECT for name in TRUTHS}
@@ -43,7 +43,7 @@ def explained(comparison: Comparison, response: str, variant: Variant) -> float:
     """Share of the fitted rows' squares beyond offset, gain and delay; 0 outside the bounds."""
     fitted = ~comparison.held_out
     target = comparison.difference(response)[fitted]
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     base = np.column_stack([np.ones(len(simulated)), simulated, rate(comparison, simulated)])
 
     def left(columns: np.ndarray) -> tuple[float, np.ndarray]:

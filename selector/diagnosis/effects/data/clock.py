@@ -8,7 +8,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import input_faults
-from selector.diagnosis.shapes.signals import by_run, excited, filled, rate
+from selector.diagnosis.shapes.signals import by_run, excited, rate
 from selector.types import Vector
 
 #: Shifts, in times that the course takes to change, for which its derivative no longer says what a shift does.
@@ -24,7 +24,7 @@ _LATE, _RATE = "derivative, late positive", "time × derivative"
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    course = filled(comparison, comparison.simulated[response])
+    course = comparison.simulated_course(response)
     slope = rate(comparison, course)
     yield from equally_likely(
         _shifted(comparison, response, course, slope),
@@ -125,7 +125,7 @@ def _lateness(comparison: Comparison, response: str, slope: Vector, rows: slice)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    moves = excited(rate(comparison, filled(comparison, comparison.simulated[response])))
+    moves = excited(rate(comparison, comparison.simulated_course(response)))
     return None if moves else "the simulated course does not move, so that a shift of time would not show"
 
 

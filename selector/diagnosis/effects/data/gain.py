@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import everywhere, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.signals import excited, filled
+from selector.diagnosis.shapes.signals import excited
 
 #: Factors between units and habits, and what they would mean.
 _FACTORS = {
@@ -27,7 +27,7 @@ _NEAR = 0.02  #: How near a fitted factor must come to one of a table to be reco
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    course = filled(comparison, comparison.simulated[response])
+    course = comparison.simulated_course(response)
     with_zero = comparison.channel(response).role in ("temperature", "ambient")
     parts = whole_runs(comparison, lambda rows: _gain(comparison, response, rows) - 1.0)
     for part in (everywhere(comparison), *parts):
@@ -50,7 +50,7 @@ def _gain(comparison: Comparison, response: str, rows: slice) -> float:
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
-    moves = excited(filled(comparison, comparison.simulated[response]))
+    moves = excited(comparison.simulated_course(response))
     return None if moves else "the simulated course does not move, so that a scale would not show"
 
 

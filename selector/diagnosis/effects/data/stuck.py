@@ -9,7 +9,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
-from selector.diagnosis.shapes.signals import filled, of_a_drive
+from selector.diagnosis.shapes.signals import of_a_drive
 from selector.quality.survey import block_noise
 from selector.types import Vector
 
@@ -32,7 +32,7 @@ _AROUND_ONE = ((0.7, 1.4),)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     for run, first, last in frozen_stretches(comparison, response):
         part = window(comparison, run, first, last)
         reading = float(comparison.recorded[response][first])

@@ -8,7 +8,7 @@ from selector.diagnosis.effects.data._places import single_runs, whole_runs
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
-from selector.diagnosis.shapes.signals import excited, filled
+from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
 _AROUND_ONE = ((0.7, 1.3),)
@@ -28,7 +28,7 @@ def _others(comparison: Comparison, response: str) -> list[str]:
 
 
 def _difference(comparison: Comparison, other: str, response: str) -> Vector:
-    return filled(comparison, comparison.simulated[other]) - filled(comparison, comparison.simulated[response])
+    return comparison.simulated_course(other) - comparison.simulated_course(response)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:

@@ -19,7 +19,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_axis,
 )
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
-from selector.diagnosis.shapes.signals import excited, filled, rate
+from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
 
 YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
@@ -172,11 +172,11 @@ def _left(comparison: Comparison, moving: Motion, name: str) -> Vector:
     own = np.column_stack([
         moving.velocity_m_per_s, moving.acceleration_m_per_s2, moving.sense, moving.position_m, moving.position_m**2,
         *(np.equal(comparison.run_index, k) for k in range(len(comparison.runs))),
-        filled(comparison, comparison.simulated[name]),
+        comparison.simulated_course(name),
     ])[~comparison.held_out]  # fmt: skip
     size = np.sqrt(np.mean(own**2, axis=0))
     own = own[:, size > 0.0] / size[size > 0.0]
-    residual = filled(comparison, comparison.difference(name))[~comparison.held_out]
+    residual = comparison.filled(comparison.difference(name))[~comparison.held_out]
     left = np.zeros(len(comparison.time_s))
     left[~comparison.held_out] = residual - own @ np.linalg.lstsq(own, residual, rcond=None)[0]
     return left
@@ -244,11 +244,6 @@ def held_back(
                 behind[part],
             )  # fmt: skip
     return lacking, behind
-
-
-def asked_for(comparison: Comparison, axis: SimulatedAxis, force: Vector) -> Vector:
-    """What the control asked for, so that the force came, F + τF' [unit of the force]."""
-    return force + axis.lag_s * rate(comparison, force)
 
 
 def held_back_axis(

@@ -7,7 +7,7 @@ from selector.diagnosis.effects.drive._forces import direct, is_force, motion_of
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.force_response import responds
-from selector.diagnosis.shapes.signals import filled, rate
+from selector.diagnosis.shapes.signals import rate
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -16,7 +16,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         # an error that is measured late is off by the way of the delay
         late = {"speed": moving.velocity_m_per_s * 1e3}
     else:
-        simulated = filled(comparison, comparison.simulated[response])
+        simulated = comparison.simulated_course(response)
         late = {"rate of the simulated course": -1e-3 * rate(comparison, simulated)}
     yield direct(comparison, response, late, {"in": Quantity(0.0, "1")})
     drive = simulated_drive_force(comparison, comparison.channel(response).axis)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import asked_for, held_back, held_back_axis, motion_of
+from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, motion_of
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
@@ -15,7 +15,7 @@ from selector.diagnosis.shapes.axis import (
     simulated_drive_force,
 )
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, closed_loop, drawn_out, responds
-from selector.diagnosis.shapes.signals import scaled
+from selector.diagnosis.shapes.signals import rate, scaled
 from selector.types import Vector
 
 _SHARES = (0.99, 0.98, 0.97, 0.955, 0.94, 0.92, 0.9, 0.87, 0.84, 0.8, 0.75, 0.7, 0.6, 0.5, 0.4)
@@ -30,8 +30,8 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     loop = told or closed_loop(comparison, axis)
     for name, course, unit, kind in _limited(comparison, response):
         if told is not None and kind == 0.0:
-            # the limit is where the control asks, ahead of the lag
-            course = asked_for(comparison, told, course)
+            # the limit is where the control asks, ahead of the lag: F + τF'
+            course = course + told.lag_s * rate(comparison, course)
         top = float(np.abs(course).max())
         shares = _SHARES if kind == 0.0 else _SHARES_OF_SPEED
         levels = sorted({*(share * top for share in shares), *_plateau(comparison, name)}, reverse=True)

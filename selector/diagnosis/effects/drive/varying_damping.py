@@ -24,10 +24,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         yield from of_forces(comparison, response, forces, {"law": Quantity(float(number), "1")})
 
 
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return responds(comparison, response) or stays(comparison, response)
-
-
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     what = _WITH[int(fitted.variant.shape["law"].value)]
     if is_force(fitted, comparison):
@@ -61,6 +57,6 @@ EFFECT = Effect(
     experiment="Move over the whole way to and fro at 20 and 100 % of the rapid speed, three times: the force at "
     "constant speed against position, there and back.",
     variants=_variants,
-    testable=_testable,
+    testable=lambda comparison, response: responds(comparison, response) or stays(comparison, response),
     reading=_reading,
 )

@@ -34,10 +34,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             yield direct(comparison, response, columns, shape)
 
 
-def _testable(comparison: Comparison, response: str) -> str | None:
-    return place_only(comparison, response) or stays(comparison, response)
-
-
 _WITH = ("position", "position and its square", "load", "speed")
 
 
@@ -67,6 +63,6 @@ EFFECT = Effect(
     experiment="Short strokes of 5 mm with the largest acceleration, ten at each end and ten in the middle: the error "
     "while it speeds up differs by place.",
     variants=_variants,
-    testable=_testable,
+    testable=lambda comparison, response: place_only(comparison, response) or stays(comparison, response),
     reading=_reading,
 )

@@ -12,9 +12,9 @@ from numba import njit
 from scipy.optimize import least_squares as nonlinear_least_squares
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import by_run, course, excited, filled, lagged, no_flow, time_constants
+from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, no_flow, time_constants
 from selector.types import Vector
 
 #: Root mean square that may be left, and that needs no second look, over the spread of the course.
@@ -193,10 +193,13 @@ _TUNED = 4.0  #: What a brim pays that was moved between the levels that are tri
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     ceilings = _ceilings(comparison, response, simulated)
     unit = comparison.channel(response).unit
-    for name in inflows(comparison, response):
+    # flows before voltages of pumps, then levels of other stores
+    names = comparison.with_role("flow") + comparison.with_role("voltage")
+    names += comparison.with_role("displacement", "position", "size", "state")
+    for name in [n for n in names if n != response and excited(course(comparison, n))][:3]:
         stores = stores_of(comparison, simulated, course(comparison, name))
         if stores is not None:
             yield from _of_stores(comparison, response, stores, ceilings, name)
@@ -214,13 +217,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         shape = {"upper_ceiling": Quantity(level, "1")}
         names = (f"inflow lost as {name} spills above",)
         yield Variant(lost[:, None], names, shape, bounds=_FALLING, sources=_recorded(comparison, name))
-
-
-def inflows(comparison: Comparison, response: str) -> tuple[str, ...]:
-    """Channels that may fill the store: flows before voltages of pumps, then levels of other stores."""
-    names = comparison.with_role("flow") + comparison.with_role("voltage")
-    names += comparison.with_role("displacement", "position", "size", "state")
-    return tuple(n for n in names if n != response and excited(course(comparison, n)))[:3]
 
 
 def _of_stores(
@@ -358,7 +354,7 @@ def _recorded(comparison: Comparison, name: str) -> tuple[str, ...]:
 
 def _testable(comparison: Comparison, response: str) -> str | None:
     reason = no_flow(comparison, response)
-    if reason is None and not excited(filled(comparison, comparison.simulated[response])):
+    if reason is None and not excited(comparison.simulated_course(response)):
         return f"the simulated {response} does not move"
     return reason
 
@@ -391,7 +387,7 @@ EFFECT = Effect(
         ShapeParameter("upper_ceiling", "1", 0.0, 1e12, "level at which the store above spills, over its highest"),
         ShapeParameter("caught", "1", 0.0, 1.0, "share of what it spills that the store below gets"),
         ShapeParameter("tau_s", "s", 0.0, 1e9, "time after which the lost amount is no longer seen"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
     ),
     needs="an inflow that fills the store to the brim",
     confounders=("drive.saturation", "data.stuck", "data.gain"),

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
-from selector.diagnosis.shapes.signals import course, excited, filled, lagged, no_gauging, part_by_part, time_constants
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.shapes.signals import course, excited, lagged, no_gauging, part_by_part, time_constants
 from selector.types import Vector
 
 _UM_PER_S = {"feed_rate": 1000.0 / 60.0, "velocity": 1e6}  #: Canonical unit of the role in µm/s.
@@ -23,7 +23,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             shape = {"rows": Quantity(1.0, "part")}
             yield Variant(-rate_um_per_s[:, None], (f"infeed {name} at the stop",), shape, sources=(name,))
         return
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     # where the simulated reading jumps the gauge is put onto the next part
     steps = np.abs(np.diff(simulated, prepend=simulated[:1]))
     steps[list(comparison.starts[:-1])] = 0.0
@@ -104,7 +104,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("tau_s", "s", 0.001, 10.0, "time constant of the filter, from a reading in time"),
         ShapeParameter("lag_s", "s", -10.0, 10.0, "lateness of the stop, from sizes and infeeds"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
     ),
     needs="sizes at two infeeds at least, or the reading in time while it changes",
     confounders=("data.clock", "gauging.wear", "drive.delay"),

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     inertia_force,
@@ -15,7 +15,7 @@ from selector.diagnosis.shapes.linear_response import (
     transfer,
 )
 from selector.diagnosis.shapes.residual import Remainder, least_squares
-from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, rate, slope, swept_hz
+from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, rate, slope, swept_hz
 from selector.types import Vector
 
 _WEAK, _HEAVY = 0.01, 30.0  #: Gains of the loop through the successor's inertia that are tried.
@@ -88,7 +88,7 @@ def _known_to_a_fit(comparison: Comparison, path: LinearResponse, predecessor: s
 
     They were fitted to all responses in the predecessor's unit that follow it, as far as the simulation shows how.
     """
-    simulated = filled(comparison, comparison.simulated[predecessor])
+    simulated = comparison.simulated_course(predecessor)
     unit = comparison.channel(predecessor).unit
     ways: list[LinearResponse | None] = [None] if predecessor in comparison.responses else []
     followers = (n for n in comparison.responses if n != predecessor and comparison.channel(n).unit == unit)
@@ -141,7 +141,7 @@ EFFECT = Effect(
     enters="force",
     acts_at="every member of a chain that has a successor",
     parameters=(
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
         ShapeParameter(
             "relative_shift", "1", -0.5, 0.5, "shift of the resonances, where only a response curve is known"
         ),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     displacement_of,
@@ -17,7 +17,7 @@ from selector.diagnosis.shapes.linear_response import (
     restoring,
 )
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import filled, rate, slope, swept_hz
+from selector.diagnosis.shapes.signals import rate, slope, swept_hz
 from selector.types import Vector
 
 #: Stiffness that the cube adds at the swing of the simulation, over the linear one.
@@ -29,7 +29,7 @@ _ANY = (-np.inf, np.inf)
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     swept = swept_hz(comparison, response)
     if swept is not None:
-        simulated = filled(comparison, comparison.simulated[response])
+        simulated = comparison.simulated_course(response)
         shift = -slope(comparison, response, swept) * (simulated / float(np.abs(simulated).max())) ** 2
         yield Variant(shift[:, None], ("resonances raised by the square of the amplitude",), bounds=(_FREE,))
         return
@@ -42,7 +42,7 @@ def _at_joint(
     comparison: Comparison, remainder: Remainder, member: str, path: LinearResponse, onward: LinearResponse | None
 ) -> Iterator[Variant]:
     """The cube of a member's motion, as it reaches the response; k₃ weak, and as strong as explains most."""
-    simulated = filled(comparison, comparison.simulated[member])
+    simulated = comparison.simulated_course(member)
     y = displacement_of(comparison, member, simulated)
     fitted = ~comparison.held_out
     swing = float(np.mean(y[fitted] ** 4) / max(float(np.mean(y[fitted] ** 2)), 1e-300))
@@ -103,7 +103,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if gain is None or not sources or sources[0] not in comparison.recorded:
         return Reading(f"stiffness grows with amplitude, which {moves}", fitted.size)
     member = sources[0]
-    recorded = filled(comparison, comparison.recorded[member])
+    recorded = comparison.filled(comparison.recorded[member])
     top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
     rise = 300.0 * top**2 * gain.value
     cubic = fitted.coefficient()
@@ -131,7 +131,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("stiffening", "percent", 0.0, 1e4, "stiffness at the largest swing above that at rest"),
         ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", 0.0, 1e300, "k₃ in k₃·y³"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
     ),
     needs="excitation at two amplitudes at least, near the resonance",
     confounders=("vibration.hysteresis", "vibration.mode"),

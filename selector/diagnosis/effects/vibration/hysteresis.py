@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import (
     Law,
     LinearResponse,
@@ -19,7 +19,7 @@ from selector.diagnosis.shapes.linear_response import (
     restoring,
 )
 from selector.diagnosis.shapes.residual import Remainder
-from selector.diagnosis.shapes.signals import filled, rate, swept_hz
+from selector.diagnosis.shapes.signals import rate, swept_hz
 from selector.types import Vector
 
 Linear = tuple[float, float]
@@ -43,7 +43,7 @@ def _at_joint(
     comparison: Comparison, remainder: Remainder, member: str, path: LinearResponse, onward: LinearResponse | None
 ) -> Iterator[Variant]:
     """Elements at a member, as they reach the response; the likeliest also as strong as explains most."""
-    simulated = filled(comparison, comparison.simulated[member])
+    simulated = comparison.simulated_course(member)
     y = displacement_of(comparison, member, simulated)
     fitted = ~comparison.held_out
     swing = float(np.std(y[fitted]))
@@ -137,7 +137,7 @@ EFFECT = Effect(
             "slip", "unit of the motion", 0.0, 1e12, "displacement after a reversal until the element slips"
         ),
         ShapeParameter("force", "unit of the input", 0.0, 1e300, "largest force of the element"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
     ),
     needs="the motion within the cycle, at two amplitudes at least",
     confounders=("vibration.hardening", "drive.coulomb"),

@@ -10,7 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.residual import leftover
-from selector.diagnosis.shapes.signals import course, filled, no_vibration, swept_hz
+from selector.diagnosis.shapes.signals import course, no_vibration, swept_hz
 from selector.diagnosis.shapes.spectral_lines import (
     CHANCE,
     Line,
@@ -147,7 +147,7 @@ def _resonance(frequency_hz: float, damping: float, period_s: float) -> LinearRe
 
 def _of_a_curve(comparison: Comparison, response: str, swept: Vector) -> Iterator[Variant]:
     """A force that grows with the square of the speed behind the structure that the simulated curve shows."""
-    amplitude = filled(comparison, comparison.simulated[response])
+    amplitude = comparison.simulated_course(response)
     relative = np.abs(swept) / float(np.abs(swept).max())
     shape = {"order": Quantity(1.0, "1"), "speed_power": Quantity(2.0, "1")}
     yield Variant((relative**2)[:, None], ("square of the speed",), shape)

@@ -9,7 +9,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import resonances_of
 from selector.diagnosis.shapes.residual import leftover
-from selector.diagnosis.shapes.signals import filled, no_vibration, of_a_drive, swept_hz
+from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, swept_hz
 from selector.diagnosis.shapes.spectral_lines import course_of, fitted_parts, lines
 
 _ROLES = ("displacement", "acceleration", "velocity", "position", "voltage", "force", "current")
@@ -51,7 +51,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 
 def _of_a_curve(comparison: Comparison, response: str) -> Iterator[Variant]:
     """Amplitudes of unrelated motions add by squares: a constant floor shows where the curve is low."""
-    amplitude = np.abs(filled(comparison, comparison.simulated[response]))
+    amplitude = np.abs(comparison.simulated_course(response))
     for share in (0.1, 0.3, 1.0):
         floor = share * float(np.median(amplitude))
         if floor > 0.0:
@@ -75,7 +75,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     size = Quantity(amplitude, fitted.unit, amplitude - error, amplitude + error)
     where = f" in run {fitted.variant.run}" if fitted.variant.run else ""
     text = f"{fitted.response} vibrates by ±{amplitude:.3g} {fitted.unit} at a fixed {line.value:.5g} Hz{where}"
-    speeds = [filled(comparison, comparison.recorded[name]) for name in comparison.with_role("spindle_speed")]
+    speeds = [comparison.filled(comparison.recorded[name]) for name in comparison.with_role("spindle_speed")]
     if not any(float(np.ptp(speed)) > 0.01 * float(np.abs(speed).max(initial=0.0)) for speed in speeds):
         text += "; the spindle speed does not change, so a source on the spindle would look the same"
     return Reading(text, {"frequency_hz": line, "amplitude": size})

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
 from selector.diagnosis.shapes.residual import leftover
-from selector.diagnosis.shapes.signals import course, even_runs, filled, no_vibration, of_a_drive, resonance, swept_hz
+from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, resonance, swept_hz
 from selector.diagnosis.shapes.spectral_lines import resonances
 from selector.types import Vector
 
@@ -28,7 +28,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         return
     left = np.where(comparison.held_out, 0.0, leftover(comparison, response))
     sources = {name: course(comparison, name) for name in inputs(comparison, response)[:_MOST_SOURCES]}
-    simulated = filled(comparison, comparison.simulated[response])
+    simulated = comparison.simulated_course(response)
     if not sources:
         sources = {f"simulated {response}": simulated}
     accelerations = comparison.channel(response).role == "acceleration"
@@ -98,7 +98,7 @@ EFFECT = Effect(
     parameters=(
         ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "natural frequency of the mode"),
         ShapeParameter("damping", "1", 0.001, 0.5, "damping ratio"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
+        LARGEST,
     ),
     needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
     confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),

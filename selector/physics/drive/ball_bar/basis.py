@@ -101,11 +101,6 @@ class CirclePair:
         """`smooth` side by side."""
         return np.column_stack(list(self.smooth.values()))
 
-    @property
-    def not_apart(self) -> tuple[str, ...]:
-        """Names of the columns that are no others than those before them."""
-        return tuple(name for name in smooth_columns(self) if name not in self.smooth)
-
     def places_at(self, turned_rad: Vector, order: int = 0) -> tuple[Vector, Vector]:
         """Places of the axes over R, or their derivatives, where the bar has travelled so far."""
         bar = self.start_angle_rad + turned_rad + order * np.pi / 2.0

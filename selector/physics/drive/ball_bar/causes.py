@@ -9,7 +9,7 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.drive.ball_bar.basis import CirclePair, pair_of
+from selector.physics.drive.ball_bar.basis import CirclePair, pair_of, smooth_columns
 from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.fit import ALARM, CircleFit, amounts_probability, circle_fit
 from selector.physics.drive.ball_bar.quantities import paired
@@ -300,16 +300,9 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
         part = fit.part_um(*columns)
         chance = amounts_probability(values, covariance, tried)
         range_um = float(max(part.max(), 0.0) - min(part.min(), 0.0))
-        return Cause(
-            kind,
-            None if axis is None else names[axis],
-            chance < ALARM and range_um >= least,
-            amounts,
-            float(np.abs(part).max()),
-            range_um,
-            float(part @ centred) / total if total > 0 else 0.0,
-            chance,
-        )
+        found, name = chance < ALARM and range_um >= least, None if axis is None else names[axis]
+        share = float(part @ centred) / total if total > 0 else 0.0
+        return Cause(kind, name, found, amounts, float(np.abs(part).max()), range_um, share, chance)
 
     causes = [cause("radius", None, ["radius"], _radius(pair, fit), 1)]
     if "gain-mismatch" in fit.names:
@@ -337,14 +330,10 @@ def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCause
         ]
     causes.sort(key=lambda one: (not one.found, -one.range_um))
     remaining = float(fit.residual_um @ fit.residual_um)
-    return FeedCauses(
-        pair.speed_um_per_s * 60e-3,
-        tuple(causes),
-        {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names[:2])},
-        math.sqrt(total / len(centred)),
-        math.sqrt(remaining / len(centred)),
-        remaining / total if total > 0 else 0.0,
-    )
+    rms, rest = math.sqrt(total / len(centred)), math.sqrt(remaining / len(centred))
+    centre = {name: _scaled(fit, f"centre {axis}", 1.0, "µm") for axis, name in enumerate(names[:2])}
+    share = remaining / total if total > 0 else 0.0
+    return FeedCauses(pair.speed_um_per_s * 60e-3, tuple(causes), centre, rms, rest, share)
 
 
 def _scaled(fit: CircleFit, name: str, factor: float, unit: str) -> Amount:
@@ -425,7 +414,7 @@ def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, Circ
 
 def _not_apart(pair: CirclePair, names: tuple[str, ...]) -> Iterator[Finding]:
     """What the place of the ball on the rotary axis hides."""
-    hidden = pair.not_apart
+    hidden = [name for name in smooth_columns(pair) if name not in pair.smooth]
     if "rotary-lag" in hidden:
         yield FINDINGS.finding(
             "ball-bar-rotary-lag-hidden",

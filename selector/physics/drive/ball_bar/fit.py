@@ -385,7 +385,6 @@ def _slopes(
 
 
 def _moved(shapes: Shapes, block: str, shape: str, by: float) -> Shapes:
-    """The shapes with the logarithm of one of them changed."""
     axis, factor = int(block[-1]), math.exp(by)
     if shape == "wavelength":
         waves = _with(shapes.wavelength_um, axis, shapes.wavelength_um[axis] * factor)

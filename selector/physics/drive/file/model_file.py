@@ -87,10 +87,7 @@ def file_reference(file: DriveFile, columns: Columns) -> Reference:
 
 
 def planned_reference(file: DriveFile) -> Reference:
-    """What a sine or moves ask for, without forces.
-
-    InputError: the moves have no length.
-    """
+    """What a sine or moves ask for, without forces. InputError: the moves have no length."""
     motion, period_s = file.motion, file.run.period_s or PERIOD_S
     if isinstance(motion, SineMotion):
         return sine(

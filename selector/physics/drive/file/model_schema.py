@@ -222,9 +222,9 @@ class PartsSection(Entry):
     table: TableSection = TableSection.model_construct()
 
 
-def _named_parts(value: Any) -> Any:
-    """``parts = "thc6350-x"`` is short for ``parts = { like = "thc6350-x" }``."""
-    return {"like": value} if isinstance(value, str) else value
+def _short_for(key: str) -> BeforeValidator:
+    """``parts = "thc6350-x"`` is short for ``parts = { like = "thc6350-x" }``, whose `key` is like."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, str) else value)
 
 
 class CourseSection(Entry):
@@ -242,11 +242,6 @@ class AddedSection(Entry):
     factor: Signed = 1.0
 
 
-def _named_channel(value: Any) -> Any:
-    """``added = "pulse"`` is short for ``added = { channel = "pulse" }``."""
-    return {"channel": value} if isinstance(value, str) else value
-
-
 class RecordedSection(Entry):
     """``[axes.NAME.recorded]``: channels of a recording that belong to this axis, where role and name do not tell."""
 
@@ -254,7 +249,7 @@ class RecordedSection(Entry):
     position: Name | None = None
     table: Name | None = None
     output: Name | None = None
-    added: Annotated[AddedSection | None, BeforeValidator(_named_channel)] = None
+    added: Annotated[AddedSection | None, _short_for("channel")] = None
     total: Name | None = None
     force: Name | None = None
     load: Name | None = None
@@ -264,7 +259,7 @@ class AxisSection(Entry):
     """``[axes.NAME]``."""
 
     mechanics: MechanicsSection | None = None
-    parts: Annotated[PartsSection | None, BeforeValidator(_named_parts)] = None
+    parts: Annotated[PartsSection | None, _short_for("like")] = None
     varying: Literal["constant", "command", "state"] | None = None
     course: CourseSection = CourseSection()
     friction: FrictionSection = FrictionSection()

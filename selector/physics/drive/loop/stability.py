@@ -368,7 +368,6 @@ def _remedy(axis: Axis, found: Stability) -> str:
 
 
 def _slower(axis: Axis, by: float) -> Axis:
-    """The same axis with a loop that is slower by a factor."""
     servo = servo_of(axis)
     gains = {name: by * getattr(servo, name) for name in GAINS[:2]}
     return replace(axis, servo=replace(servo, **gains, velocity_integral_gain=by**2 * servo.velocity_integral_gain))

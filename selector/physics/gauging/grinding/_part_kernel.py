@@ -168,7 +168,6 @@ def _cubic(u0, u1, d0, d1, s):
 
 @compiled
 def _cubic_rate(u0, u1, d0, d1, s):
-    """Its rate per step."""
     p, q = 2.0 * (u0 - u1) + d0 + d1, 3.0 * (u1 - u0) - 2.0 * d0 - d1
     return (3.0 * p * s + 2.0 * q) * s + d0
 

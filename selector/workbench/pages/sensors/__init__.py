@@ -187,7 +187,6 @@ def _moved(bench: Bench, asked: Any) -> dict[str, Any]:
 
 
 def _of_size(view: View, size: int) -> tuple[str, ...]:
-    """The best set of about so many sensors."""
     sets = view.exploration.best_sets
     return sets[min(sets, key=lambda one: abs(one - size))]
 

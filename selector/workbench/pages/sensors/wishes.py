@@ -81,7 +81,6 @@ def register(app: dash.Dash, bench: Bench) -> parts.Form:
 
 
 def _use(options: Options, name: str) -> str:
-    """One of `USES`."""
     return USES[1] if name in options.must else USES[2] if name in options.never else USES[0]
 
 
