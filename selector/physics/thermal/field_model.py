@@ -9,23 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError, ModelFileError, OptionError
+from selector.errors import ModelFileError, OptionError
 from selector.physics.model_text import key_text, unknown_name
-from selector.physics.thermal.field.candidates import sensor_candidates
+from selector.physics.thermal.field.candidates import sensor_candidates, surface_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import (
     SENSORS,
     Physics,
     VirtualMachine,
     film_sets,
-    foot_springs,
     machine_laws,
     parts_beside,
     virtual_machining_centre,
 )
-from selector.physics.thermal.field.mesh import probe_row
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
-from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
+from selector.physics.thermal.field.thermoelasticity import elasticity
+from selector.physics.thermal.mesh_model import mesh_of, meshed, row_at
+from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, MeshFile, Sensor, stated_laws
 from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
@@ -103,11 +102,7 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
     for number, sensor in enumerate(file.sensors):
         place = anywhere.get(sensor.name)
         if place is not None:
-            try:
-                row = probe_row(machine.mesh, place, sensor.name)
-            except InputError as error:
-                where = f"key {key_text(('sensors', number, 'xyz'))}"
-                raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+            row = row_at(machine.mesh, place, ("sensors", number, "xyz"))
             beside = np.zeros(full.size - len(row))
             full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
     return _with_laws(dataclasses.replace(machine, full=full), laws).system
@@ -151,7 +146,7 @@ def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, .
     raise ModelFileError(found, expected=expected, where=f"key {key_text(key)}", advice=advice)
 
 
-def with_candidates(file: FieldFile) -> FieldFile:
+def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
     """The file with a thermometer at every candidate place instead of its section on them; the file's own come first.
 
     Raises ModelFileError: the machine has no such surface, the spacing leaves no place or too many, or a name is taken.
@@ -159,9 +154,14 @@ def with_candidates(file: FieldFile) -> FieldFile:
     wanted = file.candidates
     if wanted is None:
         return file
-    _require_known(file.field.geometry, _LENGTHS, "length", "field", "geometry")
     try:
-        places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
+        if isinstance(file, MeshFile):
+            mesh = mesh_of(file)
+            surfaces = {name: mesh.facets(name, outer=True) for name in wanted.surfaces}
+            places = surface_candidates(mesh.body, surfaces, wanted.spacing_m)
+        else:
+            _require_known(file.field.geometry, _LENGTHS, "length", "field", "geometry")
+            places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
     except OptionError as error:
         where = "key field.geometry" if "geometry" in error.where else "key candidates"
         raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
@@ -202,13 +202,17 @@ class FieldMoment:
     deformation_um: Vector  #: (n_nodes, 3): Displacement since the start of the run [µm]
 
 
-def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldMoment:
+def field_moment(file: FieldFile | MeshFile, conditions: Conditions, at_s: float) -> FieldMoment:
     """The moment `at_s` [s] of the run that these conditions make of the machine; its stiffness is factorised anew.
 
     Raises InputError: the time is outside the conditions.
     """
-    laws = laws_of(file)
-    machine = field_of(file, laws)
+    if isinstance(file, MeshFile):
+        laws = stated_laws(file)
+        machine = meshed(file, laws)
+    else:
+        laws = laws_of(file)
+        machine = field_of(file, laws)
     mesh = machine.mesh
     start_degc = float(conditions.ambient_degc[0]) if file.run.start_degc is None else file.run.start_degc
     history = simulate_heat(
@@ -221,6 +225,5 @@ def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldM
         keep_states_at_s=[at_s],
     )
     degc = machine.basis[: len(mesh.nodes_m)] @ history.states[0]
-    geometry = MachineGeometry(**dict(file.field.geometry))
-    elastic = elasticity(mesh, MATERIALS, foot_springs(mesh, geometry))
+    elastic = elasticity(mesh, machine.materials, machine.springs_n_per_m)
     return FieldMoment(at_s, mesh.nodes_m, mesh.triangles(), degc, elastic.displacement_um(degc - start_degc))
