@@ -9,20 +9,18 @@ import numpy as np
 
 from selector.errors import InputError, ModelFileError
 from selector.physics.model_text import Key, key_text, unknown_name
-from selector.physics.thermal.field.machine import VirtualMachine, film_sets
+from selector.physics.thermal.field.machine import VirtualMachine, field_system, film_sets
 from selector.physics.thermal.field.mesh import Point, SolidMesh, probe_row
 from selector.physics.thermal.field.mesh_file import WHOLE, NamedMesh, named_mesh, refused
 from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
     Material,
-    conduction_matrices,
     elasticity,
-    film,
     rigid_motion_reading,
     rigid_motions,
 )
 from selector.physics.thermal.model_file import MeshDisplacement, MeshFile, direction_of
-from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
+from selector.physics.thermal.network.heat_system import reduced_basis
 from selector.physics.thermal.network.laws import Laws
 from selector.types import Indices, Vector
 
@@ -52,60 +50,42 @@ def meshed(file: MeshFile, laws: Laws) -> VirtualMachine:
 def _meshed(text: str, laws: Laws, named: NamedMesh) -> VirtualMachine:
     file = MeshFile.model_validate_json(text)
     body, materials = _with_parts(named, file)
-    lubricants = {source.at: ("sources", name, "at") for name, source in file.sources.items() if source.at is not None}
-    wetted = {
-        name: np.unique(np.concatenate([named.facets(group, outer=True) for group in film.groups]))
-        for name, film in file.films.items()
-    }
+    wetted = {name: named.facets(*film.groups, outer=True) for name, film in file.films.items()}
     springs = _springs(named, body, materials, file)
     _require_whole(body, springs, wetted, film_sets(laws))
-    probes = {name: named.shares(name) for name in lubricants}
+    sources = {
+        name: np.sum([share * named.shares(group) for group, share in source.shares.items()], axis=0)
+        for name, source in file.sources.items()
+    }
+    probes = {source.at: named.shares(source.at) for source in file.sources.values() if source.at is not None}
     for number, sensor in enumerate(file.sensors):
         if sensor.at is None and sensor.xyz is not None:
             probes[sensor.name] = row_at(body, sensor.xyz, ("sensors", number, "xyz"))
         else:
             probes[sensor.at or sensor.name] = named.shares(sensor.at or sensor.name)
-    capacity, conduction = conduction_matrices(body, materials)
-    films = {name: film(body, facets) for name, facets in wetted.items()}
     elastic = elasticity(body, materials, springs)
-    system = HeatSystem(
-        capacity=capacity,
-        conduction=conduction,
-        films={name: matrix for name, (matrix, _) in films.items()},
-        film_loads={name: load for name, (_, load) in films.items()},
-        sources={
-            name: np.sum([share * named.shares(group) for group, share in source.shares.items()], axis=0)
-            for name, source in file.sources.items()
-        },
-        probes=probes,
-        displacements={
-            name: elastic.row_um_per_k(_reading(named, body, name, of)) for name, of in file.displacements.items()
-        },
-        uniform=np.ones(len(body.nodes_m)),
-    )
+    rows = {name: elastic.row_um_per_k(_reading(named, body, name, of)) for name, of in file.displacements.items()}
+    system = field_system(body, materials, wetted, sources, probes, rows)
     return VirtualMachine(system, reduced_basis(system, film_sets(laws)), laws, body, materials, springs)
 
 
 def _with_parts(named: NamedMesh, file: MeshFile) -> tuple[SolidMesh, dict[str, Material]]:
     """The body in parts, and the material of each by its name."""
-    kind = np.full(len(named.body.cells), -1)
-    for number, group in enumerate(file.parts):
-        if group != WHOLE:
-            cells = named.cells(group)
-            if (kind[cells] >= 0).any():
-                other = list(file.parts)[kind[cells].max()]
-                found = f"elements both in {other!r} and in {group!r}"
-                raise refused(found, "one part for each element", "leave one of the two out of [parts]")
-            kind[cells] = number
-    if WHOLE in file.parts:
-        kind[kind < 0] = list(file.parts).index(WHOLE)
+    names, kind = tuple(file.parts), np.full(len(named.body.cells), -1)
+    # what is in no other part comes last
+    for group in sorted(file.parts, key=lambda name: name == WHOLE):
+        cells = named.cells(group) if group != WHOLE else np.flatnonzero(kind < 0)
+        if (kind[cells] >= 0).any():
+            found = f"elements both in {names[kind[cells].max()]!r} and in {group!r}"
+            raise refused(found, "one part for each element", "leave one of the two out of [parts]")
+        kind[cells] = names.index(group)
     if (kind < 0).any():
         lacking = [name for name, group in named.groups.items() if (kind[group.cells] < 0).any() and name != WHOLE]
-        raise refused(
-            f"{int((kind < 0).sum())} of {len(kind)} elements without a material" +
-            (f", in {', '.join(lacking[:8])}" if lacking else ""),
-            "each element in a group of [parts]", f"add [parts.GROUP], or [parts.{WHOLE}] for the rest",
-        )  # fmt: skip
+        found = (
+            f"{np.sum(kind < 0)} of {len(kind)} elements without a material, in {', '.join(lacking[:8]) or 'no group'}"
+        )
+        advice = f"add [parts.GROUP], or [parts.{WHOLE}] for the rest"
+        raise refused(found, "each element in a group of [parts]", advice)
     materials = {}
     for name, part in file.parts.items():
         said = part.model_dump(exclude={"material"}, exclude_none=True)
@@ -117,7 +97,6 @@ def _with_parts(named: NamedMesh, file: MeshFile) -> tuple[SolidMesh, dict[str, 
             found, expected, advice = unknown_name("material", part.material, list(MATERIALS))
             where = f"key {key_text(('parts', name, 'material'))}"
             raise ModelFileError(found, expected=expected, where=where, advice=f"{advice} by its numbers")
-    names = tuple(file.parts)
     return dataclasses.replace(named.body, parts=names, materials=names, kind=kind), materials
 
 
@@ -144,24 +123,18 @@ def _require_whole(
     """Refuses a piece of the body that floats, or that no film cools."""
     piece = body.pieces()
     for number in range(piece.max() + 1):
-        cells = np.flatnonzero(piece == number)
-        nodes = np.unique(body.cells[cells])
+        nodes = np.unique(body.cells[piece == number])
         near = ", ".join(f"{x:.3g}" for x in body.nodes_m[nodes].mean(axis=0))
-        what = f"a piece of {len(cells)} of {len(piece)} elements around ({near}) m"
-        if number or piece.max():
-            what += ", which no faces join to the rest,"
+        apart = ", which no faces join to the rest," if piece.max() else ""
+        what = f"a piece of {np.sum(piece == number)} of {len(piece)} elements around ({near}) m{apart} that"
         motions = rigid_motions(body.nodes_m[nodes] / np.ptp(body.nodes_m[nodes], axis=0).max())
         if np.linalg.matrix_rank(motions[springs[nodes].ravel() > 0], tol=1e-6) < 6:
-            raise refused(
-                f"{what} that floats: no support holds it against every motion", "a body that is held",
-                "add a group to [supports], or join the parts in the mesher so that they share their nodes",
-            )  # fmt: skip
+            advice = "add a group to [supports], or join the parts in the mesher so that they share their nodes"
+            raise refused(f"{what} floats: no support holds it against every motion", "a body that is held", advice)
         cooled = [name for name, facets in wetted.items() if number in piece[np.asarray(body.mesh.f2t)[0, facets]]]
         if not all(any(one.get(name) for name in cooled) for one in films):
-            raise refused(
-                f"{what} that no film cools, at least while there is no coolant", "a way for heat into a fluid",
-                "add a group of its surface to [films]",
-            )  # fmt: skip
+            found, expected = f"{what} no film cools, at least while there is no coolant", "a way for heat into a fluid"
+            raise refused(found, expected, "add a group of its surface to [films]")
 
 
 def _reading(named: NamedMesh, body: SolidMesh, name: str, of: MeshDisplacement) -> Vector:
@@ -170,20 +143,22 @@ def _reading(named: NamedMesh, body: SolidMesh, name: str, of: MeshDisplacement)
     along /= np.linalg.norm(along)
 
     def moved(side: str, group: str | None, at_m: Point | None) -> Vector:
-        if group is None and at_m is not None:
-            return np.outer(row_at(body, at_m, ("displacements", name, f"{side}_xyz")), along).ravel()
-        weights = named.surface_shares(group or "")
+        if group is None:
+            return np.outer(
+                row_at(body, at_m or (0.0, 0.0, 0.0), ("displacements", name, f"{side}_xyz")), along
+            ).ravel()
+        weights = named.surface_shares(group)
         nodes = body.nodes_m[weights > 0]
         if at_m is not None and np.linalg.matrix_rank(nodes - nodes[0], tol=1e-6 * np.ptp(body.nodes_m)) < 2:
             found = f"a group {group!r} of points on a line, which tells no rotation"
             raise refused(found, "a surface, or three points", f"leave {side}_xyz out, or name another group")
-        return rigid_motion_reading(body, weights, at_m or tuple(weights @ body.nodes_m), tuple(along))
+        return rigid_motion_reading(body, weights, at_m, tuple(along))
 
     reading = moved("tool", of.tool, of.tool_xyz)
     if of.work is None and of.work_xyz is None:
         return reading
-    at_m = of.work_xyz or of.tool_xyz or tuple(named.surface_shares(of.tool or "") @ body.nodes_m)
-    return reading - moved("work", of.work, at_m)
+    x, y, z = of.tool_xyz or named.surface_shares(of.tool or "") @ body.nodes_m
+    return reading - moved("work", of.work, of.work_xyz or (x, y, z))
 
 
 def row_at(mesh: SolidMesh, place: Point, key: Key) -> Vector:

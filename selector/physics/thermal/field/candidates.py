@@ -93,12 +93,17 @@ def sensor_candidates(
         side = _SIDES[face.axis][face.side > 0]
         for x, y, z in np.round(points, 4) + 0.0:
             found.append(Sensor(f"{face.part}, {side}, {z:.2f} m high", (float(x), float(y), float(z))))
-        _require_few(found, spacing_m)
-    return _numbered(found)
+    return _numbered(found, spacing_m)
 
 
-def _numbered(found: Sequence[Sensor]) -> dict[str, Sensor]:
+def _numbered(found: Sequence[Sensor], spacing_m: float) -> dict[str, Sensor]:
     """Name → candidate."""
+    if len(found) > MOST_CANDIDATES:
+        _refuse(
+            f"more than {MOST_CANDIDATES} candidates, {spacing_m:g} m apart",
+            f"at most {MOST_CANDIDATES}",
+            "enlarge the spacing, or name fewer surfaces",
+        )
     if not found:
         _refuse("no place where a thermometer fits", "at least one", "name other surfaces, or make the spacing smaller")
     digits = max(2, len(str(len(found))))
@@ -130,17 +135,7 @@ def surface_candidates(body: SolidMesh, surfaces: Mapping[str, Indices], spacing
         if free[k]:
             free[tree.query_ball_point(places[k], spacing_m)] = False
             found.append(Sensor(f"{names[k]}, {z:.2f} m high", (float(x), float(y), float(z))))
-            _require_few(found, spacing_m)
-    return _numbered(found)
-
-
-def _require_few(found: Sequence[Sensor], spacing_m: float) -> None:
-    if len(found) > MOST_CANDIDATES:
-        _refuse(
-            f"more than {MOST_CANDIDATES} candidates, {spacing_m:g} m apart",
-            f"at most {MOST_CANDIDATES}",
-            "enlarge the spacing, or name fewer surfaces",
-        )
+    return _numbered(found, spacing_m)
 
 
 def _faces(body: SolidMesh, geometry: MachineGeometry, surfaces: Sequence[str]) -> Iterator[_Face]:

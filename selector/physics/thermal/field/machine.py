@@ -38,7 +38,7 @@ from selector.physics.thermal.network.heat_system import (
     reduced_basis,
 )
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
-from selector.types import Vector
+from selector.types import Indices, Vector
 
 CELL_M = 0.04  #: Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes.
 #: Stiffness of one foot along X, Y, Z [N/m]: an assumption; docs/explanation/thermal-field.md says what hangs on it.
@@ -103,21 +103,33 @@ def field_machine(
     elastic = elasticity(body, materials, foot_springs(body, geometry, foot_n_per_m))
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
     rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
-    capacity, conduction = conduction_matrices(body, materials)
-    films = {name: film(body, facets) for name, facets in surfaces(body, geometry).items()}
     sources = {name: volume_source(body, body.cells_of(*parts)) for name, parts in heated_parts().items()}
     sources |= {name: surface_source(body, facets) for name, facets in heated_surfaces(body, geometry).items()}
-    system = HeatSystem(
+    system = field_system(body, materials, surfaces(body, geometry), sources, readings, rows)
+    return FieldMachine(geometry, body, system, elastic)
+
+
+def field_system(
+    body: SolidMesh,
+    materials: Mapping[str, Material],
+    wetted: Mapping[str, Indices],
+    sources: Mapping[str, Vector],
+    probes: Mapping[str, Vector],
+    displacements: Mapping[str, Vector],
+) -> HeatSystem:
+    """A body as a heat system, one state a node; `wetted` are the facets of every film, the others its rows."""
+    capacity, conduction = conduction_matrices(body, materials)
+    films = {name: film(body, facets) for name, facets in wetted.items()}
+    return HeatSystem(
         capacity=capacity,
         conduction=conduction,
         films={name: matrix for name, (matrix, _) in films.items()},
         film_loads={name: load for name, (_, load) in films.items()},
         sources=sources,
-        probes=readings,
-        displacements=rows,
+        probes=probes,
+        displacements=displacements,
         uniform=np.ones(len(body.nodes_m)),
     )
-    return FieldMachine(geometry, body, system, elastic)
 
 
 def foot_springs(

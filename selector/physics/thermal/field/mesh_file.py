@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ class Group:
     """What a name stands for, as numbers in the mesh."""
 
     cells: Indices  #: (n_cells,)
-    facets: Indices  #: (n_facets,)
+    facets: Indices  #: (n_facets,): -1 for faces that belong to no element
     nodes: Indices  #: (n_nodes,)
 
 
@@ -54,30 +54,34 @@ class NamedMesh:
         """Elements of a group. Raises ModelFileError: it has none."""
         return self._filled(name, self.group(name).cells, "elements of the body")
 
-    def facets(self, name: str, *, outer: bool) -> Indices:
-        """Faces of a group: its own, else those with all corners among its points, else the surface of its elements.
+    def facets(self, *names: str, outer: bool = False) -> Indices:
+        """Faces of groups: their own, else those with all corners among their points, else around their elements.
 
-        Raises ModelFileError: it has none, or with `outer` some that are inside of the body.
+        Raises ModelFileError: one has none, some that belong to no element, or with `outer` some inside of the body.
         """
-        group, mesh = self.group(name), self.body.mesh
-        found, surface = group.facets, np.asarray(mesh.boundary_facets())
-        if not len(found) and len(group.nodes):
-            found = surface[np.isin(np.asarray(mesh.facets)[:, surface], group.nodes).all(axis=0)]
-        elif not len(found):
-            found = surface[np.isin(np.asarray(mesh.f2t)[0, surface], group.cells)]
-        inside = np.setdiff1d(found, surface)
-        if outer and len(inside):
-            advice = "take these faces out of the group, or give this to a volume or another surface"
-            raise refused(
-                f"{len(inside)} of {len(found)} faces of the group {name!r} inside of the body",
-                "faces of its surface", advice,
-            )  # fmt: skip
-        return self._filled(name, found, "faces of the body")
+        mesh, found = self.body.mesh, []
+        surface = np.asarray(mesh.boundary_facets())
+        for name in names:
+            group = self.group(name)
+            of_group = group.facets
+            if not len(of_group) and len(group.nodes):
+                of_group = surface[np.isin(np.asarray(mesh.facets)[:, surface], group.nodes).all(axis=0)]
+            elif not len(of_group):
+                of_group = surface[np.isin(np.asarray(mesh.f2t)[0, surface], group.cells)]
+            wrong = (of_group < 0) | (outer & ~np.isin(of_group, surface))
+            if wrong.any():
+                told = f"{wrong.sum()} of {len(wrong)} faces of the group {name!r} that are not on the surface"
+                advice = (
+                    "mesh the body and its surfaces together, so that they share their nodes; leave inner faces out"
+                )
+                raise refused(told, "faces of the body's elements", advice)
+            found.append(self._filled(name, of_group, "faces of the body"))
+        return np.unique(np.concatenate(found))
 
     def nodes(self, name: str) -> Indices:
         """Points of a group, or those of its faces, also between corners."""
         points = self.group(name).nodes
-        return points if len(points) else np.flatnonzero(film(self.body, self.facets(name, outer=False))[0].diagonal())
+        return points if len(points) else np.flatnonzero(film(self.body, self.facets(name))[0].diagonal())
 
     def shares(self, name: str) -> Vector:
         """Shares of the nodes in heat that is spread over a group; the row that reads its mean temperature."""
@@ -88,7 +92,7 @@ class NamedMesh:
         """The same for the faces of a group, or for its points."""
         group = self.group(name)
         if len(group.facets) or not len(group.nodes):
-            return surface_source(self.body, self.facets(name, outer=False))
+            return surface_source(self.body, self.facets(name))
         share = np.zeros(len(self.body.nodes_m))
         share[group.nodes] = 1 / len(group.nodes)
         return share
@@ -126,10 +130,11 @@ def named_mesh(path: Path, unit_m: float, order: int = 2) -> NamedMesh:
     corners = cells[:, : _FORMS[form]]
     places = np.asarray(read.points, dtype=np.float64)
     if corners.min() < 0 or corners.max() >= len(places) or places.shape[1] != 3 or not np.isfinite(places).all():
-        raise refused(
-            "elements at nodes that do not exist or have no place", "three finite coordinates for each node",
+        found, advice = (
+            "elements at nodes that do not exist or have no place",
             "write the file again; it may be incomplete",
-        )  # fmt: skip
+        )
+        raise refused(found, "three finite coordinates for each node", advice)
     used, corners = np.unique(corners, return_inverse=True)
     corners = corners.reshape(len(cells), -1)
     nodes_m = places[used] * unit_m
@@ -161,10 +166,17 @@ def _read(path: Path) -> Any:
     form = FORMATS.get(path.suffix.lower())
     if form is None:
         raise unreadable(f"the ending {path.suffix!r}")
+    if form == "gmsh" and b"$EndElements" not in content:
+        raise unreadable("a file without $EndElements")
+    if form == "vtu" and (b"</VTKFile>" not in content or b"<!DOCTYPE" in content):
+        raise unreadable("a file without </VTKFile>, or with a document type")
+    if form == "abaqus" and re.search(rb"(?im)^[ \t*]*i\**n\**c\**l\**u\**d\**e", content.replace(b"\r", b"\n")):
+        raise unreadable("*INCLUDE of another file")
     import meshio
 
     try:
-        _require_closed(path, content, form, unreadable)
+        if form == "med" and _has_external_link(path):
+            raise unreadable("a link to another file")
         return getattr(meshio, form).read(path)
     except (ModuleNotFoundError, ModelFileError):
         raise
@@ -173,21 +185,11 @@ def _read(path: Path) -> Any:
         raise unreadable(f"no mesh that meshio can read as {form} ({said})") from None
 
 
-def _require_closed(path: Path, content: bytes, form: str, unreadable: Callable[[str], ModelFileError]) -> None:
-    """Refuses files that end too early, or that would have other files read."""
-    if form == "gmsh" and b"$EndElements" not in content:
-        raise unreadable("a file without $EndElements")
-    if form == "vtu" and (b"</VTKFile>" not in content or b"<!DOCTYPE" in content):
-        raise unreadable("a file without </VTKFile>, or with a document type")
-    if form == "abaqus" and re.search(rb"(?im)^[ \t*]*i\**n\**c\**l\**u\**d\**e", content.replace(b"\r", b"\n")):
-        raise unreadable("*INCLUDE of another file")
-    if form == "med" and content.startswith(b"\x89HDF"):
-        import h5py
+def _has_external_link(path: Path) -> bool:
+    import h5py
 
-        with h5py.File(path, "r") as file:
-            outside = file.visititems_links(lambda name, link: name if isinstance(link, h5py.ExternalLink) else None)
-        if outside:
-            raise unreadable(f"a link to another file, {outside!r},")
+    with h5py.File(path, "r") as file:
+        return bool(file.visititems_links(lambda _, link: isinstance(link, h5py.ExternalLink) or None))
 
 
 def _of_one_part(nodes_m: Array, cells: Indices) -> SolidMesh:
@@ -218,20 +220,16 @@ def _require_sound(body: SolidMesh) -> None:
     shared = np.flatnonzero(np.asarray(mesh.f2t)[1] >= 0)
     a, b, c = body.nodes_m[np.asarray(mesh.facets)[:3, shared]]
     normal = np.cross(b - a, c - a)
-    first, second = (
-        ((body.cell_centres_m(owner) - a) * normal).sum(axis=1) for owner in np.asarray(mesh.f2t)[:, shared]
-    )
-    folded = shared[first * second > 0]
+    sides = [((body.cell_centres_m(owner) - a) * normal).sum(axis=1) for owner in np.asarray(mesh.f2t)[:, shared]]
+    folded = shared[sides[0] * sides[1] > 0]
     for count, what, at in (
         (len(flat), "flat elements, without a volume", body.cell_centres_m(flat)),
         (twice, "elements that are there twice", body.nodes_m),
         (len(folded), "faces with both elements on one side: inverted elements", body.facet_centres_m(folded)),
     ):
         if count:
-            near = ", ".join(f"{x:.4g}" for x in at[0])
-            raise refused(
-                f"{count} {what}, near ({near}) m", "elements side by side", "repair or refine the mesh there"
-            )
+            found = f"{count} {what}, near ({', '.join(f'{x:.4g}' for x in at[0])}) m"
+            raise refused(found, "elements side by side", "repair or refine the mesh there")
 
 
 def _groups(read: Any, body: SolidMesh, used: Indices, path: Path) -> dict[str, Group]:
@@ -256,14 +254,10 @@ def _groups(read: Any, body: SolidMesh, used: Indices, path: Path) -> dict[str, 
             continue
         wanted = np.sort(nodes[:, : 4 if members.type.startswith("quad") else 3], axis=1)[:, :3] @ key
         at = order[np.minimum(np.searchsorted(faces, wanted, sorter=order), len(faces) - 1)]
-        lost = int(np.sum((faces[at] != wanted) | (nodes.min(axis=1) < 0)))
-        if lost:
-            raise refused(
-                f"{lost} of {len(at)} faces of the group {name!r} that belong to no element", "faces of the elements",
-                "mesh the body and its surfaces together, so that they share their nodes",
-            )  # fmt: skip
-        collected[name][1].append(at)
-    for name, points in _named_points(read):
+        collected[name][1].append(np.where((faces[at] == wanted) & (nodes.min(axis=1) >= 0), at, -1))
+    families = (getattr(read, "point_tags", None) or {}).items()
+    tagged = [(name, np.flatnonzero(read.point_data["point_tags"] == tag)) for tag, names in families for name in names]
+    for name, points in (*read.point_sets.items(), *tagged):
         collected[name][2].append(number[np.asarray(points, dtype=np.int64)])
     groups = {WHOLE: Group(np.arange(len(body.cells)), empty, empty)}
     for name, parts in collected.items():
@@ -300,13 +294,6 @@ def _named_cells(read: Any, path: Path) -> Iterator[tuple[str, int, Indices]]:
                 named = names.get((label, tag, read.cells[block].dim)) or names.get((label, tag, None))
                 for name in named or [f"{label} {tag}"]:
                     yield name, block, np.flatnonzero(tags == tag)
-
-
-def _named_points(read: Any) -> Iterator[tuple[str, Indices]]:
-    yield from read.point_sets.items()
-    for tag, names in (getattr(read, "point_tags", None) or {}).items():
-        for name in names:
-            yield name, np.flatnonzero(read.point_data["point_tags"] == tag)
 
 
 def _abaqus_headers(path: Path) -> list[str]:

@@ -290,11 +290,13 @@ def _strains(gradients: Vector) -> Vector:
     return strains.reshape(n_cells, 6, 3 * n_functions)
 
 
-def rigid_motion_reading(body: SolidMesh, weights: Vector, at_m: Sequence[float], along: Sequence[float]) -> Vector:
+def rigid_motion_reading(
+    body: SolidMesh, weights: Vector, at_m: Sequence[float] | None, along: Sequence[float]
+) -> Vector:
     """Reading e of shape (3n,) of the displacement of a point that moves with some nodes, in the direction `along`.
 
     The nodes move best, in least squares with `weights` of shape (n,), as a rigid body; the point `at_m` [m], which
-    need not be in the body, is carried along. Where it is their centre they need not tell a rotation.
+    need not be in the body, is carried along; None is their centre, for which they need not tell a rotation.
     """
     nodes = np.flatnonzero(weights)
     share = weights[nodes] / weights[nodes].sum()
@@ -302,8 +304,8 @@ def rigid_motion_reading(body: SolidMesh, weights: Vector, at_m: Sequence[float]
     arms = body.nodes_m[nodes] - centre
     inertia = share @ (arms**2).sum(axis=1) * np.eye(3) - (share * arms.T) @ arms
     # u(at) = mean u + ω × (at − centre), ω = inertia⁻¹ Σ share · arm × u
-    lever = np.cross(np.asarray(at_m) - centre, along)  # (ω × r)·e = ω·(r × e)
-    turning = np.linalg.solve(inertia, lever) if lever.any() else lever
+    # and (ω × r)·e = ω·(r × e)
+    turning = np.zeros(3) if at_m is None else np.linalg.solve(inertia, np.cross(np.asarray(at_m) - centre, along))
     reading = np.zeros((len(body.nodes_m), 3))
     reading[nodes] = share[:, None] * (along + np.cross(turning, arms))  # t·(arm × u) = u·(t × arm)
     return reading.ravel()
