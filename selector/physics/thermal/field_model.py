@@ -2,9 +2,8 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,16 @@ from selector.physics.thermal.field.machine import (
 )
 from selector.physics.thermal.field.thermoelasticity import elasticity
 from selector.physics.thermal.mesh_model import mesh_of, meshed, row_at
-from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, MeshFile, Sensor, stated_laws
+from selector.physics.thermal.model_file import (
+    MOST_SENSORS,
+    FieldFile,
+    FieldFilm,
+    FieldSource,
+    Gauge,
+    MeshFile,
+    Sensor,
+    stated_laws,
+)
 from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
@@ -51,7 +59,7 @@ def laws_of(file: FieldFile) -> Laws:
     _require_known(file.cooled, sorted(surfaces), "surface", "cooled")
     heat = []
     for law in shipped.heat:
-        said = file.sources[law.source].model_dump(exclude_none=True) if law.source in file.sources else {}
+        said = file.sources.get(law.source, FieldSource()).model_dump(exclude_none=True)
         if said.get("softening_per_k") and not law.at:
             raise ModelFileError(
                 "softening of a source without lubricant",
@@ -60,7 +68,10 @@ def laws_of(file: FieldFile) -> Laws:
                 advice="leave softening_per_k out here",
             )
         heat.append(dataclasses.replace(law, **said))
-    films = [_film(law, file.coolant_films if law.while_coolant else file.films) for law in shipped.films]
+    films = []
+    for film in shipped.films:
+        said_of_film = (file.coolant_films if film.while_coolant else file.films).get(film.film, FieldFilm())
+        films.append(dataclasses.replace(film, **said_of_film.model_dump(exclude_none=True)))
     films += [FilmLaw(name, fluid="fixed", **said.model_dump()) for name, said in file.cooled.items()]
     return Laws(tuple(heat), tuple(films))
 
@@ -128,11 +139,6 @@ def _with_laws(machine: VirtualMachine, laws: Laws) -> VirtualMachine:
     # other film coefficients ask for other fields
     basis = machine.basis if laws.films == machine.laws.films else reduced_basis(machine.full, film_sets(laws))
     return dataclasses.replace(machine, laws=laws, basis=basis)
-
-
-def _film(law: FilmLaw, sections: Mapping[str, FieldFilm]) -> FilmLaw:
-    said: dict[str, Any] = sections[law.film].model_dump(exclude_none=True) if law.film in sections else {}
-    return dataclasses.replace(law, **said)
 
 
 def _require_known(names: Iterable[str], known: list[str], what: str, *section: str) -> None:

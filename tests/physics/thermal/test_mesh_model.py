@@ -50,8 +50,9 @@ def c_frame_files(machine, folder):
     rings["nose"] = body.surface_of(["spindle"], lambda c: np.isclose(c[:, 2], geometry.nose_z_m))
     rings["work"] = body.surface_of(["table"], lambda c: np.isclose(c[:, 2], geometry.table_top_m))
     cells = [("hexahedron", body.cells[:, [7, 4, 1, 5, 6, 2, 0, 3]])]
+    whole = body.triangles().reshape(-1, 2, 3)
     for facets in rings.values():
-        pairs = body.triangles(facets).reshape(-1, 2, 3)
+        pairs = whole[np.searchsorted(body.mesh.boundary_facets(), facets)]
         cells.append(("quad", np.column_stack([pairs[:, 0], pairs[:, 1, 2]])))
     none = [np.zeros(0, dtype=int)] * len(cells)
     sets = {f"part {part}": [body.cells_of(part), *none[1:]] for part in body.parts}

@@ -118,12 +118,9 @@ class SolidMesh:
         links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
         return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1])
 
-    def triangles(self, facets: Indices | None = None) -> Indices:
-        """Triangles of boundary facets as numbers of nodes, of shape (n_triangles, 3), outward by the right hand.
-
-        Without `facets` those of the whole surface.
-        """
-        facets = np.asarray(self.mesh.boundary_facets()) if facets is None else facets
+    def triangles(self) -> Indices:
+        """Triangles of the whole surface as numbers of nodes, of shape (n_triangles, 3), outward by the right hand."""
+        facets = np.asarray(self.mesh.boundary_facets())
         corners = np.asarray(self.mesh.facets)[:, facets].T
         places = self.nodes_m[corners]
         middle = places.mean(axis=1)

@@ -17,7 +17,7 @@ from selector.text_file import bytes_of
 from selector.types import Array, Indices, Vector
 
 LARGEST_MESH_BYTES = 100_000_000
-MOST_MESH_NODES = 150_000  #: Nodes of a body, those in the middle of edges among them.
+MOST_MESH_NODES = 60_000  #: Nodes of a body, those in the middle of edges among them.
 #: Shortest and longest machine [m]; what is outside has another unit of length.
 EXTENT_M = (0.005, 50.0)
 FORMATS = {".msh": "gmsh", ".inp": "abaqus", ".vtu": "vtu", ".med": "med"}  #: Ending → reader of meshio.
