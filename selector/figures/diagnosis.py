@@ -262,24 +262,21 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
         "title": {"text": f"time from the start of each run [{unit}]"},
         **axis.ticks(seconds),
     }
-    drawn.layout.yaxis = {
-        "domain": [split + (24 / height if states else 0.0), 1.0],
-        "anchor": "x",
-        **style.rows_of(labels),
-    }
+    drawn.layout.yaxis = _rows(labels, split + (24 / height if states else 0.0), 1.0)
     if states:
         strip = np.array([_scaled(_binned(axis, course(comparison, name), edges, signed=False)) for name in states])
         drawn.add_heatmap(
             x=middles, y=list(range(len(states))), z=strip, zmin=0.0, zmax=1.0, showscale=False, yaxis="y2", ygap=2,
             colorscale=[list(stop) for stop in _STATE_SCALE], hoverinfo="skip",
         )  # fmt: skip
-        drawn.layout.yaxis2 = {
-            "domain": [0.0, split],
-            "anchor": "x",
-            **style.rows_of([style.label(name, 16) for name in states]),
-        }
+        drawn.layout.yaxis2 = _rows([style.label(name, 16) for name in states], 0.0, split)
     axis.name_runs(drawn, seconds)
     return drawn
+
+
+def _rows(labels: Sequence[str], bottom: float, top: float) -> dict[str, object]:
+    """An axis with a labelled row for each of several channels, the first one on top."""
+    return {"domain": [bottom, top], "anchor": "x", **style.rows_of(labels)}
 
 
 def _title(found: Diagnosis) -> str:

@@ -474,6 +474,11 @@ def _of_mesh(file: MeshFile) -> Iterator[Contradiction]:
         if not any(direction_of(name, of)):
             advice = "add direction = [0, 0, 1] or so, or call it after its axis"
             yield ("displacements", name, "direction"), "no direction", "a direction other than 0", advice
+    anywhere = {s.name: number for number, s in enumerate(file.sensors) if s.xyz is not None and s.at is None}
+    groups = {source.at for source in file.sources.values()} | {sensor.at for sensor in file.sensors}
+    for name in anywhere.keys() & groups:
+        found, advice = f"a place called as the group {name!r} that is read", "give the thermometer another name"
+        yield ("sensors", anywhere[name], "name"), found, "a name of its own", advice
     yield from _of_gauges(file, list(file.displacements))
 
 

@@ -235,6 +235,8 @@ def test_a_machine_is_held_heated_and_read_at_points_too(tmp_path):
         ({"sources": "[sources.heat]\nshares = { end = 0.9 }"}, "sources.heat.shares", "add up to 0.9"),
         ({"sources": '[[sensors]]\nname = "T1"'}, "mesh.file", "no group called 'T1'"),
         ({"sources": '[[sensors]]\nname = "T1"\nxyz = [400, 0, 0]'}, "sensors[1].xyz", "mm away"),
+        ({"sources": '[[sensors]]\nname = "end"\nxyz = [0, 0, 0]\n[[sensors]]\nname = "T2"\nat = "end"'},
+         "sensors[1].name", "called as the group 'end'"),
         ({"sources": '[candidates]\nsurfaces = ["head"]'}, "mesh.file", "no group called 'head'"),
     ],
 )  # fmt: skip

@@ -93,6 +93,8 @@ def sensor_candidates(
         side = _SIDES[face.axis][face.side > 0]
         for x, y, z in np.round(points, 4) + 0.0:
             found.append(Sensor(f"{face.part}, {side}, {z:.2f} m high", (float(x), float(y), float(z))))
+        if len(found) > MOST_CANDIDATES:
+            break
     return _numbered(found, spacing_m)
 
 
@@ -122,9 +124,8 @@ def surface_candidates(body: SolidMesh, surfaces: Mapping[str, Indices], spacing
     names, points = [], []
     for name, facets in surfaces.items():
         longest_m = np.ptp(body.nodes_m[np.asarray(body.mesh.facets)[:, facets]], axis=0).max()
-        spread = FacetBasis(
-            body.mesh, body.element, facets=facets, intorder=min(2 + int(4 * longest_m / spacing_m), 18)
-        )
+        order = min(2 + int(4 * longest_m / spacing_m), 18)
+        spread = FacetBasis(body.mesh, body.element, facets=facets, intorder=order)
         there = np.round(np.asarray(spread.global_coordinates()).reshape(3, -1).T, 4) + 0.0
         points.append(there[np.lexsort((there[:, 0], there[:, 1], -there[:, 2]))])
         names += [name] * len(there)

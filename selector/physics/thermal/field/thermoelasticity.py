@@ -181,7 +181,7 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
     }
 )
 
-#: Largest number of nodes whose elastic system is factorised, more takes more than 6 GB; a quarter in quadratic cells.
+#: Largest number of nodes whose elastic system is factorised, more takes more than 6 GB; half of it in quadratic cells.
 DIRECT_NODES = 60_000
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
@@ -218,7 +218,7 @@ def elasticity(
     """
     stiffness, expansion = elastic_matrices(body, materials)
     held = sparse.csr_array(stiffness + sparse.diags_array(springs_n_per_m.ravel()))
-    if direct if direct is not None else len(body.nodes_m) * body.degree**2 <= DIRECT_NODES:
+    if direct if direct is not None else len(body.nodes_m) * body.degree <= DIRECT_NODES:
         solver = direct_solver(held, np.repeat(body.nodes_m, 3, axis=0))
     else:
         solver = multigrid_solver(held, body.nodes_m)
