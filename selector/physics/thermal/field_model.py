@@ -28,7 +28,6 @@ from selector.physics.thermal.model_file import (
     FieldFile,
     FieldFilm,
     FieldSource,
-    Gauge,
     MeshFile,
     Sensor,
     stated_laws,
@@ -104,19 +103,18 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
     for number, sensor in enumerate(file.sensors):
         if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
             _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
-    machine = _shipped_of(file)
-    for number, gauge in enumerate(file.gauges):
-        if (gauge.of or gauge.name) not in machine.full.displacements:
-            known = list(machine.full.displacements)
-            _refuse_name("displacement", gauge.of or gauge.name, known, ("gauges", number, "of"))
+    machine = field_of(file, laws)
     full = machine.full
+    for number, gauge in enumerate(file.gauges):
+        if (gauge.of or gauge.name) not in full.displacements:
+            _refuse_name("displacement", gauge.of or gauge.name, list(full.displacements), ("gauges", number, "of"))
     for number, sensor in enumerate(file.sensors):
         place = anywhere.get(sensor.name)
         if place is not None:
             row = row_at(machine.mesh, place, ("sensors", number, "xyz"))
             beside = np.zeros(full.size - len(row))
             full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
-    return _with_laws(dataclasses.replace(machine, full=full), laws).system
+    return dataclasses.replace(machine, full=full).system
 
 
 @functools.lru_cache(maxsize=1)
@@ -125,17 +123,10 @@ def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refineme
     return virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
 
 
-def _shipped_of(file: FieldFile) -> VirtualMachine:
-    settings = file.field
-    return _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
-
-
 def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
     """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
-    return _with_laws(_shipped_of(file), laws)
-
-
-def _with_laws(machine: VirtualMachine, laws: Laws) -> VirtualMachine:
+    settings = file.field
+    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
     # other film coefficients ask for other fields
     basis = machine.basis if laws.films == machine.laws.films else reduced_basis(machine.full, film_sets(laws))
     return dataclasses.replace(machine, laws=laws, basis=basis)
@@ -179,19 +170,16 @@ def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
             where="key candidates.spacing_m",
             advice="enlarge the spacing, or name fewer surfaces",
         )
-    named: list[tuple[str, str, tuple[Sensor | Gauge, ...]]] = [
-        ("sensors", "thermometer", file.sensors),
-        ("gauges", "gauge", file.gauges),
-    ]
-    for section, what, entries in named:
-        for number, entry in enumerate(entries):
-            if entry.name in places:
-                raise ModelFileError(
-                    f"a {what} called {entry.name!r}, as a candidate is",
-                    expected="names other than P01, P02 and so on",
-                    where=f"key {key_text((section, number, 'name'))}",
-                    advice="give it another name",
-                )
+    named = [(("sensors", number, "name"), sensor.name) for number, sensor in enumerate(file.sensors)]
+    named += [(("gauges", number, "name"), gauge.name) for number, gauge in enumerate(file.gauges)]
+    for key, name in named:
+        if name in places:
+            raise ModelFileError(
+                f"{name!r}, as a candidate is called",
+                expected="names other than P01, P02 and so on",
+                where=f"key {key_text(key)}",
+                advice="give it another name",
+            )
     instrument = wanted.model_dump(include={"lag_s", "noise_k", "resolution_k"})
     spread = (Sensor(name=name, place=at.place, xyz=at.xyz_m, **instrument) for name, at in places.items())
     return file.model_copy(update={"sensors": (*file.sensors, *spread), "candidates": None})
