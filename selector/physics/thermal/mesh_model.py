@@ -26,16 +26,8 @@ from selector.types import Indices, Vector
 
 
 def mesh_of(file: MeshFile) -> NamedMesh:
-    """The mesh that a file names; the last one is kept. Errors as `named_mesh`."""
-    path = Path(file.mesh.file)
-    stamp = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read_mesh(path, {"m": 1.0, "mm": 1e-3}[file.mesh.unit], file.mesh.order, stamp)
-
-
-@functools.lru_cache(maxsize=1)
-def _read_mesh(path: Path, unit_m: float, order: int, _: int) -> NamedMesh:
-    """The last mesh is kept, as long as its file is not written again."""
-    return named_mesh(path, unit_m, order)
+    """The mesh that a file names. Errors as `named_mesh`."""
+    return named_mesh(Path(file.mesh.file), {"m": 1.0, "mm": 1e-3}[file.mesh.unit], file.mesh.order)
 
 
 def meshed(file: MeshFile, laws: Laws) -> VirtualMachine:
@@ -43,12 +35,15 @@ def meshed(file: MeshFile, laws: Laws) -> VirtualMachine:
 
     Raises ModelFileError: the file does not fit the mesh, or a piece of it is not held or not cooled.
     """
-    return _meshed(file.model_dump_json(), laws, mesh_of(file))
+    path = Path(file.mesh.file)
+    return _meshed(file.model_dump_json(), laws, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @functools.lru_cache(maxsize=1)
-def _meshed(text: str, laws: Laws, named: NamedMesh) -> VirtualMachine:
+def _meshed(text: str, laws: Laws, _: int) -> VirtualMachine:
+    """The last machine is kept, as long as its mesh is not written again."""
     file = MeshFile.model_validate_json(text)
+    named = mesh_of(file)
     body, materials = _with_parts(named, file)
     wetted = {name: named.facets(*film.groups, outer=True) for name, film in file.films.items()}
     springs = _springs(named, body, materials, file)

@@ -157,6 +157,18 @@ def test_thermometers_gauges_and_the_moment_read_one_field(example):
     assert moment.triangles.max() < len(moment.nodes_m)
 
 
+def test_its_laws_are_parameters_and_change_without_another_mesh(example):
+    told = example.parameters
+    assert told["films.air.still_w_per_m2_k"].value == 8.0
+    assert told["sources.friction.speed_w"].value == 220.0
+    assert not [name for name in told if name.startswith(("parts", "mesh", "supports"))]
+    hours = Conditions(np.array([0.0, 14400.0]), spindle_speed=3000.0)
+    cooler = example.with_parameters({"films.air.still_w_per_m2_k": 24.0})
+    assert cooler.machine.system is example.machine.system
+    warm, cool = (one.simulate(hours, instruments=False).frame["head"].iloc[-1] for one in (example, cooler))
+    assert cool < warm - 1.0
+
+
 def test_candidates_are_spread_over_groups(example):
     file = example.file.model_copy(update={"candidates": None})
     wanted = type(file).model_validate(file.model_dump() | {"candidates": {"spacing_m": 0.2, "surfaces": ["outside"]}})
