@@ -9,10 +9,10 @@ from typing import Any
 from selector.errors import InputError
 
 
-def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> str:
-    """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF; `refused` makes the error.
+def bytes_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> bytes:
+    """The content of a file; `refused` makes the error.
 
-    Raises InputError: there is no such file, it cannot be opened, is none (a folder, a pipe), is too long, or no UTF-8.
+    Raises InputError: there is no such file, it cannot be opened, is none (a folder, a pipe), or is too long.
     """
     if path.exists() and not path.is_file():
         # opening a pipe would wait for ever
@@ -25,6 +25,15 @@ def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -
         raise refused(f"a file that cannot be opened ({getattr(error, 'strerror', None) or error})") from error
     if len(content) > most_bytes:
         raise refused(f"a file of more than {most_bytes // 1_000_000} MB")
+    return content
+
+
+def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> str:
+    """The text in a file: UTF-8, with or without a byte order mark, lines ended by LF; `refused` makes the error.
+
+    Raises InputError: as `bytes_of`, or it is no UTF-8.
+    """
+    content = bytes_of(path, most_bytes, refused)
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:

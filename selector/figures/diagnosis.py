@@ -276,9 +276,7 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
 
 def _rows(labels: Sequence[str], bottom: float, top: float) -> dict[str, object]:
     """An axis with a labelled row for each of several channels, the first one on top."""
-    n = len(labels)
-    rows = {"tickvals": list(range(n)), "ticktext": labels, "range": [n - 0.5, -0.5], "showgrid": False}
-    return {"domain": [bottom, top], "anchor": "x", **rows}
+    return {"domain": [bottom, top], "anchor": "x", **style.rows_of(labels)}
 
 
 def _title(found: Diagnosis) -> str:

@@ -139,6 +139,8 @@ class ModelFamily(Generic[File]):
     #: columns_needed and column_roles: File → key → column of a recording beside it that it refers to; key → role
     columns_needed: Callable[[File], Mapping[str, Any]] = lambda file: {}
     column_roles: Mapping[str, str] = field(default_factory=dict)
+    #: File, its path → the same with whole paths of what it names beside it
+    with_files: Callable[[File, Path], File] = lambda file, path: file
 
     def read(self, path: str | Path) -> File:
         """The model file at `path`.
@@ -147,7 +149,7 @@ class ModelFamily(Generic[File]):
         named), a value of the wrong kind or outside its limits, or two places that contradict each other; the message
         names file and key.
         """
-        return self.parsed(self._text(Path(path)), where=str(path))
+        return self.with_files(self.parsed(self._text(Path(path)), where=str(path)), Path(path))
 
     def parsed(self, text: str, *, where: str = "model file") -> File:
         """The model file with this content; `where` names it in messages. Errors as `read`."""
@@ -274,6 +276,23 @@ def sections_of_text(text: str, *, where: str) -> dict[str, Any]:
             where=where,
             advice="correct this line; texts need quotation marks, numbers a decimal point and no unit",
         ) from None
+
+
+def file_beside(model: Path, name: str, where: str, what: str) -> Path:
+    """The file of this name in the folder of the model file, or below it; `what` says what it holds.
+
+    Raises ModelFileError: the name leads elsewhere, also through a link.
+    """
+    folder = model.resolve().parent
+    path = (folder / name).resolve()
+    if Path(name).is_absolute() or not path.is_relative_to(folder):
+        raise ModelFileError(
+            f"{name!r}, which is outside the folder of the model file",
+            expected="a file beside the model file, or in a folder below it",
+            where=where,
+            advice=f"copy the {what} there",
+        )
+    return path
 
 
 def plain_values(file: Entry) -> dict[str, Any]:

@@ -154,6 +154,8 @@ def test_a_simulation_that_drives_the_model_gives_itself(folder, capfd):
     # the field machine is the same code behind a matrix that takes ten seconds to make
     for example in (path for path in EXAMPLES if path.stem != "field"):
         shutil.copy(example, "other.toml")
+        for mesh in example.parent.glob("*.msh"):
+            shutil.copy(mesh, mesh.name)
         simulated(capfd, "other.toml", "--out", "run.csv", "--seed", "1")
         simulated(capfd, "other.toml", "--out", "sim", "--inputs", "run.csv", "--machine", "run.machine.toml")
         noisy, clean = pd.read_csv("run.csv"), pd.read_csv("sim/run.csv")

@@ -22,9 +22,14 @@ SECTIONS = {
     "`[nodes.NAME]`": schema.Node,
     "`[[links]]`": schema.Link,
     "`[films.NAME]` of a network": schema.NodeFilm,
-    "`[sources.NAME]` of a network": schema.NodeSource,
+    "`[sources.NAME]` of a network or a mesh": schema.NodeSource,
     "`[modes]`": schema.ModesSection,
     "`[field]`": schema.FieldSection,
+    "`[mesh]`": schema.MeshSection,
+    "`[parts.GROUP]`": schema.MeshPart,
+    "`[films.NAME]` of a mesh": schema.MeshFilm,
+    "`[supports.NAME]`": schema.MeshSupport,
+    "`[displacements.NAME]`": schema.MeshDisplacement,
     "`[candidates]`": schema.CandidatesSection,
     "`[sources.NAME]` of the field machine": schema.FieldSource,
     "`[films.NAME]` and `[coolant_films.NAME]` of the field machine": schema.FieldFilm,
@@ -51,8 +56,11 @@ def test_every_section_of_the_schema_has_its_heading():
     documented = set(SECTIONS.values())
     entries = {
         value
-        for value in vars(schema).values()
-        if isinstance(value, type) and issubclass(value, schema.Entry) and not issubclass(value, schema._Common)
+        for name, value in vars(schema).items()
+        if not name.startswith("_")
+        and isinstance(value, type)
+        and issubclass(value, schema.Entry)
+        and not issubclass(value, schema._Common)
     }
     # thermal modes have one condition, which the page says in words
     assert entries - documented == {schema.Entry, schema.SpeedOnly}

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from selector.cli.shared.finding_table import FINDINGS
 from selector.errors import InputError, ModelFileError, ReadError, UnitError
 from selector.findings import Finding, Where
+from selector.physics.model_text import file_beside
 from selector.physics.simulation_kind import DutyCycle
 from selector.readers.finding_table import UNIT_CONFLICT
 from selector.readers.window import WINDOW
@@ -233,7 +234,7 @@ def _column_beside(model: Path, course: ColumnOfFile, key: str, role: str | None
 
     where = f"{model}, key {key}"
     column, unit = course.column, getattr(course, "unit", None)
-    path = _beside(model, course.file, f"{where}.file")
+    path = file_beside(model, course.file, f"{where}.file", "recording")
     said = Overrides(roles={column: role} if role else {}, units={column: unit} if unit else {})
     try:
         reading = read_recordings([path], overrides=said)
@@ -258,20 +259,3 @@ def _column_beside(model: Path, course: ColumnOfFile, key: str, role: str | None
         )
     values = recording.values(recording.runs[0], names)[:, 0]
     return path, (recording.time_s(recording.runs[0]), values)
-
-
-def _beside(model: Path, name: str, where: str) -> Path:
-    """The file of this name in the folder of the model file, or below it.
-
-    Raises ModelFileError: the name leads elsewhere, also through a link.
-    """
-    folder = model.resolve().parent
-    path = (folder / name).resolve()
-    if Path(name).is_absolute() or not path.is_relative_to(folder):
-        raise ModelFileError(
-            f"{name!r}, which is outside the folder of the model file",
-            expected="a file beside the model file, or in a folder below it",
-            where=where,
-            advice="copy the recording there",
-        )
-    return path

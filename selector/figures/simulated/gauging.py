@@ -181,7 +181,6 @@ CURVES = (style.PREDICTED, style.CHOSEN, "#CC79A7")
 MOST_MARKERS = 600  #: Parts that are drawn one by one; of more the smallest and largest of each stretch.
 MOST_DRESSINGS = 40
 _BINS = 60
-_FEW_DECADES = 1.5  #: Up to so many 2 and 5 are written between the powers of ten.
 _DECADES = 5.0  #: Decades below the largest error that the trade-off shows at most.
 
 
@@ -300,19 +299,11 @@ def filter_trade_off(filters: Sequence[Setting], best: Setting, present: Setting
                "minor": {"ticks": "outside", "ticklen": 3},
                "range": [math.log10(1e3 * time_constant_s[0]), math.log10(1e3 * time_constant_s[-1])]},
         yaxis={"type": "log", "title": {"text": "error of the size [µm²]"}, "exponentformat": "power",
-               **_decade_ticks(low, high),
+               **style.log_ticks(low, high),
                "range": [_rounded(low - 0.1), _rounded(high + 0.1)]},
         height=420,
     )  # fmt: skip
     return drawn
-
-
-def _decade_ticks(low: float, high: float) -> dict[str, object]:
-    """Ticks of a logarithmic axis from 10^low to 10^high."""
-    if high - low > _FEW_DECADES:
-        return {"dtick": 1}
-    values = [step * 10.0**power for power in range(math.floor(low), math.ceil(high) + 1) for step in (1, 2, 5)]
-    return {"tickvals": [_rounded(value) for value in values], "ticktext": [f"{value:.6g}" for value in values]}
 
 
 def _rounded(value: float) -> float:

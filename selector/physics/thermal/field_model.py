@@ -2,30 +2,36 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError, ModelFileError, OptionError
+from selector.errors import ModelFileError, OptionError
 from selector.physics.model_text import key_text, unknown_name
-from selector.physics.thermal.field.candidates import sensor_candidates
+from selector.physics.thermal.field.candidates import sensor_candidates, surface_candidates
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import (
     SENSORS,
     Physics,
     VirtualMachine,
     film_sets,
-    foot_springs,
     machine_laws,
     parts_beside,
     virtual_machining_centre,
 )
-from selector.physics.thermal.field.mesh import probe_row
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, elasticity
-from selector.physics.thermal.model_file import MOST_SENSORS, FieldFile, FieldFilm, Gauge, Sensor
+from selector.physics.thermal.field.thermoelasticity import elasticity
+from selector.physics.thermal.mesh_model import mesh_of, meshed, row_at
+from selector.physics.thermal.model_file import (
+    MOST_SENSORS,
+    FieldFile,
+    FieldFilm,
+    FieldSource,
+    MeshFile,
+    Sensor,
+    stated_laws,
+)
 from selector.physics.thermal.network.heat_system import HeatSystem, reduced_basis
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
@@ -52,7 +58,7 @@ def laws_of(file: FieldFile) -> Laws:
     _require_known(file.cooled, sorted(surfaces), "surface", "cooled")
     heat = []
     for law in shipped.heat:
-        said = file.sources[law.source].model_dump(exclude_none=True) if law.source in file.sources else {}
+        said = file.sources.get(law.source, FieldSource()).model_dump(exclude_none=True)
         if said.get("softening_per_k") and not law.at:
             raise ModelFileError(
                 "softening of a source without lubricant",
@@ -61,7 +67,10 @@ def laws_of(file: FieldFile) -> Laws:
                 advice="leave softening_per_k out here",
             )
         heat.append(dataclasses.replace(law, **said))
-    films = [_film(law, file.coolant_films if law.while_coolant else file.films) for law in shipped.films]
+    films = []
+    for film in shipped.films:
+        said_of_film = (file.coolant_films if film.while_coolant else file.films).get(film.film, FieldFilm())
+        films.append(dataclasses.replace(film, **said_of_film.model_dump(exclude_none=True)))
     films += [FilmLaw(name, fluid="fixed", **said.model_dump()) for name, said in file.cooled.items()]
     return Laws(tuple(heat), tuple(films))
 
@@ -94,23 +103,18 @@ def system_of(file: FieldFile, laws: Laws) -> HeatSystem:
     for number, sensor in enumerate(file.sensors):
         if sensor.name not in anywhere and (sensor.at or sensor.name) not in SENSORS:
             _refuse_name("place", sensor.at or sensor.name, list(SENSORS), ("sensors", number, "at"))
-    machine = _shipped_of(file)
-    for number, gauge in enumerate(file.gauges):
-        if (gauge.of or gauge.name) not in machine.full.displacements:
-            known = list(machine.full.displacements)
-            _refuse_name("displacement", gauge.of or gauge.name, known, ("gauges", number, "of"))
+    machine = field_of(file, laws)
     full = machine.full
+    for number, gauge in enumerate(file.gauges):
+        if (gauge.of or gauge.name) not in full.displacements:
+            _refuse_name("displacement", gauge.of or gauge.name, list(full.displacements), ("gauges", number, "of"))
     for number, sensor in enumerate(file.sensors):
         place = anywhere.get(sensor.name)
         if place is not None:
-            try:
-                row = probe_row(machine.mesh, place, sensor.name)
-            except InputError as error:
-                where = f"key {key_text(('sensors', number, 'xyz'))}"
-                raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+            row = row_at(machine.mesh, place, ("sensors", number, "xyz"))
             beside = np.zeros(full.size - len(row))
             full = dataclasses.replace(full, probes={**full.probes, sensor.name: np.r_[row, beside]})
-    return _with_laws(dataclasses.replace(machine, full=full), laws).system
+    return dataclasses.replace(machine, full=full).system
 
 
 @functools.lru_cache(maxsize=1)
@@ -119,25 +123,13 @@ def _shipped(physics: Physics, geometry: tuple[tuple[str, float], ...], refineme
     return virtual_machining_centre(physics, geometry=MachineGeometry(**dict(geometry)), refinement=refinement)
 
 
-def _shipped_of(file: FieldFile) -> VirtualMachine:
-    settings = file.field
-    return _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
-
-
 def field_of(file: FieldFile, laws: Laws) -> VirtualMachine:
     """The machine that `system_of` reduces, with the shipped thermometers; at once after it."""
-    return _with_laws(_shipped_of(file), laws)
-
-
-def _with_laws(machine: VirtualMachine, laws: Laws) -> VirtualMachine:
+    settings = file.field
+    machine = _shipped(settings.physics, tuple(sorted(settings.geometry.items())), settings.refinement)
     # other film coefficients ask for other fields
     basis = machine.basis if laws.films == machine.laws.films else reduced_basis(machine.full, film_sets(laws))
     return dataclasses.replace(machine, laws=laws, basis=basis)
-
-
-def _film(law: FilmLaw, sections: Mapping[str, FieldFilm]) -> FilmLaw:
-    said: dict[str, Any] = sections[law.film].model_dump(exclude_none=True) if law.film in sections else {}
-    return dataclasses.replace(law, **said)
 
 
 def _require_known(names: Iterable[str], known: list[str], what: str, *section: str) -> None:
@@ -151,7 +143,7 @@ def _refuse_name(what: str, name: str, known: list[str], key: tuple[str | int, .
     raise ModelFileError(found, expected=expected, where=f"key {key_text(key)}", advice=advice)
 
 
-def with_candidates(file: FieldFile) -> FieldFile:
+def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
     """The file with a thermometer at every candidate place instead of its section on them; the file's own come first.
 
     Raises ModelFileError: the machine has no such surface, the spacing leaves no place or too many, or a name is taken.
@@ -159,9 +151,14 @@ def with_candidates(file: FieldFile) -> FieldFile:
     wanted = file.candidates
     if wanted is None:
         return file
-    _require_known(file.field.geometry, _LENGTHS, "length", "field", "geometry")
     try:
-        places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
+        if isinstance(file, MeshFile):
+            mesh = mesh_of(file)
+            surfaces = {name: mesh.facets(name, outer=True) for name in wanted.surfaces}
+            places = surface_candidates(mesh.body, surfaces, wanted.spacing_m)
+        else:
+            _require_known(file.field.geometry, _LENGTHS, "length", "field", "geometry")
+            places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
     except OptionError as error:
         where = "key field.geometry" if "geometry" in error.where else "key candidates"
         raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
@@ -173,19 +170,16 @@ def with_candidates(file: FieldFile) -> FieldFile:
             where="key candidates.spacing_m",
             advice="enlarge the spacing, or name fewer surfaces",
         )
-    named: list[tuple[str, str, tuple[Sensor | Gauge, ...]]] = [
-        ("sensors", "thermometer", file.sensors),
-        ("gauges", "gauge", file.gauges),
-    ]
-    for section, what, entries in named:
-        for number, entry in enumerate(entries):
-            if entry.name in places:
-                raise ModelFileError(
-                    f"a {what} called {entry.name!r}, as a candidate is",
-                    expected="names other than P01, P02 and so on",
-                    where=f"key {key_text((section, number, 'name'))}",
-                    advice="give it another name",
-                )
+    named = [(("sensors", number, "name"), sensor.name) for number, sensor in enumerate(file.sensors)]
+    named += [(("gauges", number, "name"), gauge.name) for number, gauge in enumerate(file.gauges)]
+    for key, name in named:
+        if name in places:
+            raise ModelFileError(
+                f"{name!r}, as a candidate is called",
+                expected="names other than P01, P02 and so on",
+                where=f"key {key_text(key)}",
+                advice="give it another name",
+            )
     instrument = wanted.model_dump(include={"lag_s", "noise_k", "resolution_k"})
     spread = (Sensor(name=name, place=at.place, xyz=at.xyz_m, **instrument) for name, at in places.items())
     return file.model_copy(update={"sensors": (*file.sensors, *spread), "candidates": None})
@@ -202,13 +196,17 @@ class FieldMoment:
     deformation_um: Vector  #: (n_nodes, 3): Displacement since the start of the run [µm]
 
 
-def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldMoment:
+def field_moment(file: FieldFile | MeshFile, conditions: Conditions, at_s: float) -> FieldMoment:
     """The moment `at_s` [s] of the run that these conditions make of the machine; its stiffness is factorised anew.
 
     Raises InputError: the time is outside the conditions.
     """
-    laws = laws_of(file)
-    machine = field_of(file, laws)
+    if isinstance(file, MeshFile):
+        laws = stated_laws(file)
+        machine = meshed(file, laws)
+    else:
+        laws = laws_of(file)
+        machine = field_of(file, laws)
     mesh = machine.mesh
     start_degc = float(conditions.ambient_degc[0]) if file.run.start_degc is None else file.run.start_degc
     history = simulate_heat(
@@ -221,6 +219,5 @@ def field_moment(file: FieldFile, conditions: Conditions, at_s: float) -> FieldM
         keep_states_at_s=[at_s],
     )
     degc = machine.basis[: len(mesh.nodes_m)] @ history.states[0]
-    geometry = MachineGeometry(**dict(file.field.geometry))
-    elastic = elasticity(mesh, MATERIALS, foot_springs(mesh, geometry))
+    elastic = elasticity(mesh, machine.materials, machine.springs_n_per_m)
     return FieldMoment(at_s, mesh.nodes_m, mesh.triangles(), degc, elastic.displacement_um(degc - start_degc))

@@ -16,17 +16,17 @@ if TYPE_CHECKING:
 
 
 class ThermalKind(SimulationKind):
-    """A network, thermal modes, or the field machine."""
+    """A network, thermal modes, the field machine, or one from a mesh."""
 
     name = "thermal"
-    file_kinds = ("network", "modes", "field")
+    file_kinds = ("network", "modes", "field", "mesh")
     about = """Simulates how a machine warms and moves, and writes a recording of it.
 
     Beside RUN.csv stands RUN.machine.toml, for --machine of the other commands. With --inputs the model is driven by
     recorded runs at their own time stamps; --out is a folder then, which receives one file a run and machine.toml and
     can be compared with the recordings. Without --seed such simulations have no noise.
     """
-    model_help = "Model file of a network, of thermal modes, or of the field machine."
+    model_help = "Model file of a network, of thermal modes, of the field machine, or of a mesh."
     report_help = "Also write a page: courses, heat balance, the field machine's picture."
     seed_help = "Of the instruments' noise. Default: that of the model file; none with --inputs."
     options = (
@@ -60,7 +60,7 @@ class ThermalKind(SimulationKind):
     def require_options(self, file: Any, asked: Mapping[str, Any], *, driven: bool, report: bool) -> None:
         """Pictures are of field machines, in a report; a duty cycle and recordings both say the speed."""
         picture_at_min = asked.get("picture_at_min")
-        if picture_at_min is not None and (not report or file.model.kind != "field"):
+        if picture_at_min is not None and (not report or file.model.kind not in ("field", "mesh")):
             what = "without --report" if not report else f"for a model of the kind {file.model.kind}"
             raise OptionError(
                 f"--picture-at-min {what}",
@@ -85,13 +85,13 @@ class ThermalKind(SimulationKind):
 
     def findings_before(self, model: Any) -> tuple[Finding, ...]:
         """Numbers that no machine has."""
-        from selector.physics.thermal.model_file import model_findings
+        from selector.physics.thermal.thermal_model import model_findings
 
         return tuple(model_findings(model.file))
 
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The conditions that the file describes, or a duty cycle."""
-        from selector.physics.thermal.model_file import require_few_samples
+        from selector.physics.model_text import MOST_SAMPLES
         from selector.physics.thermal.modes.cyclogram import Cyclogram
         from selector.physics.thermal.schedule import scheduled
         from selector.physics.thermal.thermal_model import simulation_findings
@@ -104,7 +104,13 @@ class ThermalKind(SimulationKind):
             last_s = duration_s if ends is None else float(cycle.time_s[-1])
             cyclogram = Cyclogram(cycle.time_s[:ends], cycle.speed_rpm[:ends], last_s)
             duration_s = cyclogram.end_s
-            require_few_samples(model.file, duration_s, f"the duty cycle {cycle.path}")
+            if (count := duration_s / min(settings.period_s, settings.step_s)) > MOST_SAMPLES:
+                raise ModelFileError(
+                    f"{duration_s / 3600:.6g} h, which make {count:.3g} samples or steps",
+                    expected=f"at most {MOST_SAMPLES}",
+                    where=f"the duty cycle {cycle.path}",
+                    advice="make run.period_s and run.step_s of the model file larger, or simulate a shorter time",
+                )
         if duration_s < settings.period_s:
             raise ModelFileError(
                 f"a run of {duration_s:g} s with a sample every {settings.period_s:g} s",

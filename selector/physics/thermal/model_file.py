@@ -4,15 +4,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Discriminator, Field, StrictBool, Tag
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
-from selector.errors import ModelFileError
-from selector.findings import Finding, Where
 from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_in, numbers_of, parameters_of
 from selector.physics.model_text import (
     MOST_SAMPLES,
@@ -32,11 +28,12 @@ from selector.physics.model_text import (
     Signed,
     bound_contradictions,
     choice_tag,
+    file_beside,
     limited,
     plain_values,
     unknown_name,
 )
-from selector.physics.thermal.finding_table import FINDINGS
+from selector.physics.thermal.network.laws import FilmLaw, HeatLaw, Laws
 
 MOST_NODES = 300  #: Nodes of a network. Its exact stepping costs their number cubed.
 MOST_SENSORS = 1000  #: Thermometers of a model, candidates among them.
@@ -53,6 +50,7 @@ Place = Annotated[Point, Unit("m")]
 Lag = Annotated[NonNegative, Unit("s")]
 Kelvins = Annotated[float, limited(0, 100), Unit("K")]
 Micrometres = Annotated[float, limited(0, 1e4), Unit("µm")]
+Groups = Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)]
 Duration = Annotated[float, limited(0, 1e6, above=True)]
 
 _EITHER_WAY = Fit(either_sign=0.0, at_zero=1.0)
@@ -94,7 +92,7 @@ Course = Annotated[
 class ModelSection(Entry):
     """``[model]``."""
 
-    kind: Literal["network", "modes", "field"]
+    kind: Literal["network", "modes", "field", "mesh"]
     name: Name
     note: Note = ""
 
@@ -179,7 +177,7 @@ class Link(Entry):
 
 
 class NodeSource(Entry):
-    """``[sources.NAME]`` of a network: the nodes that the heat goes to, and its law, see `laws.HeatLaw`."""
+    """``[sources.NAME]``: the nodes of a network, or groups of a mesh, that the heat goes to; law: `laws.HeatLaw`."""
 
     shares: Annotated[
         dict[Name, Annotated[float, limited(0, 1, above=True)]], Field(min_length=1, max_length=MOST_NODES)
@@ -196,10 +194,15 @@ class NodeSource(Entry):
     at: Name | None = None
 
 
-class NodeFilm(Entry):
-    """``[films.NAME]`` of a network: the area of every node that it wets, and its law, see `laws.FilmLaw`."""
+class _NodeAreas(Entry):
+    """What a film of a network wets."""
 
     area_m2: Annotated[dict[Name, Positive], Field(min_length=1, max_length=MOST_NODES), Unit("m²"), Fit()]
+
+
+class _LawOfFilm(Entry):
+    """How a film cools, see `laws.FilmLaw`."""
+
     still_w_per_m2_k: FilmCoefficient
     speed_w_per_m2_k: FilmCoefficient = 0.0
     reference_rpm: Speed = 1000.0
@@ -207,6 +210,16 @@ class NodeFilm(Entry):
     while_coolant: StrictBool = False
     fluid: Literal["ambient", "coolant", "fixed"] = "ambient"
     fixed_degc: FittedDegrees = 20.0
+
+
+class NodeFilm(_LawOfFilm, _NodeAreas):
+    """``[films.NAME]`` of a network: the area of every node that it wets, and its law."""
+
+
+class MeshFilm(_LawOfFilm):
+    """``[films.NAME]`` of a mesh: its law, and the groups whose surface it wets."""
+
+    groups: Groups
 
 
 class FieldSource(Entry):
@@ -262,7 +275,7 @@ class FieldSection(Entry):
 
 
 class CandidatesSection(Entry):
-    """``[candidates]`` of the field machine: thermometers spread over its surfaces, see `field.sensor_candidates`."""
+    """``[candidates]``: thermometers spread over surfaces of the field machine, or over groups of a mesh."""
 
     spacing_m: Annotated[float, limited(0.03, 10), Unit("m")] = 0.3
     surfaces: Annotated[tuple[Name, ...], Field(min_length=1, max_length=100)] = (
@@ -275,6 +288,44 @@ class CandidatesSection(Entry):
     lag_s: Lag = 0.0
     noise_k: Kelvins = 0.0
     resolution_k: Kelvins = 0.0
+
+
+class MeshSection(Entry):
+    """``[mesh]``: the file that holds the body; `read_model_file` makes its path whole."""
+
+    file: Annotated[str, Field(min_length=1, max_length=4096)]
+    unit: Literal["m", "mm"]
+    order: Annotated[int, Field(strict=True, ge=1, le=2)] = 2
+
+
+class MeshPart(Entry):
+    """``[parts.GROUP]``: a known material, or the numbers in which this one differs."""
+
+    material: Name | None = None
+    conductivity_w_per_m_k: Annotated[Positive, Unit("W/(m·K)")] | None = None
+    specific_heat_j_per_kg_k: Annotated[Positive, Unit("J/(kg·K)")] | None = None
+    density_kg_per_m3: Annotated[Positive, Unit("kg/m³")] | None = None
+    expansion_per_k: Annotated[float, limited(-1e-3, 1e-3), Unit("1/K")] | None = None
+    young_pa: Annotated[Positive, Unit("Pa")] | None = None
+    poisson: Annotated[float, limited(0, 0.49)] | None = None
+    slides: Literal["x", "y", "z"] | None = None
+
+
+class MeshSupport(Entry):
+    """``[supports.NAME]``: where the body is held; without a stiffness, rigidly."""
+
+    groups: Groups
+    stiffness_n_per_m: Annotated[tuple[NonNegative, NonNegative, NonNegative], Field(), Unit("N/m")] | None = None
+
+
+class MeshDisplacement(Entry):
+    """``[displacements.NAME]``: the tool against the work, each the rigid motion of a group or a point of the body."""
+
+    tool: Name | None = None
+    tool_xyz: Place | None = None
+    work: Name | None = None
+    work_xyz: Place | None = None
+    direction: Point | None = None
 
 
 class _Common(Entry):
@@ -316,12 +367,31 @@ class FieldFile(_Common):
     candidates: CandidatesSection | None = None
 
 
-ModelFile = NetworkFile | ModesFile | FieldFile
-KINDS: Mapping[str, type[NetworkFile] | type[ModesFile] | type[FieldFile]] = {
-    "network": NetworkFile,
-    "modes": ModesFile,
-    "field": FieldFile,
-}
+class MeshFile(_Common):
+    """A finite-element machine of one's own, from a mesh with named groups."""
+
+    conditions: ConditionsSection
+    mesh: MeshSection
+    parts: Annotated[dict[Name, MeshPart], Field(min_length=1, max_length=100)]
+    films: Annotated[dict[Name, MeshFilm], Field(min_length=1, max_length=100)]
+    supports: Annotated[dict[Name, MeshSupport], Field(min_length=1, max_length=100)]
+    displacements: Annotated[dict[Name, MeshDisplacement], Field(min_length=1, max_length=20)]
+    sources: Annotated[dict[Name, NodeSource], Field(max_length=100)] = Field(default_factory=dict)
+    sensors: Annotated[tuple[Sensor, ...], Field(max_length=MOST_SENSORS)] = ()
+    candidates: CandidatesSection | None = None
+
+
+ModelFile = NetworkFile | ModesFile | FieldFile | MeshFile
+KINDS: Mapping[str, type[ModelFile]] = {
+    "network": NetworkFile, "modes": ModesFile, "field": FieldFile, "mesh": MeshFile
+}  # fmt: skip
+
+
+def stated_laws(file: NetworkFile | MeshFile) -> Laws:
+    """The laws of a file that says all of them."""
+    wide: dict[str, Any] = {"exclude": {"shares", "area_m2", "groups"}, "exclude_none": True}
+    heat = (HeatLaw(source=name, **source.model_dump(**wide)) for name, source in file.sources.items())
+    return Laws(tuple(heat), tuple(FilmLaw(film=name, **film.model_dump(**wide)) for name, film in file.films.items()))
 
 
 def columns_needed(file: ModelFile) -> dict[str, Column]:
@@ -329,21 +399,6 @@ def columns_needed(file: ModelFile) -> dict[str, Column]:
     conditions = file.conditions
     courses = {name: getattr(conditions, name) for name in type(conditions).model_fields}
     return {name: course for name, course in courses.items() if isinstance(course, Column)}
-
-
-def require_few_samples(file: ModelFile, duration_s: float, where: str) -> None:
-    """Refuses a run of this length [s] that the sampling and the steps of the file make too long to be held.
-
-    Raises ModelFileError: it has more than `MOST_SAMPLES` samples or steps.
-    """
-    count = duration_s / min(file.run.period_s, file.run.step_s)
-    if count > MOST_SAMPLES:
-        raise ModelFileError(
-            f"{duration_s / 3600:.6g} h, which make {count:.3g} samples or steps",
-            expected=f"at most {MOST_SAMPLES}",
-            where=where,
-            advice="make run.period_s and run.step_s of the model file larger, or simulate a shorter time",
-        )
 
 
 def contradictions(file: ModelFile) -> Iterator[Contradiction]:
@@ -365,45 +420,66 @@ def contradictions(file: ModelFile) -> Iterator[Contradiction]:
         yield from _of_network(file)
     if isinstance(file, ModesFile):
         yield from _of_modes(file)
+    if isinstance(file, MeshFile):
+        yield from _of_mesh(file)
     yield from _of_names(file)
     yield from bound_contradictions(file.bounds)
 
 
 def _of_network(file: NetworkFile) -> Iterator[Contradiction]:
-    known = list(file.nodes)
-    for number, link in enumerate(file.links):
-        a, b = link.between
-        for node in (a, b):
-            if node not in file.nodes:
-                yield ("links", number, "between"), *unknown_name("node", node, known)
-        if a == b:
-            yield ("links", number, "between"), f"{a!r} twice", "two different nodes", "name both ends of the link"
     pairs = Counter(frozenset(link.between) for link in file.links)
+    named: list[tuple[Key, str]] = []
     for number, link in enumerate(file.links):
+        key: Key = ("links", number, "between")
+        named += [(key, node) for node in link.between]
+        if len(set(link.between)) == 1:
+            yield key, f"{link.between[0]!r} twice", "two different nodes", "name both ends of the link"
         if pairs[frozenset(link.between)] > 1:
             found, advice = f"{' and '.join(link.between)} linked twice", "add the conductances into one link"
-            yield ("links", number, "between"), found, "one link between two nodes", advice
-    for name, film in file.films.items():
-        for node in film.area_m2:
-            if node not in file.nodes:
-                yield ("films", name, "area_m2"), *unknown_name("node", node, known)
+            yield key, found, "one link between two nodes", advice
+    named += [(("films", name, "area_m2"), node) for name, film in file.films.items() for node in film.area_m2]
     for name, source in file.sources.items():
-        for node in source.shares:
-            if node not in file.nodes:
-                yield ("sources", name, "shares"), *unknown_name("node", node, known)
+        named += [(("sources", name, "shares"), node) for node in source.shares]
+        named += [(("sources", name, "at"), source.at)] if source.at is not None else []
+    named += [(("sensors", number, "at"), sensor.at or sensor.name) for number, sensor in enumerate(file.sensors)]
+    for key, node in named:
+        if node not in file.nodes:
+            yield key, *unknown_name("node", node, list(file.nodes))
+    yield from _of_sources(file)
+    displacements = list(dict.fromkeys(d for node in file.nodes.values() for d in node.expansion_um_per_k))
+    yield from _of_gauges(file, displacements)
+
+
+def _of_sources(file: NetworkFile | MeshFile) -> Iterator[Contradiction]:
+    for name, source in file.sources.items():
         total = sum(source.shares.values())
         if abs(total - 1.0) > 1e-6:  # numbers of a few digits add up to 1 far better than this
             yield ("sources", name, "shares"), f"shares that add up to {total:g}", "1", "share out all of the heat"
         if source.softening_per_k and source.at is None:
-            advice = 'add at = "NODE", the node whose temperature thins the lubricant'
-            yield ("sources", name, "softening_per_k"), "softening without a place", "a node", advice
-        if source.at is not None and source.at not in file.nodes:
-            yield ("sources", name, "at"), *unknown_name("node", source.at, known)
-    for number, sensor in enumerate(file.sensors):
-        if (sensor.at or sensor.name) not in file.nodes:
-            yield ("sensors", number, "at"), *unknown_name("node", sensor.at or sensor.name, known)
-    displacements = list(dict.fromkeys(d for node in file.nodes.values() for d in node.expansion_um_per_k))
-    yield from _of_gauges(file, displacements)
+            advice = 'add at = "NAME", the node or group whose temperature thins the lubricant'
+            yield ("sources", name, "softening_per_k"), "softening without a place", "a node or group", advice
+
+
+def _of_mesh(file: MeshFile) -> Iterator[Contradiction]:
+    yield from _of_sources(file)
+    for name, part in file.parts.items():
+        lacking = [key for key in MeshPart.model_fields if getattr(part, key) is None and key != "slides"]
+        if part.material is None and len(lacking) > 1:
+            found, expected = f"no {', no '.join(lacking)}", "a material by its name, or all of its numbers"
+            yield ("parts", name), found, expected, "name a material, or say these numbers too"
+    for name, of in file.displacements.items():
+        if of.tool is None and of.tool_xyz is None:
+            advice = "add tool = the group whose motion it is, or tool_xyz"
+            yield ("displacements", name), "a displacement without a tool", "a group or a point of the body", advice
+        if not any(direction_of(name, of)):
+            advice = "add direction = [0, 0, 1] or so, or call it after its axis"
+            yield ("displacements", name, "direction"), "no direction", "a direction other than 0", advice
+    anywhere = {s.name: number for number, s in enumerate(file.sensors) if s.xyz is not None and s.at is None}
+    groups = {source.at for source in file.sources.values()} | {sensor.at for sensor in file.sensors}
+    for name in anywhere.keys() & groups:
+        found, advice = f"a place called as the group {name!r} that is read", "give the thermometer another name"
+        yield ("sensors", anywhere[name], "name"), found, "a name of its own", advice
+    yield from _of_gauges(file, list(file.displacements))
 
 
 def _of_modes(file: ModesFile) -> Iterator[Contradiction]:
@@ -418,6 +494,12 @@ def _of_modes(file: ModesFile) -> Iterator[Contradiction]:
             expected = f"{len(modes.speed_rpm)} rows (one a speed) of {len(modes.tau_s)} gains (one a mode)"
             yield ("modes", "gains_um", name), found, expected, "give one row for each speed of speed_rpm"
     yield from _of_gauges(file, list(modes.gains_um))
+
+
+def direction_of(name: str, displacement: MeshDisplacement) -> tuple[float, float, float]:
+    """Along which a displacement counts: as it says, or along the axis after which it is called; else zeros."""
+    x, y, z = (float(name[:1].upper() == axis) for axis in "XYZ")
+    return displacement.direction or (x, y, z)
 
 
 def _of_gauges(file: ModelFile, displacements: list[str]) -> Iterator[Contradiction]:
@@ -439,9 +521,17 @@ def _of_names(file: ModelFile) -> Iterator[Contradiction]:
         taken.add(name)
 
 
+def _with_mesh(file: ModelFile, path: Path) -> ModelFile:
+    """The same with the whole path of its mesh."""
+    if not isinstance(file, MeshFile):
+        return file
+    whole = file_beside(path, file.mesh.file, f"{path}, key mesh.file", "mesh")
+    return file.model_copy(update={"mesh": file.mesh.model_copy(update={"file": str(whole)})})
+
+
 FAMILY: ModelFamily[ModelFile] = ModelFamily(
     "thermal", KINDS, contradictions, page="docs/reference/thermal-model.md", examples="fixtures/thermal",
-    columns_needed=columns_needed,
+    columns_needed=columns_needed, with_files=_with_mesh,
     column_roles={"spindle_speed_rpm": "spindle_speed", "ambient_degc": "ambient", "coolant_degc": "temperature"},
 )  # fmt: skip
 #: The model file at a path, of a text, and of plain values; see `ModelFamily`.
@@ -498,30 +588,3 @@ def _name(file: ModelFile, path: Key) -> str:
         if path[1] == "gains_um" and isinstance(head[-1], int):
             parts[-2] = speeds[head[-1]]
     return ".".join(parts)
-
-
-def model_findings(file: ModelFile) -> tuple[Finding, ...]:
-    """A warning for every group of linked nodes without any film; none for models of other kinds.
-
-    Heat that enters such a group stays in it; a single node that nothing heats keeps its temperature for ever.
-    """
-    if not isinstance(file, NetworkFile):
-        return ()
-    row = {name: number for number, name in enumerate(file.nodes)}
-    ends = np.array([[row[name] for name in link.between] for link in file.links], dtype=np.int64).reshape(-1, 2)
-    linked = sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(row), len(row)))
-    count, group = connected_components(linked, directed=False)
-    wetted = {node for film in file.films.values() for node in film.area_m2}
-    heated = {node for source in file.sources.values() for node in source.shares}
-    groups = ([name for name in row if group[row[name]] == number] for number in range(count))
-    return tuple(_closed(nodes, bool(heated & set(nodes))) for nodes in groups if not wetted & set(nodes))
-
-
-def _closed(nodes: list[str], heated: bool) -> Finding:
-    effect = "heat that enters stays there for ever" if heated else "nothing outside ever changes their temperature"
-    return FINDINGS.finding(
-        "no-way-for-heat",
-        f"{', '.join(nodes[:8])}{' …' if len(nodes) > 8 else ''}: no film, and no link to what has one, so {effect}.",
-        Where(channel=nodes[0] if len(nodes) == 1 else None),
-        {"nodes": nodes, "heated": heated},
-    )

@@ -59,8 +59,7 @@ def condition(conditions: Conditions, name: str) -> Vector:
 
 def held_at(conditions: Conditions, name: str, time_s: Vector) -> Vector:
     """The value of one of `CONDITIONS` that is held at each time [s], shape (n_times,)."""
-    rows = np.clip(np.searchsorted(conditions.time_s, time_s, side="right") - 1, 0, None)
-    return condition(conditions, name)[rows]
+    return _held(conditions.time_s, condition(conditions, name), time_s)
 
 
 def scheduled(

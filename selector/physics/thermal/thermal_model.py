@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
@@ -16,17 +18,19 @@ from selector.physics.thermal.model_file import (
     FieldFile,
     Gauge,
     InputsSection,
+    MeshFile,
     ModelFile,
     ModesFile,
     NetworkFile,
     Sensor,
     parameters,
+    stated_laws,
     with_parameters,
 )
 from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.network.heat_system import HeatSystem, Network, time_constants_s
-from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
+from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, summed
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.schedule import CONDITIONS, condensed, driven, held_at, lagged, read_out, seed_of_run
 from selector.recording import Channel, Recording
@@ -60,12 +64,14 @@ def machine_of(file: ModelFile, built: HeatMachine | None = None) -> HeatMachine
     if isinstance(file, NetworkFile):
         return network_machine(file)
     # scikit-fem comes in with the field machine, which most model files do not need
-    from selector.physics.thermal import field_model
+    from selector.physics.thermal import field_model, mesh_model
     from selector.physics.thermal.field.machine import SENSORS
 
-    laws = field_model.laws_of(file)
+    laws = field_model.laws_of(file) if isinstance(file, FieldFile) else stated_laws(file)
     if built is not None:
         return replace(built, laws=laws)
+    if isinstance(file, MeshFile):
+        return HeatMachine(mesh_model.meshed(file, laws).system, laws, ())
     return HeatMachine(
         field_model.system_of(file, laws),
         laws,
@@ -84,16 +90,9 @@ def network_machine(file: NetworkFile) -> HeatMachine:
         {name: source.shares for name, source in file.sources.items()},
         {name: node.expansion_um_per_k for name, node in file.nodes.items()},
     )
-    laws = Laws(
-        tuple(
-            HeatLaw(source=name, at=source.at or "", **source.model_dump(exclude={"shares", "at"}))
-            for name, source in file.sources.items()
-        ),
-        tuple(FilmLaw(film=name, **film.model_dump(exclude={"area_m2"})) for name, film in file.films.items()),
-    )
     return HeatMachine(
         network.heat_system(),
-        laws,
+        stated_laws(file),
         tuple(file.nodes),
         {name: node.place for name, node in file.nodes.items() if node.place is not None},
         {name: node.xyz for name, node in file.nodes.items() if node.xyz is not None},
@@ -319,7 +318,7 @@ def thermal_model(file: ModelFile) -> FileModel:
 
     Raises ModelFileError: a part of the file contradicts the machine that it describes.
     """
-    if isinstance(file, FieldFile) and file.candidates is not None:
+    if isinstance(file, FieldFile | MeshFile) and file.candidates is not None:
         # scikit-fem comes in with the surfaces of the machine
         from selector.physics.thermal.field_model import with_candidates
 
@@ -327,6 +326,33 @@ def thermal_model(file: ModelFile) -> FileModel:
     model = FileModel(file, machine_of(file))
     _ = model.parameters  # the bounds are checked here, not when a fit asks for them
     return model
+
+
+def model_findings(file: ModelFile) -> tuple[Finding, ...]:
+    """A warning for every group of linked nodes without any film; none for models of other kinds.
+
+    Heat that enters such a group stays in it; a single node that nothing heats keeps its temperature for ever.
+    """
+    if not isinstance(file, NetworkFile):
+        return ()
+    row = {name: number for number, name in enumerate(file.nodes)}
+    ends = np.array([[row[name] for name in link.between] for link in file.links], dtype=np.int64).reshape(-1, 2)
+    linked = sparse.coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(len(row), len(row)))
+    count, group = connected_components(linked, directed=False)
+    wetted = {node for film in file.films.values() for node in film.area_m2}
+    heated = {node for source in file.sources.values() for node in source.shares}
+    groups = ([name for name in row if group[row[name]] == number] for number in range(count))
+    return tuple(_closed(nodes, bool(heated & set(nodes))) for nodes in groups if not wetted & set(nodes))
+
+
+def _closed(nodes: list[str], heated: bool) -> Finding:
+    effect = "heat that enters stays there for ever" if heated else "nothing outside ever changes their temperature"
+    return FINDINGS.finding(
+        "no-way-for-heat",
+        f"{', '.join(nodes[:8])}{' …' if len(nodes) > 8 else ''}: no film, and no link to what has one, so {effect}.",
+        Where(channel=nodes[0] if len(nodes) == 1 else None),
+        {"nodes": nodes, "heated": heated},
+    )
 
 
 def simulation_findings(simulated: Recording) -> tuple[Finding, ...]:

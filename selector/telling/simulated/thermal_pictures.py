@@ -10,7 +10,7 @@ import numpy as np
 from selector.figures.simulated.field import machine_field
 from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
 from selector.number_text import number_text
-from selector.physics.thermal.model_file import FieldFile
+from selector.physics.thermal.model_file import FieldFile, MeshFile
 from selector.recording import Recording
 from selector.telling.account import Block, Drawing
 from selector.telling.numbers import span_text
@@ -41,7 +41,7 @@ def _run(result: SimulationResult, run: str) -> list[Block]:
 
 def _moment(result: SimulationResult) -> list[Block]:
     file, inputs, recording = result.simulated.model.file, result.simulated.inputs, result.recording
-    if not isinstance(file, FieldFile):
+    if not isinstance(file, FieldFile | MeshFile):
         return []
     from selector.physics.thermal.field_model import field_moment
 

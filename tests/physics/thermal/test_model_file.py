@@ -22,7 +22,6 @@ from selector.physics.thermal.field_model import laws_of
 from selector.physics.thermal.model_file import (
     InputsSection,
     checked_model_file,
-    model_findings,
     parameters,
     parsed_model_file,
     read_model_file,
@@ -40,7 +39,7 @@ from selector.physics.thermal.schedule import (
     read_out,
     scheduled,
 )
-from selector.physics.thermal.thermal_model import driven_runs, simulation_findings, thermal_model
+from selector.physics.thermal.thermal_model import driven_runs, model_findings, simulation_findings, thermal_model
 from selector.recording import Channel, Recording
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "thermal"

@@ -1,18 +1,19 @@
 """Where could a thermometer be fixed, and which lines draw the machine."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from selector.errors import OptionError
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks, surfaces
 from selector.physics.thermal.field.geometry import surfaces as surfaces_of
 from selector.physics.thermal.field.machine import Sensor
-from selector.physics.thermal.field.mesh import BlockMesh, block_mesh
-from selector.types import Mask, Vector
+from selector.physics.thermal.field.mesh import SolidMesh, block_mesh
+from selector.types import Indices, Mask, Vector
 
 #: Surfaces that stand still or hardly move, stay dry, and are outside; the table carries the work and moves most.
 ACCESSIBLE = ("headstock", "motor", "column", "saddle", "bed")
@@ -93,18 +94,52 @@ def sensor_candidates(
         for x, y, z in np.round(points, 4) + 0.0:
             found.append(Sensor(f"{face.part}, {side}, {z:.2f} m high", (float(x), float(y), float(z))))
         if len(found) > MOST_CANDIDATES:
-            _refuse(
-                f"more than {MOST_CANDIDATES} candidates, {spacing_m:g} m apart",
-                f"at most {MOST_CANDIDATES}",
-                "enlarge the spacing, or name fewer surfaces",
-            )
+            break
+    return _numbered(found, spacing_m)
+
+
+def _numbered(found: Sequence[Sensor], spacing_m: float) -> dict[str, Sensor]:
+    """Name → candidate."""
+    if len(found) > MOST_CANDIDATES:
+        _refuse(
+            f"more than {MOST_CANDIDATES} candidates, {spacing_m:g} m apart",
+            f"at most {MOST_CANDIDATES}",
+            "enlarge the spacing, or name fewer surfaces",
+        )
     if not found:
         _refuse("no place where a thermometer fits", "at least one", "name other surfaces, or make the spacing smaller")
     digits = max(2, len(str(len(found))))
     return {f"P{number:0{digits}d}": sensor for number, sensor in enumerate(found, 1)}
 
 
-def _faces(body: BlockMesh, geometry: MachineGeometry, surfaces: Sequence[str]) -> Iterator[_Face]:
+def surface_candidates(body: SolidMesh, surfaces: Mapping[str, Indices], spacing_m: float) -> dict[str, Sensor]:
+    """The same on facets of a body of any form: points that are `spacing_m` [m] or more apart, from the top down.
+
+    Whether a thermometer finds a flat place and room in front of it is not asked.
+
+    Raises OptionError if the spacing leaves too many places.
+    """
+    from skfem import FacetBasis
+
+    names, points = [], []
+    for name, facets in surfaces.items():
+        longest_m = np.ptp(body.nodes_m[np.asarray(body.mesh.facets)[:, facets]], axis=0).max()
+        order = min(2 + int(4 * longest_m / spacing_m), 18)
+        spread = FacetBasis(body.mesh, body.element, facets=facets, intorder=order)
+        there = np.round(np.asarray(spread.global_coordinates()).reshape(3, -1).T, 4) + 0.0
+        points.append(there[np.lexsort((there[:, 0], there[:, 1], -there[:, 2]))])
+        names += [name] * len(there)
+    places = np.concatenate(points)
+    tree, free = KDTree(places), np.ones(len(places), dtype=np.bool_)
+    found: list[Sensor] = []
+    for k, (x, y, z) in enumerate(places):
+        if free[k]:
+            free[tree.query_ball_point(places[k], spacing_m)] = False
+            found.append(Sensor(f"{names[k]}, {z:.2f} m high", (float(x), float(y), float(z))))
+    return _numbered(found, spacing_m)
+
+
+def _faces(body: SolidMesh, geometry: MachineGeometry, surfaces: Sequence[str]) -> Iterator[_Face]:
     """Faces of the surfaces in their order, the largest of each first."""
     outer = {name: facets for name, facets in surfaces_of(body, geometry).items() if not name.endswith(" inside")}
     for name in surfaces:
@@ -133,7 +168,7 @@ def _faces(body: BlockMesh, geometry: MachineGeometry, surfaces: Sequence[str]) 
 class _Free:
     """Where the air is: the grid of the mesh, and which of its cells are solid."""
 
-    def __init__(self, body: BlockMesh) -> None:
+    def __init__(self, body: SolidMesh) -> None:
         self.lines = [np.unique(body.nodes_m[:, axis]) for axis in range(3)]
         self.solid = np.zeros([len(line) + 1 for line in self.lines], dtype=np.bool_)
         self.solid[tuple(self._cell((body.low_m + body.high_m) / 2).T)] = True

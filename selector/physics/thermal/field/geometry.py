@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import OptionError
-from selector.physics.thermal.field.mesh import VOID, Block, BlockMesh
+from selector.physics.thermal.field.mesh import VOID, Block, SolidMesh
 from selector.types import Indices, Vector
 
 _IRON, _STEEL = "cast iron", "steel"
@@ -258,7 +258,7 @@ _HEAD = ("headstock", "headstock slide", "gearbox", "Z nut")
 _FOOT_M = 0.16
 
 
-def surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+def surfaces(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
     """Facets of every surface that can meet a fluid; each boundary facet belongs to exactly one.
 
     ``… inside`` are the walls of chambers; ``bed top``, ``table top`` and ``spindle nose`` are washed by coolant; the
@@ -305,7 +305,7 @@ def heated_parts() -> dict[str, tuple[str, ...]]:
     }
 
 
-def heated_surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+def heated_surfaces(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
     """Source → facets over which its heat is spread: the hydraulic line along the headstock's left side."""
     g = geometry
     left, half = -g.headstock_width_m / 2, (g.headstock_bottom_m + g.headstock_top_m) / 2
@@ -315,7 +315,7 @@ def heated_surfaces(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Ind
     return {"hydraulic line": line}
 
 
-def feet(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Indices]:
+def feet(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
     """Facets of the six feet on the lower edge of the bed."""
     g = geometry
     half = g.bed_width_m / 2

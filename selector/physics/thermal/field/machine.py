@@ -16,7 +16,7 @@ from selector.physics.thermal.field.geometry import (
     machine_blocks,
     surfaces,
 )
-from selector.physics.thermal.field.mesh import BlockMesh, Point, block_mesh, probe_row
+from selector.physics.thermal.field.mesh import Point, SolidMesh, block_mesh, probe_row
 from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
     Elasticity,
@@ -38,7 +38,7 @@ from selector.physics.thermal.network.heat_system import (
     reduced_basis,
 )
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws, film_coefficients, summed
-from selector.types import Vector
+from selector.types import Indices, Vector
 
 CELL_M = 0.04  #: Longest cell at refinement 1 [m]: one cell in a wall, about 20 000 nodes.
 #: Stiffness of one foot along X, Y, Z [N/m]: an assumption; docs/explanation/thermal-field.md says what hangs on it.
@@ -52,7 +52,7 @@ class FieldMachine:
     """A machine as a field."""
 
     geometry: MachineGeometry  #: Its lengths
-    mesh: BlockMesh  #: Its mesh; `mesh.nodes_m` are the places of the states of `system`
+    mesh: SolidMesh  #: Its mesh; `mesh.nodes_m` are the places of the states of `system`
     system: HeatSystem  #: Conduction with films, sources, probes, and the displacements of the tool against the table
     elasticity: Elasticity  #: Its factorised stiffness
 
@@ -103,25 +103,37 @@ def field_machine(
     elastic = elasticity(body, materials, foot_springs(body, geometry, foot_n_per_m))
     rows = {name: elastic.row_um_per_k(reading) for name, reading in displacement_readings(body, geometry).items()}
     rows["Y"] = (rows["Y_lower"] + rows["Y_upper"]) / 2
-    capacity, conduction = conduction_matrices(body, materials)
-    films = {name: film(body, facets) for name, facets in surfaces(body, geometry).items()}
     sources = {name: volume_source(body, body.cells_of(*parts)) for name, parts in heated_parts().items()}
     sources |= {name: surface_source(body, facets) for name, facets in heated_surfaces(body, geometry).items()}
-    system = HeatSystem(
+    system = field_system(body, materials, surfaces(body, geometry), sources, readings, rows)
+    return FieldMachine(geometry, body, system, elastic)
+
+
+def field_system(
+    body: SolidMesh,
+    materials: Mapping[str, Material],
+    wetted: Mapping[str, Indices],
+    sources: Mapping[str, Vector],
+    probes: Mapping[str, Vector],
+    displacements: Mapping[str, Vector],
+) -> HeatSystem:
+    """A body as a heat system, one state a node; `wetted` are the facets of every film, the others its rows."""
+    capacity, conduction = conduction_matrices(body, materials)
+    films = {name: film(body, facets) for name, facets in wetted.items()}
+    return HeatSystem(
         capacity=capacity,
         conduction=conduction,
         films={name: matrix for name, (matrix, _) in films.items()},
         film_loads={name: load for name, (_, load) in films.items()},
         sources=sources,
-        probes=readings,
-        displacements=rows,
+        probes=probes,
+        displacements=displacements,
         uniform=np.ones(len(body.nodes_m)),
     )
-    return FieldMachine(geometry, body, system, elastic)
 
 
 def foot_springs(
-    body: BlockMesh, geometry: MachineGeometry, foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M
+    body: SolidMesh, geometry: MachineGeometry, foot_n_per_m: tuple[float, float, float] = FOOT_N_PER_M
 ) -> Vector:
     """Stiffness [N/m] of the feet at every node, along X, Y, Z, of shape (n_nodes, 3)."""
     springs = np.zeros((len(body.nodes_m), 3))
@@ -130,7 +142,7 @@ def foot_springs(
     return springs
 
 
-def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[str, Vector]:
+def displacement_readings(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Vector]:
     """Readings of shape (3·n_nodes,) of the tool against the table.
 
     The bar moves rigidly with the face of the spindle, the stand of the gauges with the top of the table; so a
@@ -142,7 +154,8 @@ def displacement_readings(body: BlockMesh, geometry: MachineGeometry) -> dict[st
 
     def against_table(below_m: float, axis: int) -> Vector:
         at = (0.0, g.spindle_y_m, g.nose_z_m - below_m)
-        return rigid_motion_reading(body, nose, at, axis) - rigid_motion_reading(body, table, at, axis)
+        along = np.eye(3)[axis]
+        return rigid_motion_reading(body, nose, at, along) - rigid_motion_reading(body, table, at, along)
 
     lower, upper = (against_table(below, 1) for below in BAR_M)
     return {"X": against_table(0.0, 0), "Z": -against_table(0.0, 2), "Y_lower": lower, "Y_upper": upper}
@@ -305,7 +318,9 @@ class VirtualMachine:
     #: mesh
     basis: Vector
     laws: Laws  #: What heats and cools it
-    mesh: BlockMesh  #: For pictures and for sensors anywhere
+    mesh: SolidMesh  #: For pictures and for sensors anywhere
+    materials: Mapping[str, Material]  #: Those that the mesh names
+    springs_n_per_m: Vector  #: (n_nodes, 3): What holds the nodes along X, Y, Z [N/m]
 
     @cached_property
     def system(self) -> HeatSystem:
@@ -340,12 +355,14 @@ def virtual_machining_centre(
     in_order = {name: full.probes[name] for name in places}
     full = replace(full, probes=in_order | lubricants)
     basis = reduced_basis(full, film_sets(laws), tolerance=tolerance)
-    return VirtualMachine(full, basis, laws, machine.mesh)
+    springs = foot_springs(machine.mesh, machine.geometry)
+    return VirtualMachine(full, basis, laws, machine.mesh, MATERIALS, springs)
 
 
 def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:
     """Film coefficients [W/(m²·K)] at rest and at full speed, each dry and with coolant."""
-    corners = Conditions(np.arange(4.0), np.array([0.0, MAX_RPM] * 2), coolant_on=np.array([0.0, 0.0, 1.0, 1.0]))
+    fastest = max([MAX_RPM, *(law.reference_rpm for law in laws.films if law.speed_w_per_m2_k)])
+    corners = Conditions(np.arange(4.0), np.array([0.0, fastest] * 2), coolant_on=np.array([0.0, 0.0, 1.0, 1.0]))
     sets = []
     for row in film_coefficients(laws, corners):
         total = summed([law.film for law in laws.films], row)

@@ -1,4 +1,4 @@
-"""Hexahedral meshes of bodies that are unions of boxes, and the temperature anywhere in them."""
+"""Meshes of bodies: of boxes that are put together here, of tetrahedra; and the temperature anywhere in them."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import nnls
 
 from selector.errors import InputError, OptionError
 from selector.types import Indices, Vector
@@ -38,37 +40,55 @@ class Block:
 
 
 @dataclass(frozen=True)
-class BlockMesh:
-    """A body of hexahedra with its parts."""
+class SolidMesh:
+    """A body of elements of one form (boxes, or tetrahedra with 4 or 10 nodes) with its parts."""
 
-    nodes_m: Vector  #: (n_nodes, 3): Places of the nodes [m]
-    cells: Indices  #: (n_cells, 8): Nodes of every cell, in scikit-fem's order of corners
+    nodes_m: Vector  #: (n_nodes, 3): Places of the nodes [m]; those at corners first
+    cells: Indices  #: (n_cells, n_nodes_of_a_cell): Nodes of every cell, in scikit-fem's order
     #: parts and materials: Name of the part and of the material of every kind of cell
     parts: tuple[str, ...]
     materials: tuple[str, ...]
     kind: Indices  #: (n_cells,): Which of them each cell is
 
+    @property
+    def element(self) -> Any:
+        """Shape functions for scikit-fem: trilinear, linear or quadratic."""
+        import skfem
+
+        forms = {8: skfem.ElementHex1, 4: skfem.ElementTetP1, 10: skfem.ElementTetP2}
+        return forms[self.cells.shape[1]]()
+
     @cached_property
     def mesh(self) -> Any:
-        """The mesh for scikit-fem."""
-        from skfem import MeshHex
+        """The mesh for scikit-fem, of the corners alone."""
+        from skfem import MeshHex, MeshTet
 
-        return MeshHex(np.ascontiguousarray(self.nodes_m.T), np.ascontiguousarray(self.cells.T))
+        corners = self.cells[:, : 8 if self.cells.shape[1] == 8 else 4]
+        form = MeshHex if corners.shape[1] == 8 else MeshTet
+        return form(np.ascontiguousarray(self.nodes_m[: corners.max() + 1].T), np.ascontiguousarray(corners.T))
 
-    @cached_property
-    def volume_m3(self) -> Vector:
-        """Volume of every cell [m³]."""
-        return np.asarray((self.high_m - self.low_m).prod(axis=1))
+    @property
+    def degree(self) -> int:
+        """Of the shape functions along an edge."""
+        return 2 if self.cells.shape[1] == 10 else 1
 
     @cached_property
     def low_m(self) -> Vector:
-        """Lower corner of every cell, of shape (n_cells, 3) [m]."""
+        """Lower corner of the box around every cell, of shape (n_cells, 3) [m]."""
         return np.asarray(self.nodes_m[self.cells].min(axis=1))
 
     @cached_property
     def high_m(self) -> Vector:
-        """Upper corner of every cell, of shape (n_cells, 3) [m]."""
+        """Upper corner of the box around every cell, of shape (n_cells, 3) [m]."""
         return np.asarray(self.nodes_m[self.cells].max(axis=1))
+
+    @cached_property
+    def volume_m3(self) -> Vector:
+        """Volume of every cell [m³]."""
+        if self.cells.shape[1] == 8:
+            return np.asarray((self.high_m - self.low_m).prod(axis=1))
+        first, *others = self.nodes_m[np.asarray(self.mesh.t)]
+        return np.abs(np.linalg.det(np.stack([other - first for other in others], axis=1))) / 6
 
     def cells_of(self, *parts: str) -> Indices:
         """Numbers of the cells of these parts."""
@@ -86,26 +106,63 @@ class BlockMesh:
         """Centres of facets, of shape (n_facets, 3) [m]."""
         return np.asarray(self.nodes_m[np.asarray(self.mesh.facets)[:, facets]].mean(axis=0))
 
+    def cell_centres_m(self, cells: Indices) -> Vector:
+        """Centres of cells, of shape (n_cells, 3) [m]."""
+        return np.asarray(self.nodes_m[np.asarray(self.mesh.t)[:, cells]].mean(axis=0))
+
+    def pieces(self) -> Indices:
+        """Which body each cell belongs to, from 0; an edge or a corner in common is a hinge and joins no bodies."""
+        beside = np.asarray(self.mesh.f2t)
+        first, second = beside[:, beside[1] >= 0]
+        n = len(self.cells)
+        links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
+        return np.asarray(sparse.csgraph.connected_components(links, directed=False)[1])
+
     def triangles(self) -> Indices:
         """Triangles of the whole surface as numbers of nodes, of shape (n_triangles, 3), outward by the right hand."""
         facets = np.asarray(self.mesh.boundary_facets())
         corners = np.asarray(self.mesh.facets)[:, facets].T
         places = self.nodes_m[corners]
         middle = places.mean(axis=1)
-        owner = np.asarray(self.mesh.f2t)[0, facets]
-        outward = middle - (self.low_m[owner] + self.high_m[owner]) / 2
+        outward = (middle - self.cell_centres_m(np.asarray(self.mesh.f2t)[0, facets]))[:, None, :]
         # corners in order around the middle, whatever order the mesh has them in
-        flat = np.argsort(np.abs(outward), axis=1)[:, :2]
-        arms = np.take_along_axis(places - middle[:, None, :], flat[:, None, :], axis=2)
-        around = np.argsort(np.arctan2(arms[:, :, 1], arms[:, :, 0]), axis=1)
+        arms = places - middle[:, None, :]
+        across = np.cross(outward, arms[:, :1])
+        around = np.argsort(np.arctan2((arms * across).sum(axis=2), (arms * arms[:, :1]).sum(axis=2)), axis=1)
         ring = np.take_along_axis(corners, around, axis=1)
-        a, b, c = (self.nodes_m[ring[:, i]] for i in range(3))
-        inward = np.einsum("ij,ij->i", np.cross(b - a, c - b), outward) < 0
-        ring[inward] = ring[inward, ::-1]
-        return np.asarray(ring[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3), dtype=np.int64)
+        fan = [0, 1, 2, 0, 2, 3][: 3 * corners.shape[1] - 6]
+        return np.asarray(ring[:, fan].reshape(-1, 3), dtype=np.int64)
+
+    def nearest(self, place_m: Vector) -> tuple[Vector, Vector]:
+        """The point of the body nearest to a place [m], and the row (n_nodes,) that reads what the nodes hold there."""
+        away = np.linalg.norm(np.clip(place_m, self.low_m, self.high_m) - place_m, axis=1)
+        nearest, found = np.inf, (0, place_m, place_m)
+        for cell in np.argsort(away, kind="stable"):
+            if away[cell] > nearest:  # no point of a cell is nearer than its box
+                break
+            point, inside = self._nearest_in(int(cell), place_m)
+            if (distance := float(np.linalg.norm(point - place_m))) < nearest:
+                nearest, found = distance, (int(cell), point, inside)
+        cell, point, inside = found
+        row = np.zeros(len(self.nodes_m))
+        for k, node in enumerate(self.cells[cell]):
+            row[node] = self.element.lbasis(inside[:, None], k)[0].item()
+        return point, row
+
+    def _nearest_in(self, cell: int, place_m: Vector) -> tuple[Vector, Vector]:
+        low, high = self.low_m[cell], self.high_m[cell]
+        if self.cells.shape[1] == 8:
+            point = np.clip(place_m, low, high)
+            return point, (point - low) / (high - low)
+        corners = self.nodes_m[np.asarray(self.mesh.t)[:, cell]]
+        # shares of the corners, none below 0, that sum to 1: a heavy equation says so
+        heavy = 1e6 * (high - low).max()
+        shares = nnls(np.vstack([(corners - low).T, np.full(4, heavy)]), np.r_[place_m - low, heavy])[0]
+        shares /= shares.sum()
+        return shares @ corners, shares[1:]
 
 
-def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> BlockMesh:
+def block_mesh(blocks: Sequence[Block], cell_m: float | Point) -> SolidMesh:
     """The mesh of a union of boxes.
 
     The faces of all blocks give the lines of a tensor grid, divided so that no cell is longer than `cell_m` [m] (one
@@ -134,7 +191,7 @@ def _lines(blocks: Sequence[Block], axis: int, cell_m: float) -> Vector:
     return np.concatenate([*pieces, faces[-1:]])
 
 
-def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tuple[str, str]]) -> BlockMesh:
+def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tuple[str, str]]) -> SolidMesh:
     """Cells of the grid that a block has painted, and the nodes that they use."""
     from skfem import ElementHex1
 
@@ -143,7 +200,7 @@ def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tupl
     shape = tuple(len(line) for line in lines)
     used, cells = np.unique(np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), shape), return_inverse=True)
     nodes = np.stack([line[i] for line, i in zip(lines, np.unravel_index(used, shape), strict=True)], axis=1)
-    return BlockMesh(
+    return SolidMesh(
         nodes_m=nodes,
         cells=cells.reshape(-1, 8).astype(np.int64),
         parts=tuple(part for part, _ in kinds),
@@ -155,26 +212,20 @@ def _mesh_of_cells(lines: Sequence[Vector], paint: Indices, kinds: Sequence[tupl
 REACH_M = 0.03  #: How far from the body a sensor may be named and still be put on its surface [m].
 
 
-def probe_row(body: BlockMesh, place_m: Point, name: str = "probe") -> Vector:
+def probe_row(body: SolidMesh, place_m: Point, name: str = "probe") -> Vector:
     """Row of shape (n_nodes,) that reads the temperature at a place; outside, at the nearest point of the surface.
 
     Raises InputError if the place is more than `REACH_M` away from the body.
     """
     place = np.asarray(place_m, dtype=np.float64)
-    nearest = np.clip(place, body.low_m, body.high_m)
-    away = np.linalg.norm(nearest - place, axis=1)
-    cell = int(np.argmin(away))
-    if not away[cell] <= REACH_M:
+    nearest, row = body.nearest(place)
+    away = float(np.linalg.norm(nearest - place))
+    if not away <= REACH_M:
         raise InputError(
-            f"a place ({', '.join(f'{x:g}' for x in place)}) m, {away[cell] * 1000:.0f} mm away from the body",
+            f"a place ({', '.join(f'{x:g}' for x in place)}) m, {away * 1000:.0f} mm away from the body",
             expected=f"a place in the body or at most {REACH_M * 1000:.0f} mm outside",
             where=f"sensor {name!r}",
             advice="correct the coordinates [m]; the nearest point of the body is "
-            f"({', '.join(f'{x:.3f}' for x in nearest[cell])})",
+            f"({', '.join(f'{x:.3f}' for x in nearest)})",
         )
-    corners = body.nodes_m[body.cells[cell]]
-    inside = (nearest[cell] - body.low_m[cell]) / (body.high_m[cell] - body.low_m[cell])
-    upper = corners > body.low_m[cell]
-    row = np.zeros(len(body.nodes_m))
-    row[body.cells[cell]] = np.where(upper, inside, 1 - inside).prod(axis=1)
     return row

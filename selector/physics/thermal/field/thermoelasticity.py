@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from selector.physics.thermal.field.mesh import BlockMesh
+from selector.physics.thermal.field.mesh import SolidMesh
 from selector.types import Indices, Vector
 
 _LEAF = 60  # unknowns below which cutting further gains nothing
@@ -181,7 +181,8 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
     }
 )
 
-DIRECT_NODES = 60_000  #: Largest number of nodes whose elastic system is factorised; more takes more than 6 GB.
+#: Largest number of nodes whose elastic system is factorised, more takes more than 6 GB; half of it in quadratic cells.
+DIRECT_NODES = 60_000
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
 
@@ -207,65 +208,75 @@ class Elasticity:
 
 
 def elasticity(
-    body: BlockMesh, materials: Mapping[str, Material], springs_n_per_m: Vector, direct: bool | None = None
+    body: SolidMesh, materials: Mapping[str, Material], springs_n_per_m: Vector, direct: bool | None = None
 ) -> Elasticity:
     """The elastic body on springs to the ground, `springs_n_per_m` of shape (n, 3), one for each node and axis.
 
-    Trilinear cells with Wilson's three incompatible parabolas, condensed cell by cell: on boxes they pass the patch
-    test and bend without locking (Wilson, Taylor, Doherty and Ghaboussi 1973; Taylor, Beresford and Wilson 1976).
+    Trilinear boxes have Wilson's three incompatible parabolas, condensed cell by cell: they pass the patch test and
+    bend without locking (Wilson, Taylor, Doherty and Ghaboussi 1973; Taylor, Beresford and Wilson 1976).
     `direct` chooses factors or multigrid; if left out, factors up to `DIRECT_NODES`.
     """
     stiffness, expansion = elastic_matrices(body, materials)
     held = sparse.csr_array(stiffness + sparse.diags_array(springs_n_per_m.ravel()))
-    if direct if direct is not None else len(body.nodes_m) <= DIRECT_NODES:
+    if direct if direct is not None else len(body.nodes_m) * body.degree <= DIRECT_NODES:
         solver = direct_solver(held, np.repeat(body.nodes_m, 3, axis=0))
     else:
         solver = multigrid_solver(held, body.nodes_m)
     return Elasticity(held, expansion, solver)
 
 
-def elastic_matrices(body: BlockMesh, materials: Mapping[str, Material]) -> tuple[sparse.csr_array, sparse.csr_array]:
+def elastic_matrices(body: SolidMesh, materials: Mapping[str, Material]) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Stiffness of shape (3n, 3n) [N/m] of the free body and expansion forces of shape (3n, n) [N/K]."""
     stiffness, expansion = _cell_matrices(body, materials)
     n = len(body.nodes_m)
-    dofs = (3 * body.cells[:, :, None] + np.arange(3)).reshape(-1, 24)
-    rows, columns = np.repeat(dofs, 24, axis=1).ravel(), np.tile(dofs, (1, 24)).ravel()
-    total = sparse.coo_array((stiffness.ravel(), (rows, columns)), shape=(3 * n, 3 * n)).tocsr()
-    rows, columns = np.repeat(dofs, 8, axis=1).ravel(), np.tile(body.cells, (1, 24)).ravel()
-    forces = sparse.coo_array((expansion.ravel(), (rows, columns)), shape=(3 * n, n)).tocsr()
-    return sparse.csr_array((total + total.T) * 0.5), sparse.csr_array(forces)
+    cells = np.asarray(body.cells, dtype=np.int32)
+    dofs = np.asarray(3 * cells[:, :, None] + np.arange(3), dtype=np.int32).reshape(len(cells), -1)
+
+    def assembled(values: Vector, columns: NDArray[np.int32], size: int) -> sparse.csr_array:
+        rows = np.repeat(dofs, columns.shape[1], axis=1).ravel()
+        at = (rows, np.tile(columns, (1, dofs.shape[1])).ravel())
+        return sparse.csr_array(sparse.coo_array((values.ravel(), at), shape=(3 * n, size)))
+
+    return _symmetric(assembled(stiffness, dofs, 3 * n)), assembled(expansion, cells, n)
 
 
-def _cell_matrices(body: BlockMesh, materials: Mapping[str, Material]) -> tuple[Vector, Vector]:
-    """Stiffness (n_cells, 24, 24) and expansion forces (n_cells, 24, 8), incompatible modes condensed."""
-    from skfem import Basis, ElementHex1
+def _cell_matrices(body: SolidMesh, materials: Mapping[str, Material]) -> tuple[Vector, Vector]:
+    """Stiffness (n_cells, 3m, 3m) and expansion forces (n_cells, 3m, m) of m nodes, incompatible modes condensed."""
+    from skfem import Basis
 
-    basis = Basis(body.mesh, ElementHex1(), intorder=3)
+    basis = Basis(body.mesh, body.element, intorder=3)
     kinds = [materials[name] for name in body.materials]
     elastic = np.array([material.stiffness_pa() for material in kinds])
     # stress of a rise of 1 K that cannot expand
     heated = np.array([e[:, :3].sum(axis=1) * m.expansion_per_k for e, m in zip(elastic, kinds, strict=True)])
     n_cells, n_points = basis.dx.shape
+    nodes = body.cells.shape[1]
+    modes = _MODES if nodes == 8 else 0
     size_m = body.high_m - body.low_m
-    wide = 3 * (8 + _MODES)
+    wide = 3 * (nodes + modes)
     stiffness = np.zeros((n_cells, wide, wide))
-    expansion = np.zeros((n_cells, wide, 8))
+    expansion = np.zeros((n_cells, wide, nodes))
     for point in range(n_points):
-        gradients = np.zeros((n_cells, 8 + _MODES, 3))
-        for corner in range(8):
-            gradients[:, corner] = basis.basis[corner][0].grad[:, :, point].T
-        for axis in range(_MODES):  # 4 ξ (1 − ξ) has the slope 4 (1 − 2 ξ) / length
-            gradients[:, 8 + axis, axis] = 4 * (1 - 2 * basis.X[axis, point]) / size_m[:, axis]
+        gradients = np.zeros((n_cells, nodes + modes, 3))
+        for node in range(nodes):
+            gradients[:, node] = basis.basis[node][0].grad[:, :, point].T
+        for axis in range(modes):  # 4 ξ (1 − ξ) has the slope 4 (1 − 2 ξ) / length
+            gradients[:, nodes + axis, axis] = 4 * (1 - 2 * basis.X[axis, point]) / size_m[:, axis]
         strains = _strains(gradients)
         weight = basis.dx[:, point]
         stress = np.matmul(elastic[body.kind] * weight[:, None, None], strains)
         stiffness += np.matmul(strains.transpose(0, 2, 1), stress)
-        shape = np.array([basis.basis[corner][0][0, point] for corner in range(8)])
+        shape = np.array([basis.basis[node][0][0, point] for node in range(nodes)])
         force = np.einsum("csi,cs,c->ci", strains, heated[body.kind], weight)
         expansion += force[:, :, None] * shape
-    modes = np.linalg.solve(stiffness[:, 24:, 24:], np.concatenate([stiffness[:, 24:, :24], expansion[:, 24:]], axis=2))
-    coupling = stiffness[:, :24, 24:]
-    return stiffness[:, :24, :24] - coupling @ modes[:, :, :24], expansion[:, :24] - coupling @ modes[:, :, 24:]
+    kept = 3 * nodes
+    inner = np.concatenate([stiffness[:, kept:, :kept], expansion[:, kept:]], axis=2)
+    bubbles = np.linalg.solve(stiffness[:, kept:, kept:], inner)
+    coupling = stiffness[:, :kept, kept:]
+    return (
+        stiffness[:, :kept, :kept] - coupling @ bubbles[:, :, :kept],
+        expansion[:, :kept] - coupling @ bubbles[:, :, kept:],
+    )
 
 
 def _strains(gradients: Vector) -> Vector:
@@ -280,11 +291,13 @@ def _strains(gradients: Vector) -> Vector:
     return strains.reshape(n_cells, 6, 3 * n_functions)
 
 
-def rigid_motion_reading(body: BlockMesh, weights: Vector, at_m: Sequence[float], axis: int) -> Vector:
-    """Reading e of shape (3n,) of the displacement along `axis` of a point that moves with some nodes.
+def rigid_motion_reading(
+    body: SolidMesh, weights: Vector, at_m: Sequence[float] | None, along: Sequence[float]
+) -> Vector:
+    """Reading e of shape (3n,) of the displacement of a point that moves with some nodes, in the direction `along`.
 
     The nodes move best, in least squares with `weights` of shape (n,), as a rigid body; the point `at_m` [m], which
-    need not be in the body, is carried along.
+    need not be in the body, is carried along; None is their centre, for which they need not tell a rotation.
     """
     nodes = np.flatnonzero(weights)
     share = weights[nodes] / weights[nodes].sum()
@@ -292,20 +305,20 @@ def rigid_motion_reading(body: BlockMesh, weights: Vector, at_m: Sequence[float]
     arms = body.nodes_m[nodes] - centre
     inertia = share @ (arms**2).sum(axis=1) * np.eye(3) - (share * arms.T) @ arms
     # u(at) = mean u + ω × (at − centre), ω = inertia⁻¹ Σ share · arm × u
-    lever = np.cross(np.asarray(at_m) - centre, np.eye(3)[axis])  # (ω × r)·e = ω·(r × e)
-    turning = np.linalg.solve(inertia, lever)
+    # and (ω × r)·e = ω·(r × e)
+    turning = np.zeros(3) if at_m is None else np.linalg.solve(inertia, np.cross(np.asarray(at_m) - centre, along))
     reading = np.zeros((len(body.nodes_m), 3))
-    reading[nodes] = share[:, None] * (np.eye(3)[axis] + np.cross(turning, arms))  # t·(arm × u) = u·(t × arm)
+    reading[nodes] = share[:, None] * (along + np.cross(turning, arms))  # t·(arm × u) = u·(t × arm)
     return reading.ravel()
 
 
 def conduction_matrices(
-    body: BlockMesh, materials: Mapping[str, Material]
+    body: SolidMesh, materials: Mapping[str, Material]
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Capacity C_ij = ∫ρc φ_i φ_j dV [J/K] and conduction K_ij = ∫k ∇φ_i·∇φ_j dV [W/K], each of shape (n, n)."""
-    from skfem import Basis, BilinearForm, ElementHex1
+    from skfem import Basis, BilinearForm
 
-    basis = Basis(body.mesh, ElementHex1(), intorder=2)
+    basis = Basis(body.mesh, body.element, intorder=2 * body.degree)
     of_cell = [materials[name] for name in body.materials]
     heat = np.array([m.density_kg_per_m3 * m.specific_heat_j_per_kg_k for m in of_cell])[body.kind][:, None]
     conductivity = np.array([m.conductivity_w_per_m_k for m in of_cell])[body.kind][:, None]
@@ -322,30 +335,27 @@ def conduction_matrices(
     return _symmetric(capacity), _symmetric(conduction)
 
 
-def film(body: BlockMesh, facets: Indices) -> tuple[sparse.csr_array, Vector]:
-    """Film matrix A_ij = ∫φ_i φ_j dS [m²] of some boundary facets, and its load a = A·1 [m²]."""
-    from skfem import BilinearForm, ElementHex1, FacetBasis
+def film(body: SolidMesh, facets: Indices) -> tuple[sparse.csr_array, Vector]:
+    """Film matrix A_ij = ∫φ_i φ_j dS [m²] of some facets, and its load a = A·1 [m²]."""
+    from skfem import BilinearForm, FacetBasis
 
-    basis = FacetBasis(body.mesh, ElementHex1(), facets=facets, intorder=2)
+    basis = FacetBasis(body.mesh, body.element, facets=facets, intorder=2 * body.degree)
     matrix = _symmetric(BilinearForm(lambda u, v, w: u * v).assemble(basis))
     return matrix, np.asarray(matrix @ np.ones(len(body.nodes_m)))
 
 
-def volume_source(body: BlockMesh, cells: Indices) -> Vector:
+def volume_source(body: SolidMesh, cells: Indices) -> Vector:
     """Shares b_i = ∫φ_i dV / V of heat that is spread evenly over some cells; they sum to 1."""
-    share = np.zeros(len(body.nodes_m))
-    np.add.at(share, body.cells[cells], (body.volume_m3[cells] / 8)[:, None])
-    return share / share.sum()
+    from skfem import Basis, LinearForm
+
+    share = LinearForm(lambda v, w: v).assemble(Basis(body.mesh, body.element, elements=cells))
+    return np.asarray(share / share.sum())
 
 
-def surface_source(body: BlockMesh, facets: Indices) -> Vector:
-    """Shares b_i = ∫φ_i dS / S of heat that is spread evenly over some boundary facets; they sum to 1."""
-    corners = body.nodes_m[np.asarray(body.mesh.facets)[:, facets]]
-    extent = np.ptp(corners, axis=0)
-    area = np.where(extent > 0, extent, 1.0).prod(axis=1)  # facets of boxes: one extent is zero
-    share = np.zeros(len(body.nodes_m))
-    np.add.at(share, np.asarray(body.mesh.facets)[:, facets], (area / 4)[None, :])
-    return share / share.sum()
+def surface_source(body: SolidMesh, facets: Indices) -> Vector:
+    """Shares b_i = ∫φ_i dS / S of heat that is spread evenly over some facets; they sum to 1."""
+    load = film(body, facets)[1]
+    return load / load.sum()
 
 
 def _symmetric(matrix: Any) -> sparse.csr_array:
