@@ -4,6 +4,7 @@ import dataclasses
 import types
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, Field, StrictBool, create_model
@@ -155,7 +156,10 @@ def model_file_text(values: Mapping[str, Any], *, head: str = "") -> str:
 def _table(values: Mapping[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     inside = {key: value for key, value in values.items() if _has_sections(value, len(path))}
     for key, value in values.items():
-        if value is not None and key not in inside:
+        if key == "file" and isinstance(value, str) and Path(value).is_absolute():
+            # what was read beside the model file has to be beside this one, too
+            yield f"{toml_key(key)} = {toml_value(Path(value).name)}  # copy it beside this file"
+        elif value is not None and key not in inside:
             yield f"{toml_key(key)} = {toml_value(value)}"
     for key, value in inside.items():
         several = not isinstance(value, Mapping)

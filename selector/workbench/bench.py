@@ -164,6 +164,8 @@ class Bench:
         """Writes a model file that was changed into the study folder, whole or not at all."""
         path = self.folder / relative
         path.parent.mkdir(exist_ok=True)
+        if mesh := getattr(file, "mesh", None):
+            write_whole(path.with_name(Path(mesh.file).name), Path(mesh.file).read_bytes())
         write_whole(path, model_file_text(plain_values(file)).encode("utf-8"))
 
     def _taken(self, name: str, asked: object) -> bool:

@@ -14,6 +14,8 @@ from scipy.spatial import KDTree
 
 from selector.cli import exit_status
 from selector.errors import ModelFileError
+from selector.physics.model_text import plain_values
+from selector.physics.model_values import model_file_text
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import FOOT_N_PER_M, film_sets
@@ -167,6 +169,15 @@ def test_its_laws_are_parameters_and_change_without_another_mesh(example):
     assert cooler.machine.system is example.machine.system
     warm, cool = (one.simulate(hours, instruments=False).frame["head"].iloc[-1] for one in (example, cooler))
     assert cool < warm - 1.0
+
+
+def test_a_model_file_written_anew_names_the_mesh_beside_it(tmp_path):
+    file = read_model_file(EXAMPLE)
+    (tmp_path / "again.toml").write_text(model_file_text(plain_values(file)), encoding="utf-8")
+    shutil.copy(file.mesh.file, tmp_path)
+    again = read_model_file(tmp_path / "again.toml")
+    assert again.mesh.file == str(tmp_path.resolve() / "c-frame.msh")
+    assert again.model_copy(update={"mesh": file.mesh}) == file
 
 
 def test_candidates_are_spread_over_groups(example):
