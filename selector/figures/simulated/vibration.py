@@ -17,7 +17,7 @@ from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicEr
 from selector.types import Vector
 
 MOST_SOURCES = len(style.GROUPS)  #: Sources that are told apart by colour; answers and forces are drawn of no more.
-_PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
+_PANEL_PX, _TAPPED_PX, _GAP_PX, _BELOW_PX = 250, 190, 34, 50
 _MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
 _DECADES = 4.0  #: Answers weaker than this many powers of ten below the strongest are off the picture.
 
@@ -267,3 +267,31 @@ def _lobing_mm(cutting: Cutting, surface: Surface) -> tuple[float, float]:
     """log₁₀ of the wavelengths [mm] at which errors of form begin and end."""
     around = math.pi * cutting.diameter_mm
     return math.log10(around / surface.lobing_up_to_upr), math.log10(around / _LEAST_LOBES)
+
+
+def tapped_compliances(panels: Mapping[str, Mapping[str, tuple[Vector, Vector]]], title: str) -> go.Figure:
+    """Amplitudes per force over frequency, a panel each response: "measured" as dots, "by the file", and "fitted".
+
+    `panels` is title → curve → (frequency [Hz], amplitude [µm/N]); `title` plain text, as `style.label` makes it.
+    """
+    drawn, domains = _stack(title, len(panels), _TAPPED_PX, _GAP_PX)
+    every = np.concatenate([x for curves in panels.values() for x, _ in curves.values()])
+    ends = np.log10([every.min(), every.max()]).tolist()
+    looks = {"by the file": (style.MUTED, "dash"), "fitted": (style.PREDICTED, "solid")}
+    for number, (called, curves) in enumerate(panels.items()):
+        key, is_last = "" if number == 0 else str(number + 1), number == len(panels) - 1
+        axes: dict[str, Any] = {"xaxis": f"x{key}", "yaxis": f"y{key}", "showlegend": number == 0}
+        for name, (x, y) in curves.items():
+            if name in looks:
+                style.curve(drawn, x, y, looks[name][0], name, dash=looks[name][1], **axes)
+            else:
+                style.points(drawn, x, y, style.INK, name, "%{x:.4g} Hz: %{y:.3g} µm/N", size=4, **axes)
+        drawn.layout[f"xaxis{key}"] = {
+            "type": "log", "anchor": f"y{key}", "range": ends, "showticklabels": is_last,
+            "title": {"text": "frequency [Hz]" if is_last else ""}, **log_ticks(*ends),
+        }  # fmt: skip
+        drawn.layout[f"yaxis{key}"] = {
+            "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1, "exponentformat": "power",
+            "title": {"text": f"{style.label(called, 24)}<br>[µm/N]"},
+        }  # fmt: skip
+    return drawn
