@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from selector.controllers.from_adaptation import Touched
     from selector.controllers.model_file import ModelFile
     from selector.recording import Recording
-    from selector.telling.account import Account
 
 Every = Annotated[
     str | None,
@@ -107,6 +106,7 @@ def adapt(
     """
     from selector.adaptation import adaptation
     from selector.controllers.from_adaptation import adaptation_courses, adapted_model, clamp_findings
+    from selector.controllers.model_file import model_text
     from selector.controllers.self_check import usable_model
     from selector.study.applied import applied
     from selector.study.material import provenance_of
@@ -140,14 +140,10 @@ def adapt(
         )
     found = replace(found, findings=(*found.findings, *clamp_findings(read, found)))
     account = adaptation_account(found, reading.description(), provenance_of(reading), drawn=out is not None)
-    written = [] if out is None else _write(adapted_model(read, found), account, out)
-    console = showing.screen(as_json)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_answer(console, account, found.findings, everything=everything)
-    if out is not None:
-        showing.show_written(console, out, written)
+    beside = {} if out is None else {"model.json": model_text(adapted_model(read, found))}
+    showing.give_answer(
+        account, found.findings, out, "adaptation.json", beside=beside, everything=everything, as_json=as_json
+    )
 
 
 def _touched(file: Path | None, recording: Recording, model: ModelFile) -> Touched | None:
@@ -175,16 +171,3 @@ def _require_displacement(courses: dict[str, list[Course]], model: ModelFile) ->
             where="recording",
             advice="name the column of the displacement in the machine file, or give --touch-offs FILE.csv",
         )
-
-
-def _write(model: ModelFile, account: Account, out: Path) -> list[str]:
-    """The names of the files that were written."""
-    from selector.controllers.model_file import write_model
-    from selector.telling import write_account
-
-    with folder_written_whole(out) as folder:
-        text = showing.json_text(account.data) + "\n"
-        (folder / "adaptation.json").write_text(text, encoding="utf-8", newline="\n")
-        write_model(model, folder / "model.json")
-        write_account(account, folder / "report.html")
-    return ["adaptation.json", "model.json", "report.html"]

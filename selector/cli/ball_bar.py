@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import progress_bar
@@ -49,7 +49,6 @@ def ballbar(
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.readers.ball_bar_file import CircleOptions, read_circles
     from selector.readers.roles.names import printable_name
-    from selector.telling.page import write_account
     from selector.telling.simulated.ball_bar import measured_circles_account
 
     names = None if axes is None else tuple(name.strip().upper() for name in axes.split(","))
@@ -75,18 +74,7 @@ def ballbar(
     account = measured_circles_account(
         DriveSummary({}, {}, quantities, causes, None), told, found, drawn=out is not None
     )
-    if out is not None:
-        with folder_written_whole(out) as folder:
-            text = showing.json_text(account.data) + "\n"
-            (folder / "ballbar.json").write_text(text, encoding="utf-8", newline="\n")
-            write_account(account, folder / "report.html")
-    console = showing.screen(as_json)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_answer(console, account, found, everything=everything)
-    if out is not None:
-        showing.show_written(console, out, ["ballbar.json", "report.html"])
+    showing.give_answer(account, found, out, "ballbar.json", everything=everything, as_json=as_json)
 
 
 def _lead(text: str) -> tuple[str, float]:

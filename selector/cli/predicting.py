@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from selector.atomic_file import begins_with, folder_written_whole, require_writable_folder
+from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
@@ -21,7 +21,6 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
     from selector.physics.thermal.prediction.prediction import Prediction, Tolerance
-    from selector.telling.account import Account
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 _of_day = partial(typer.Option, rich_help_panel="The day as it was")
@@ -272,14 +271,11 @@ def predict(
         program = timed_program(asked.nc, prediction.programs, axes, asked.invert or ())
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
-    written = [] if out is None else _write(prediction, account, program, out)
-    console = showing.screen(as_json)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_answer(console, account, prediction.findings, everything=everything)
-    if out is not None:
-        showing.show_written(console, out, written)
+    earlier = [] if out is None else [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
+    showing.give_answer(
+        account, prediction.findings, out, "prediction.json", beside=_programs(prediction, program), earlier=earlier,
+        everything=everything, as_json=as_json,
+    )  # fmt: skip
 
 
 #: File that not every prediction has → what its beginning holds if an earlier one wrote it.
@@ -292,20 +288,14 @@ _NOT_ALWAYS = {
 }
 
 
-def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
-    """The names of the files that were written."""
+def _programs(prediction: Prediction, program: TimedProgram | None) -> dict[str, str]:
+    """Names and texts of the files with correction programs."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
-    from selector.telling import write_account
 
-    files = {"prediction.json": showing.json_text(account.data) + "\n"}
+    files = {}
     if prediction.programs:
         files["program.csv"] = program_table(prediction.programs)
         files["program.txt"] = program_blocks(prediction.programs)
     if program is not None:
         files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
-    earlier = [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
-    with folder_written_whole(out, earlier) as folder:
-        for name, text in files.items():
-            (folder / name).write_text(text, encoding="utf-8", newline="\n")
-        write_account(account, folder / "report.html")
-    return [*files, "report.html"]
+    return files

@@ -1,11 +1,12 @@
 """`taps`: a model file and a measured tap test in, stiffness and ψ of the joints with their intervals out."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 
-from selector.atomic_file import folder_written_whole, require_writable_folder
+from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import progress_bar
@@ -39,8 +40,8 @@ def taps(
         ),
     ] = None,
     band: Annotated[
-        str | None,
-        typer.Option("--band", metavar="HZ,HZ", help="Frequencies that count; default: all that are coherent."),
+        tuple[float, float] | None,
+        typer.Option("--band", metavar="HZ HZ", help="Frequencies that count; default: all that are coherent."),
     ] = None,
     free: Annotated[
         list[str] | None,
@@ -68,45 +69,30 @@ def taps(
     from selector.physics.vibration.taps.tap_fit import tap_fit
     from selector.physics.vibration.vibration_model import vibration_model
     from selector.readers.uff_file import TapOptions, read_taps
-    from selector.telling.page import write_account
     from selector.telling.simulated.taps import fit_head, tap_account
 
-    names = ("taps.json", "report.html", "model.toml")
     if out is not None:
-        require_writable_folder(out, "--out", names)
+        require_writable_folder(out, "--out", ("taps.json", "report.html", "model.toml"))
         refuse_folder_of_inputs(out, [model, *files])
     if window is not None and not 1e-4 < window < 1e4:
         raise _option(f"--window {window:g}", "a time constant from 0.0001 to 10000 s", "correct the option")
-    motion, force = _units(unit)
+    motion, force = (None, None) if unit is None else _units(unit)
     points = dict(_point(one) for one in point)
     if len(points) < len(point):
         raise _option("--point with a node twice", "every node once", "leave one of them out")
     asked = TapOptions(points, axis, motion, force, window)
-    band_hz, built = _band(band), vibration_model(read_model_file(model))
+    built = vibration_model(read_model_file(model))
     wrong = next((one for one in points.items() if one[1] and one[1] not in built.structure.names), None)
     if wrong is not None:
         raise _option(f"--point {wrong[0]}={wrong[1]}", f"one of {', '.join(built.structure.names)}", "name its member")
     responses, said = read_taps(files, asked)
     with progress_bar() as progress, named(model):
         progress("fitting", None)
-        fit = tap_fit(built, responses, free=free or (), band_hz=band_hz)
-    account = tap_account(fit, (*said, *fit.findings), drawn=out is not None)
-    if out is not None:
-        with folder_written_whole(out) as folder:
-            written = (
-                showing.json_text(account.data),
-                model_file_text(plain_values(fit.after.file), head=fit_head(fit)),
-            )
-            for name, text in zip((names[0], names[2]), written, strict=True):
-                (folder / name).write_text(text.rstrip("\n") + "\n", encoding="utf-8", newline="\n")
-            write_account(account, folder / names[1])
-    console = showing.screen(as_json)
-    if as_json:
-        showing.print_json(account.data)
-    else:
-        showing.show_answer(console, account, (*said, *fit.findings), everything=everything)
-    if out is not None:
-        showing.show_written(console, out, names)
+        fit = tap_fit(built, responses, free=free or (), band_hz=band or (0.0, math.inf))
+    findings = (*said, *fit.findings)
+    account = tap_account(fit, findings, drawn=out is not None)
+    beside = {"model.toml": model_file_text(plain_values(fit.after.file), head=fit_head(fit))}
+    showing.give_answer(account, findings, out, "taps.json", beside=beside, everything=everything, as_json=as_json)
 
 
 def _point(text: str) -> tuple[int, str]:
@@ -116,28 +102,15 @@ def _point(text: str) -> tuple[int, str]:
     return int(node), member.strip()
 
 
-def _units(text: str | None) -> tuple[str | None, str | None]:
+def _units(text: str) -> list[str | None]:
     """Units of motion and force."""
     from selector.units import parse_unit, same_dimension
 
-    if text is None:
-        return None, None
-    motion, _, force = text.rpartition("/")
-    known = parse_unit(motion), parse_unit(force)
-    is_motion = known[0] and any(same_dimension(known[0], si) for si in ("m", "m/s", "m/s^2"))
-    if not is_motion or known[1] is None or not same_dimension(known[1], "N"):
+    known = [parse_unit(one) for one in text.rsplit("/", maxsplit=1)]
+    dimensions = [{si for si in ("m", "m/s", "m/s^2", "N") if one and same_dimension(one, si)} for one in known]
+    if len(known) != 2 or dimensions[1] != {"N"} or not dimensions[0] - {"N"}:
         raise _option(f"--unit {text}", "units of a motion and of a force", "e.g. --unit m/s^2/N, g/N or um/N")
     return known
-
-
-def _band(text: str | None) -> tuple[float, float]:
-    try:
-        low, high = (0.0, float("inf")) if text is None else map(float, text.split(","))
-        if low < high:
-            return low, high
-    except ValueError:
-        pass
-    raise _option(f"--band {text}", "a lower and a higher frequency in Hz", "e.g. --band 20,400")
 
 
 def _option(found: str, expected: str, advice: str) -> OptionError:

@@ -6,12 +6,13 @@ import codecs
 import io
 import os
 import sys
-from collections.abc import Iterable
-from pathlib import PurePath
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from selector.atomic_file import folder_written_whole
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
 from selector.number_text import number_text
@@ -142,6 +143,31 @@ def show_answer(console: Console, account: Account, findings: Iterable[Finding],
     """What an account says, the findings of the answer, and where the rest is."""
     show_account(console, account, everything=everything)
     show_findings(console, findings, everything=everything, more=account.brief is not None)
+
+
+def give_answer(
+    account: Account, findings: Iterable[Finding], out: Path | None, json_file: str, *, everything: bool, as_json: bool,
+    beside: Mapping[str, str] | None = None, earlier: Iterable[str] = (),
+) -> None:  # fmt: skip
+    """Writes JSON, page and the files `beside` them to `out`, then shows the answer, or its JSON.
+
+    `beside` is name → text; files named `earlier` are of an earlier answer and go.
+    """
+    texts = {json_file: json_text(account.data) + "\n", **(beside or {})}
+    if out is not None:
+        from selector.telling.page import write_account
+
+        with folder_written_whole(out, earlier) as folder:
+            for name, text in texts.items():
+                (folder / name).write_text(text, encoding="utf-8", newline="\n")
+            write_account(account, folder / "report.html")
+    console = screen(as_json)
+    if as_json:
+        print_json(account.data)
+    else:
+        show_answer(console, account, findings, everything=everything)
+    if out is not None:
+        show_written(console, out, [*texts, "report.html"])
 
 
 def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -> None:

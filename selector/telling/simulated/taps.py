@@ -8,8 +8,8 @@ import numpy as np
 from selector.findings import Finding
 from selector.json_text import fields_of
 from selector.number_text import number_text
-from selector.physics.vibration.taps.response import MeasuredMode
-from selector.physics.vibration.taps.tap_fit import ModelMode, TapFit, TapParameter
+from selector.physics.vibration.taps.response import TapMode
+from selector.physics.vibration.taps.tap_fit import TapFit, TapParameter
 from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, listed, share_text
 from selector.types import Vector
@@ -57,7 +57,8 @@ def tap_account(fit: TapFit, findings: Sequence[Finding], *, drawn: bool = False
             **fields_of(fit, "left_before", "left_after", "noise"),
             "parameters": [dict(vars(one)) for one in fit.parameters],
             "modes": [
-                dict(zip(("measured", "before", "after"), map(_mode_data, modes), strict=True)) for modes in fit.modes
+                {key: one and dict(vars(one)) for key, one in zip(("measured", "before", "after"), modes, strict=True)}
+                for modes in fit.modes
             ],
             "responses": read,
             "findings": [one.as_dict() for one in findings],
@@ -80,7 +81,8 @@ def _sentences(fit: TapFit) -> list[str]:
     known = [one for one in fit.parameters if not one.unseen and min(one.before, one.value) > 0]
     if known:
         most = max(known, key=lambda one: abs(math.log(one.value / one.before)))
-        before, after, unit = *map(number_text, _scaled(most, most.before, most.value)), _unit(most)
+        unit, told = _told(most, most.before, most.value)
+        before, after = map(number_text, told)
         said.append(f"Most changed is the {_name(fit, most)}, from {before} to {after} {unit}".rstrip() + ".")
     unseen = [f"the {_name(fit, one)}" for one in fit.parameters if one.unseen]
     if unseen:
@@ -110,43 +112,30 @@ def _name(fit: TapFit, one: TapParameter) -> str:
     return f"{'ψ' if key == 'dissipation' else 'stiffness'} of {between}"
 
 
-def _unit(one: TapParameter) -> str:
-    return "N/µm" if one.unit == "N/m" else one.unit.removeprefix("1")
-
-
-def _scaled(one: TapParameter, *values: float) -> list[float]:
-    """Values in the unit that is told."""
-    return [1e-6 * value if one.unit == "N/m" else value for value in values]
+def _told(one: TapParameter, *values: float | None) -> tuple[str, list[float]]:
+    """The unit in which a parameter is told, and those of these values that there are."""
+    times, unit = (1e-6, "N/µm") if one.unit == "N/m" else (1.0, one.unit.removeprefix("1"))
+    return unit, [times * value for value in values if value is not None]
 
 
 def _parameters_table(fit: TapFit) -> Table:
     rows = []
     for one in fit.parameters:
-        before, value = (number_text(number, 4) for number in _scaled(one, one.before, one.value))
-        ends = [] if one.low is None or one.high is None else _scaled(one, one.low, one.high)
-        interval = " to ".join(number_text(end, 4) for end in ends) or NONE
-        rows.append((_name(fit, one), _unit(one), before, value, interval, one.unseen))
+        unit, told = _told(one, one.before, one.value, one.low, one.high)
+        before, value, *ends = (number_text(number, 4) for number in told)
+        rows.append((_name(fit, one), unit, before, value, " to ".join(ends) or NONE, one.unseen))
     note = "ψ: share of the energy that is lost in a cycle. A dash: the taps do not tell it, for the reason beside it."
     return table(["", "unit", ">file", ">fitted", ">95 % interval", "why none"], rows, note)
 
 
 def _modes_table(fit: TapFit) -> Table:
-    rows = [[cell for one in modes for cell in _cells(one)] for modes in fit.modes]
+    rows = [[*_cells(measured)[:2], *_cells(before), *_cells(after)] for measured, before, after in fit.modes]
     note = "MAC: likeness of the shape to the measured one, at the members that were measured."
     by = [f">{what} {whose}" for whose in ("by file", "fitted") for what in ("Hz", "ψ", "MAC")]
     return table([">measured Hz", ">ψ", *by], rows, note)
 
 
-def _cells(one: MeasuredMode | ModelMode | None) -> list[str]:
+def _cells(one: TapMode | None) -> list[str]:
     if one is None:
         return [NONE] * 3
-    cells = [f"{one.frequency_hz:.4g}", number_text(2.0 * math.pi * one.loss_factor)]
-    if isinstance(one, ModelMode):
-        cells.append(NONE if one.mac is None else share_text(one.mac))
-    return cells
-
-
-def _mode_data(one: MeasuredMode | ModelMode | None) -> dict[str, float | None] | None:
-    if one is None:
-        return None
-    return {key: getattr(one, key) for key in ("frequency_hz", "loss_factor", "mac") if hasattr(one, key)}
+    return [f"{one.frequency_hz:.4g}", number_text(2.0 * math.pi * one.loss_factor), share_text(one.mac or math.nan)]

@@ -75,29 +75,29 @@ class TapResponse:
         return np.asarray(inside & (known >= LEAST_COHERENCE) & (self.mean != 0.0))
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredMode:
-    """A mode that stands in measured compliances."""
+@dataclass(frozen=True)
+class TapMode:
+    """A mode that stands in measured compliances, or that of a model that is nearest to it."""
 
     frequency_hz: float  #: Re √λ / 2π [Hz]
     loss_factor: float  #: η = Im λ / Re λ
-    residues: Complex  #: (n_responses,): Of every compliance at the pole, φ_of·φ_at [1/kg]
+    mac: float | None = None  #: Likeness of a model's shape to the measured one, 0 to 1
 
 
-def measured_modes(responses: Sequence[TapResponse], used: Mask) -> tuple[MeasuredMode, ...]:
-    """Modes in compliances with the same lines, of which those `used` count: peaks, each with one pole for all of them.
+def measured_modes(responses: Sequence[TapResponse], used: Mask) -> tuple[tuple[TapMode, ...], Complex]:
+    """Modes in compliances with the same lines, of which those `used` count, and residues φ_of·φ_at [1/kg].
 
     About a peak every compliance is (a + b·ω²)/(λ − ω²), b being the rest of the structure; λ is found by linear least
     squares, and again with the errors weighed as they stand in the compliance.
     """
     lines = np.flatnonzero(used)
     if len(lines) < _NEIGHBOURS:
-        return ()
+        return (), np.zeros((0, len(responses)), dtype=np.complex128)
     values = np.array([one.mean[lines] for one in responses])
     square, frequency = responses[0].square_per_s2[lines], responses[0].frequency_hz[lines]
     height = np.mean(np.log(np.abs(values)), axis=0)
     peaks, _ = find_peaks(height, prominence=_PROMINENT)
-    found = []
+    found, shapes = [], []
     for peak in peaks.tolist():
         # about as wide as half of the energy is left
         low = np.flatnonzero(height < height[peak] - 0.5 * np.log(2.0)) - peak
@@ -110,8 +110,9 @@ def measured_modes(responses: Sequence[TapResponse], used: Mask) -> tuple[Measur
             and 0.0 < loss < _MOST_LOSS
             and frequency[part][0] < frequency_hz < frequency[part][-1]
         ):
-            found.append(MeasuredMode(float(frequency_hz), float(loss), residues))
-    return tuple(found)
+            found.append(TapMode(float(frequency_hz), float(loss)))
+            shapes.append(residues)
+    return tuple(found), np.array(shapes, dtype=np.complex128).reshape(len(found), len(responses))
 
 
 def _pole_in(values: Complex, square: Complex) -> tuple[complex, Complex, float]:

@@ -17,8 +17,8 @@ from scipy.special import stdtrit
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.structure.structure import GROUND, structure_modes
-from selector.physics.vibration.taps.response import LEAST_COHERENCE, MeasuredMode, TapResponse, measured_modes
+from selector.physics.vibration.structure.structure import joint_ends, structure_modes
+from selector.physics.vibration.taps.response import LEAST_COHERENCE, TapMode, TapResponse, measured_modes
 from selector.physics.vibration.vibration_model import VibrationModel
 from selector.types import Complex, Mask, Matrix, Vector
 
@@ -48,15 +48,6 @@ class TapParameter:
     unseen: str = ""  #: Why they do not
 
 
-@dataclass(frozen=True)
-class ModelMode:
-    """The mode of a model that is nearest to a measured one."""
-
-    frequency_hz: float
-    loss_factor: float  #: η
-    mac: float | None  #: Likeness of the shapes, 0 to 1; None where one compliance alone was measured
-
-
 @dataclass(frozen=True, eq=False)
 class TapFit:
     """A model whose joints were fitted to taps."""
@@ -69,7 +60,7 @@ class TapFit:
     parameters: tuple[TapParameter, ...]
     computed: tuple[tuple[Complex, ...], ...]  #: Of every response at these lines the compliance of both models [m/N]
     #: Modes as measured, and those of both models beside them; None where a model has too few
-    modes: tuple[tuple[MeasuredMode, ModelMode | None, ModelMode | None], ...]
+    modes: tuple[tuple[TapMode, TapMode | None, TapMode | None], ...]
     #: left_before, left_after and noise: Medians of |ln(H/H measured)|, and of the error of what was measured, a share
     left_before: float
     left_after: float
@@ -133,12 +124,7 @@ class _Problem:
         low, high, value = (np.where(self.is_log, np.log(np.maximum(one, 1e-9)), one) for one in (low, high, value))
         self.low, self.high = np.append(low, -10.0 * off), np.append(high, 10.0 * off)
         self.centre, self.spread = np.append(value, 0.0 * off), np.append(high - low, off)
-        structure = model.structure
-        self.ends = np.zeros((len(structure.joints), len(structure.names)))
-        for row, joint in enumerate(structure.joints):
-            for name, sign in zip(joint.between, (1.0, -1.0), strict=True):
-                if name != GROUND:
-                    self.ends[row, structure.position(name)] = sign
+        structure, self.ends = model.structure, joint_ends(model.structure)
         numbers = [*(one.mass_kg for one in structure.members), *(one.stiffness_n_per_m for one in structure.joints)]
         self.numbers = np.array([*numbers, *(one.dissipation for one in structure.joints)])
         joints = [(key, k + 1) for key in ("stiffness_n_per_m", "dissipation") for k in range(len(structure.joints))]
@@ -307,24 +293,24 @@ def _parameters(problem: _Problem, x: Vector, half: Vector, inner: Matrix) -> It
 
 def _modes(
     before: VibrationModel, after: VibrationModel, responses: Sequence[TapResponse], used: Sequence[Mask]
-) -> Iterator[tuple[MeasuredMode, ModelMode | None, ModelMode | None]]:
+) -> Iterator[tuple[TapMode, TapMode | None, TapMode | None]]:
     """Modes in the responses that have the lines of the first, and those of both models with most alike them."""
     lines = responses[0].frequency_hz
     same = [k for k, one in enumerate(responses) if np.array_equal(one.frequency_hz, lines)]
     chosen = [responses[k] for k in same]
-    measured = measured_modes(chosen, np.all([used[k] for k in same], axis=0))
-    beside: list[dict[int, ModelMode]] = []
+    measured, seen = measured_modes(chosen, np.all([used[k] for k in same], axis=0))
+    beside: list[dict[int, TapMode]] = []
     for model in (before, after) if measured else ():
         modes = structure_modes(model.structure)
         at, of = ([modes.members.index(getattr(one, end)) for one in chosen] for end in ("at", "of"))
-        shapes, seen = modes.shapes[at] * modes.shapes[of], np.array([one.residues for one in measured])
+        shapes = modes.shapes[at] * modes.shapes[of]
         sizes = np.sum(np.abs(shapes) ** 2, axis=0) * np.sum(np.abs(seen) ** 2, axis=1)[:, None]
         alike = np.abs(seen.conj() @ shapes) ** 2 / np.maximum(sizes, 1e-300)
         apart = np.abs(np.log(modes.frequency_hz / np.array([[one.frequency_hz] for one in measured])))
         beside.append({})
         for row, k in np.transpose(linear_sum_assignment(apart + 0.5 * (1.0 - alike))).tolist():
             mac = float(alike[row, k]) if len(chosen) > 1 else None
-            beside[-1][row] = ModelMode(float(modes.frequency_hz[k]), float(modes.loss_factor[k]), mac)
+            beside[-1][row] = TapMode(float(modes.frequency_hz[k]), float(modes.loss_factor[k]), mac)
     for row, one in enumerate(measured):
         yield one, beside[0].get(row), beside[1].get(row)
 
