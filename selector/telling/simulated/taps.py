@@ -87,7 +87,9 @@ def _sentences(fit: TapFit) -> list[str]:
     unseen = [f"the {_name(fit, one)}" for one in fit.parameters if one.unseen]
     if unseen:
         said.append(f"The taps do not tell {listed(unseen)}.")
-    return [*said, "Masses are those of the model file: stiffnesses are as many percent wrong as they are."]
+    if not any(one.name.startswith("members.") for one in fit.parameters):
+        said.append("Masses are those of the model file: stiffnesses are as many percent wrong as they are.")
+    return said
 
 
 def _left(fit: TapFit) -> str:
