@@ -1,6 +1,5 @@
 """`taps`: a model file and a measured tap test in, stiffness and ψ of the joints with their intervals out."""
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -41,7 +40,7 @@ def taps(
     ] = None,
     band: Annotated[
         tuple[float, float] | None,
-        typer.Option("--band", metavar="HZ HZ", help="Frequencies that count; default: all that are coherent."),
+        typer.Option("--band", metavar="HZ HZ", help="Frequencies that count; default: up to twice the highest mode."),
     ] = None,
     free: Annotated[
         list[str] | None,
@@ -88,7 +87,7 @@ def taps(
     responses, said = read_taps(files, asked)
     with progress_bar() as progress, named(model):
         progress("fitting", None)
-        fit = tap_fit(built, responses, free=free or (), band_hz=band or (0.0, math.inf))
+        fit = tap_fit(built, responses, free=free or (), band_hz=band)
     findings = (*said, *fit.findings)
     account = tap_account(fit, findings, drawn=out is not None)
     beside = {"model.toml": model_file_text(plain_values(fit.after.file), head=fit_head(fit))}

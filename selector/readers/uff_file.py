@@ -23,6 +23,7 @@ _RECORD, _RESPONSE, _COHERENCE = 1, 4, 6  #: Types of function of dataset 58.
 _DERIVATIVES = {8: 0, 11: 1, 12: 2}  #: Type of a motion in dataset 58 → derivative of the displacement.
 _FORCES = (9, 13)
 _SI = ("m", "m/s", "m/s^2")
+_FEWEST = 16  #: Values of a function.
 _ALIKE = 0.01  #: Share by which a unit and dataset 164 may differ.
 _SAY_UNIT = "say the unit with --unit, e.g. --unit m/s^2/N"
 _AXES = {"X": 1, "Y": 2, "Z": 3}
@@ -99,9 +100,9 @@ class _Function:
         x, values = np.asarray(self.content["x"], dtype=np.float64), np.asarray(self.content["data"])
         wrong = (
             f"{len(values)} of {self.content['num_pts']} values"
-            if len(x) != len(values) or len(values) != self.content["num_pts"]
+            if len(x) != len(values) or len(values) != self.content["num_pts"] or len(x) < _FEWEST
             else "values that are not finite or all 0, or an axis that does not increase"
-            if not (np.isfinite([*x, *values]).all() and values.any()) or (np.diff(x) <= 0).any() or len(x) < 2
+            if not (np.isfinite([*x, *values]).all() and values.any()) or (np.diff(x) <= 0).any()
             else f"{len(x)} values from {x[0]:g} to {x[-1]:g}"
             if over is not None and (len(x) != len(over) or np.max(np.abs(x - over)) > 1e-3 * (x[1] - x[0]))
             else None
@@ -109,7 +110,7 @@ class _Function:
         if wrong is not None:
             of_others = "" if over is None else f", {len(over)} over {over[0]:g} to {over[-1]:g} as beside it"
             raise refused(
-                wrong, f"as many as the head says, finite{of_others}", self.where,
+                wrong, f"as many as the head says, {_FEWEST} at least, finite{of_others}", self.where,
                 "export the file again: it is damaged, or its functions do not belong together",
             )  # fmt: skip
         return x, values
@@ -191,12 +192,12 @@ def _functions(path: Path, asked: TapOptions) -> Iterator[_Function]:
         raise refused(f"{marks} marks of datasets, and {content[-20:]!r} at the end", whole, name, advice)
     pyuff = optional_module("pyuff", "a UFF file", name)
 
-    def read() -> list[dict[str, Any]]:
+    def read() -> list[tuple[int, dict[str, Any]]]:
         file = pyuff.UFF(str(path))
-        return [file.read_sets(k) for k, type_ in enumerate(file.get_set_types()) if type_ in (58, 164)]
+        return [(k + 1, file.read_sets(k)) for k, type_ in enumerate(file.get_set_types()) if type_ in (58, 164)]
 
     units: Mapping[str, Any] = {}
-    for number, one in enumerate(read_whole(read, "a UFF file", name, whole, advice), start=1):
+    for number, one in read_whole(read, "a UFF file", name, whole, advice):
         if one["type"] == 164:
             units = one
         else:

@@ -120,6 +120,7 @@ REFUSED = {
     "a motion in N": ([PLAIN | {"ordinate_axis_units_lab": "N", "ordinate_spec_data_type": 13}], {}, "type 13 in N"),
     "another motion": ([spectrum(ACCELERANCE, "tool", "bed", ordinate_axis_units_lab="um")], {}, "motion of type 12"),
     "other lines": ([PLAIN, spectrum(ACCELERANCE[:99], "tool", "bed")], {}, "99 values"),
+    "three values": ([spectrum(ACCELERANCE[:3], "tool", "bed")], {}, "16 at least"),
     "a dead channel": ([spectrum(0 * ACCELERANCE, "tool", "bed")], {}, "all 0"),
     "no hammer": ([dataset(HZ, "tool", "accelerometer", 1)], {}, "0 records of force"),
     "two hammers": ([dataset(HZ, "tool", "hammer", 1), dataset(HZ, "bed", "hammer", 1)], {}, "2 records of force"),

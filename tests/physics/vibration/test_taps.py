@@ -11,7 +11,7 @@ from scipy import signal
 from selector.errors import InputError
 from selector.physics.vibration.model_file import checked_model_file
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, receptance, structure_modes
-from selector.physics.vibration.taps.response import measured_modes
+from selector.physics.vibration.taps.response import TapResponse, measured_modes
 from selector.physics.vibration.taps.tap_fit import tap_fit
 from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration.planted_taps import drawn, model, planted
@@ -118,6 +118,24 @@ def test_what_the_taps_do_not_see_is_said_with_the_reason():
     assert workpiece.low < 1.5e8 < workpiece.high
     together = sum(found[f"joints.{k}.stiffness_n_per_m"].value for k in (3, 4))
     assert together == pytest.approx(6e7, rel=0.01)
+
+
+def test_frequencies_count_up_to_twice_the_highest_mode():
+    found = tap_fit(model(), QUIET)
+    highest = structure_modes(model().structure).frequency_hz[-1]
+    for one, lines in zip(QUIET, found.used, strict=True):
+        assert one.frequency_hz[lines][-1] <= 2.0 * highest
+    wide = tap_fit(model(), QUIET, band_hz=(0.0, 1000.0))
+    assert max(one.frequency_hz[lines][-1] for one, lines in zip(QUIET, wide.used, strict=True)) > 2.0 * highest
+
+
+def test_of_very_many_lines_some_count():
+    hz = np.linspace(1.0, 400.0, 24_000)
+    exact = receptance(TRUE.structure, hz, of="tool", at="tool")[None]
+    found = tap_fit(model(), [TapResponse("tool", "tool", hz, exact, np.ones(exact.shape))])
+    assert 2500 < np.count_nonzero(found.used[0]) <= 5000
+    (stiffness,) = (one for one in found.parameters if one.name == "joints.3.stiffness_n_per_m")
+    assert stiffness.value == pytest.approx(truth(stiffness.name), rel=1e-5)
 
 
 def test_a_mass_is_fitted_where_it_is_asked_for():

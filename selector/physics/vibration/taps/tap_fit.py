@@ -23,7 +23,8 @@ from selector.physics.vibration.vibration_model import VibrationModel
 from selector.types import Complex, Mask, Matrix, Vector
 
 SENSITIVITY = 0.03  #: Share by which the sensitivity of a hammer or accelerometer may be off, standard deviation.
-_LEAST_LINES = 30  #: With fewer nothing is fitted.
+_LEAST_LINES, _MOST_LINES = 30, 5000  #: Of a response: with fewer nothing is fitted, of more every second or third.
+_BEYOND = 2.0  #: Times the highest mode up to which frequencies count.
 #: In the search for a start: lines of each response, starts that are drawn, those that are followed, how far ln k goes,
 #: and the least ψ.
 _THIN, _DRAWS, _FOLLOWED, _FAR, _LEAST_PSI = 160, 200, 4, 0.7, 0.05
@@ -61,7 +62,7 @@ class TapFit:
     computed: tuple[tuple[Complex, ...], ...]  #: Of every response at these lines the compliance of both models [m/N]
     #: Modes as measured, and those of both models beside them; None where a model has too few
     modes: tuple[tuple[TapMode, TapMode | None, TapMode | None], ...]
-    #: left_before, left_after and noise: Medians of |ln(H/H measured)|, and of the error of what was measured, a share
+    #: left_before, left_after and noise: Median amounts of ln(H/H measured), and median error of the measured mean
     left_before: float
     left_after: float
     noise: float
@@ -73,13 +74,16 @@ def tap_fit(
     responses: Sequence[TapResponse],
     *,
     free: Sequence[str] = (),
-    band_hz: tuple[float, float] = (0.0, np.inf),
+    band_hz: tuple[float, float] | None = None,
 ) -> TapFit:
     """The model with these parameters fitted to taps; by default stiffness and ψ of all joints.
 
+    By default frequencies count up to twice that of its highest mode: above it has masses alone.
+
     InputError: no such parameter, too few lines that count, or compliances that no unit explains.
     """
-    problem = _Problem(model, responses, free, band_hz)
+    highest_hz = float(structure_modes(model.structure).frequency_hz[-1])
+    problem = _Problem(model, responses, free, band_hz or (0.0, _BEYOND * highest_hz))
     x = problem.nearest()
     half, inner = _half_widths(problem, x)
     parameters, values = tuple(_parameters(problem, x, half, inner)), problem.decoded(x).tolist()
@@ -113,6 +117,9 @@ class _Problem:
                 )
         self.model, self.responses = model, responses
         self.used = tuple(one.usable(band) for one in responses)
+        for lines in self.used:
+            kept = np.flatnonzero(lines)
+            lines[np.setdiff1d(kept, kept[:: 1 + len(kept) // _MOST_LINES])] = False
         self.names = [name for name in known if (name in free if free else name.startswith("joints."))]
         #: Sensitivities: of the hammer at every place ("at"), of what measures every motion ("of")
         self.sensors = list(dict.fromkeys((end, getattr(one, end)) for end in ("at", "of") for one in responses))
