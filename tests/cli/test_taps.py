@@ -35,7 +35,7 @@ def test_the_joints_come_out(tmp_path, capsys):
     assert fitted.joints[2].stiffness_n_per_m == said["parameters"][4]["value"]
     assert fitted.members == read_model_file(MODEL).members
     page = (out / "report.html").read_text(encoding="utf-8")
-    assert all(word in page for word in ("by the file", "tool per force on workpiece", "95 % interval"))
+    assert all(word in page for word in ("by the file", "tool / workpiece", "95 % interval"))
 
 
 def test_the_screen_says_what_was_fitted(capsys):

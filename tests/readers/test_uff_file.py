@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -156,6 +158,14 @@ def test_a_number_that_is_none_is_refused(tmp_path, word):
     path.write_bytes(b"\n".join(lines))
     with pytest.raises(InputError):
         read(path)
+
+
+def test_without_pyuff_the_remedy_is_named(tmp_path, monkeypatch):
+    path = written(tmp_path, PLAIN)
+    monkeypatch.setitem(sys.modules, "pyuff", None)
+    with pytest.raises(InputError) as error:
+        read(path)
+    assert ".[formats]" in error.value.advice
 
 
 def test_a_folder_or_nothing_is_refused(tmp_path):

@@ -14,7 +14,7 @@ from selector.telling.account import Account, Captioned, Drawing, Remarks, Table
 from selector.telling.numbers import NONE, listed, share_text
 from selector.types import Vector
 
-_READ = "Motion per newton of the taps, where they are coherent; with the exponential window, if there was one."
+_READ = "Motion of one member per newton on another, where taps agree; with the exponential window, if there was one."
 _MOST_DRAWN = 6
 
 
@@ -24,8 +24,8 @@ def tap_account(fit: TapFit, findings: Sequence[Finding], *, drawn: bool = False
     if drawn:
         from selector.figures.simulated.vibration import tapped_compliances
 
-        panels = {one.called: _curves(fit, k) for k, one in enumerate(fit.responses[:_MOST_DRAWN])}
-        pictures = [Drawing(tapped_compliances(panels, f"Measured and computed: {_left(fit)}"), _READ)]
+        panels = {f"{one.of} / {one.at}": _curves(fit, k) for k, one in enumerate(fit.responses[:_MOST_DRAWN])}
+        pictures = [Drawing(tapped_compliances(panels, f"Compliances: {_left(fit)}"), _READ)]
     read = [
         {
             "of": one.of,
