@@ -30,7 +30,7 @@ _BEYOND = 2.0  #: Times the highest mode up to which frequencies count.
 _THIN, _DRAWS, _FOLLOWED, _FAR, _LEAST_PSI = 160, 200, 4, 0.7, 0.05
 _ABSURD = 100.0  #: Times that measured and modelled compliances differ at the median where a unit is wrong.
 _UNSEEN = 0.25  #: Share of where a fit may look beyond which half an interval says nothing.
-_NOT_REACHED = 0.1  #: Share of the compliances that a good model does not leave.
+_NOT_REACHED, _FAR_OFF = 0.03, 2.0  #: A model that is right leaves less: as a share, and as times the errors.
 
 _Slopes = list[tuple[Complex, Complex]]  #: Of every response what is left, and how it changes with x.
 
@@ -333,7 +333,7 @@ def _findings(
         elif not problem.low[k] + near[k] < x[k] < problem.high[k] - near[k]:
             said = f"{one.name} went to {one.value:.4g}, as far as the model file lets it go."
             yield FINDINGS.finding("tap-fit-at-bound", said, evidence={"parameter": one.name, "value": one.value})
-    if left > max(_NOT_REACHED, 3.0 * noise):
+    if left > max(_NOT_REACHED, _FAR_OFF * noise):
         said = f"The fitted model is {100 * left:.3g} % off the compliances, their errors are {100 * noise:.3g} %."
         yield FINDINGS.finding("taps-not-reached", said, evidence={"left": left, "noise": noise})
     for response, lines in zip(problem.responses, problem.used, strict=True):
