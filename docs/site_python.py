@@ -37,6 +37,7 @@ PARTS = {
         "physics.vibration.structure.structure physics.vibration.structure.source physics.vibration.chains"
         " physics.vibration.motion.run_up"
         " physics.vibration.motion.periodic_error"
+        " physics.vibration.taps.response physics.vibration.taps.tap_fit"
         " physics.vibration.recorded_force physics.vibration.model_file physics.vibration.vibration_model",
     ),
     "gauging": (

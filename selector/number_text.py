@@ -5,6 +5,12 @@ import math
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
+def round_below(value: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above a value, which is above 0."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(times * power for times in (5.0, 2.0, 1.0) if times * power <= value * (1.0 + 1e-9))
+
+
 def number_text(value: float | None, digits: int = 3) -> str:
     """A number with some significant digits, a true minus sign and powers of ten written out; a dash for none.
 

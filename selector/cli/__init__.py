@@ -30,6 +30,7 @@ from selector.cli import (
     reporting,
     selecting,
     simulating,
+    taps,
     workbench,
 )
 from selector.cli.shared import running
@@ -140,6 +141,7 @@ _command("report", fleets.report, _fleet)
 _command("sisters", fleets.sisters, _fleet)
 app.add_typer(_fleet, name="fleet")
 _command("ballbar", ball_bar.ballbar)
+_command("taps", taps.taps)
 _command("report", reporting.report)
 _command("effects", effects.effects)
 _command("prove", proving.prove)

@@ -13,7 +13,7 @@ import typer
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, write_answer, written_folder
+from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -140,13 +140,10 @@ def adapt(
         )
     found = replace(found, findings=(*found.findings, *clamp_findings(read, found)))
     account = adaptation_account(found, reading.description(), provenance_of(reading), drawn=out is not None)
-    written: list[str] = []
-    if out is not None:
-        told, adapted = showing.json_text(account.data) + "\n", model_text(adapted_model(read, found))
-        written = write_answer(out, {"adaptation.json": told, "model.json": adapted}, account)
-    showing.tell_answer(account, found.findings, everything=everything, as_json=as_json)
-    if out is not None:
-        showing.show_written(showing.screen(as_json), out, written)
+    beside = {} if out is None else {"model.json": model_text(adapted_model(read, found))}
+    showing.give_answer(
+        account, found.findings, out, "adaptation.json", beside=beside, everything=everything, as_json=as_json
+    )
 
 
 def _touched(file: Path | None, recording: Recording, model: ModelFile) -> Touched | None:

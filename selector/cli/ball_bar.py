@@ -7,7 +7,7 @@ import typer
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, write_answer, written_folder
+from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.errors import OptionError
@@ -74,12 +74,7 @@ def ballbar(
     account = measured_circles_account(
         DriveSummary({}, {}, quantities, causes, None), told, found, drawn=out is not None
     )
-    written = (
-        [] if out is None else write_answer(out, {"ballbar.json": showing.json_text(account.data) + "\n"}, account)
-    )
-    showing.tell_answer(account, found, everything=everything, as_json=as_json)
-    if out is not None:
-        showing.show_written(showing.screen(as_json), out, written)
+    showing.give_answer(account, found, out, "ballbar.json", everything=everything, as_json=as_json)
 
 
 def _lead(text: str) -> tuple[str, float]:

@@ -13,7 +13,7 @@ import typer
 from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, write_answer, written_folder
+from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import OptionError
@@ -21,7 +21,6 @@ from selector.errors import OptionError
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
     from selector.physics.thermal.prediction.prediction import Prediction, Tolerance
-    from selector.telling.account import Account
 
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 _of_day = partial(typer.Option, rich_help_panel="The day as it was")
@@ -269,10 +268,11 @@ def predict(
         program = timed_program(asked.nc, prediction.programs, axes, asked.invert or ())
     if program is not None:
         account = replace(account, data={**account.data, "nc": program.as_dict()})
-    written = [] if out is None else _write(prediction, account, program, out)
-    showing.tell_answer(account, prediction.findings, everything=everything, as_json=as_json)
-    if out is not None:
-        showing.show_written(showing.screen(as_json), out, written)
+    earlier = [] if out is None else [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
+    showing.give_answer(
+        account, prediction.findings, out, "prediction.json", beside=_programs(prediction, program), earlier=earlier,
+        everything=everything, as_json=as_json,
+    )  # fmt: skip
 
 
 #: File that not every prediction has → what its beginning holds if an earlier one wrote it.
@@ -285,14 +285,14 @@ _NOT_ALWAYS = {
 }
 
 
-def _write(prediction: Prediction, account: Account, program: TimedProgram | None, out: Path) -> list[str]:
+def _programs(prediction: Prediction, program: TimedProgram | None) -> dict[str, str]:
+    """Names and texts of the files with correction programs."""
     from selector.physics.thermal.prediction.correction_program import program_blocks, program_table
 
-    files = {"prediction.json": showing.json_text(account.data) + "\n"}
+    files = {}
     if prediction.programs:
         files["program.csv"] = program_table(prediction.programs)
         files["program.txt"] = program_blocks(prediction.programs)
     if program is not None:
         files |= {program.file: program.text, "nc_sheet.txt": program.sheet}
-    earlier = [name for name, mark in _NOT_ALWAYS.items() if begins_with(out / name, mark)]
-    return write_answer(out, files, account, earlier)
+    return files

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selector.errors import OptionError
+from selector.findings import Finding, Level, Where
+from selector.physics.finding_table import FINDINGS
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -109,3 +111,16 @@ def require_named(said: str, recorded: Collection[str], taken: Collection[str], 
         raise OptionError(
             f"{said!r} twice", expected="a channel for one thing", where=where, advice="leave one of the two out"
         )
+
+
+EVEN = 1e-3  #: Share of a period by which the stamps of an even clock may stray untold.
+_FAR = 0.1  #: Share from which on it is a warning.
+
+
+def clock_jitter(stray: float, done: str, where: Where | None = None) -> tuple[Finding, ...]:
+    """What was `done` where stamps stray by this share of a period from an even clock; nothing where they do not."""
+    if stray <= EVEN:
+        return ()
+    said = f"Stamps stray by up to {stray:.1%} of a period from an even clock: {done}."
+    level: Level = "info" if stray < _FAR else "warning"
+    return (FINDINGS.finding("recorded-clock-jitter", said, where, {"stray": stray}, level=level),)

@@ -136,7 +136,7 @@ def _as_input_error(error: Exception) -> InputError | None:
 #: Extra of `pyproject.toml` → the modules that come with it.
 EXTRAS = {
     "workbench": "dash flask werkzeug",
-    "formats": "nptdms asammdf h5py",
+    "formats": "nptdms asammdf h5py pyuff",
     "field": "skfem pyamg meshio",
     "drive": "control",
     "fmu": "fmpy",

@@ -6,12 +6,13 @@ import codecs
 import io
 import os
 import sys
-from collections.abc import Iterable
-from pathlib import PurePath
+from collections.abc import Iterable, Mapping
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from selector.cli.shared.files import write_answer
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
 from selector.number_text import number_text
@@ -142,12 +143,22 @@ def show_answer(console: Console, account: Account, findings: Iterable[Finding],
     show_findings(console, findings, everything=everything, more=account.brief is not None)
 
 
-def tell_answer(account: Account, findings: Iterable[Finding], *, everything: bool, as_json: bool) -> None:
-    """The answer of a command: its JSON, or what people read."""
+def give_answer(
+    account: Account, findings: Iterable[Finding], out: Path | None, json_file: str, *, everything: bool, as_json: bool,
+    beside: Mapping[str, str] | None = None, earlier: Iterable[str] = (),
+) -> None:  # fmt: skip
+    """Writes JSON, page and the files `beside` them to `out`, then shows the answer, or its JSON.
+
+    `beside` is name → text; files named `earlier` are of an earlier answer and go.
+    """
+    texts = {json_file: json_text(account.data) + "\n", **(beside or {})}
+    written = [] if out is None else write_answer(out, texts, account, earlier)
     if as_json:
         print_json(account.data)
     else:
         show_answer(screen(), account, findings, everything=everything)
+    if out is not None:
+        show_written(screen(as_json), out, written)
 
 
 def show_written(console: Console, place: PurePath, names: Iterable[str] = ()) -> None:

@@ -7,6 +7,7 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 
 from selector.figures import style
+from selector.number_text import round_below
 from selector.types import Vector
 
 _HEIGHT = 640
@@ -44,7 +45,7 @@ def machine_field(
     place, moved = nodes_m[nodes], deformation_um[nodes]
     size = np.linalg.norm(moved, axis=1)
     extent = float(np.ptp(place, axis=0).max())
-    scale = _round_scale(_SHOWN_SHARE * extent / max(float(size.max()) * 1e-6, 1e-12))
+    scale = round_below(_SHOWN_SHARE * extent / max(float(size.max()) * 1e-6, 1e-12))
     drawn = style.figure(style.label(title, 200), _HEIGHT)
     count = np.uint16 if len(place) < 2**16 else np.int32
     parts = (
@@ -126,9 +127,3 @@ def _in_triangles(point_m: Vector, ends_m: Vector) -> Vector:
     v, w = (c * d - b * e) / size, (a * e - b * d) / size
     shares = np.maximum(np.stack([1.0 - v - w, v, w], axis=1), 0.0)
     return np.asarray(np.einsum("tk,tkx->tx", shares / shares.sum(axis=1, keepdims=True), ends_m))
-
-
-def _round_scale(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above the value."""
-    power = 10.0 ** np.floor(np.log10(value))
-    return float(max(factor * power for factor in (1, 2, 5) if factor * power <= value * (1 + 1e-12)))

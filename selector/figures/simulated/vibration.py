@@ -17,7 +17,7 @@ from selector.physics.vibration.motion.periodic_error import Cutting, PeriodicEr
 from selector.types import Vector
 
 MOST_SOURCES = len(style.GROUPS)  #: Sources that are told apart by colour; answers and forces are drawn of no more.
-_PANEL_PX, _GAP_PX, _BELOW_PX = 250, 34, 50
+_PANEL_PX, _TAPPED_PX, _GAP_PX, _BELOW_PX = 250, 190, 34, 50
 _MOTIONS = (style.PREDICTED, style.RESIDUAL, style.INK)
 _DECADES = 4.0  #: Answers weaker than this many powers of ten below the strongest are off the picture.
 
@@ -56,29 +56,36 @@ def response_over_frequency(
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
     named: set[str] = set()
     for number, (final, ones) in enumerate(answers.items()):
-        key = "" if number == 0 else str(number + 1)
         strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
         weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
+        key = _over_frequency(drawn, number, domains, ends.tolist(), f"{style.label(final, 12)} [µm/N]")
+        drawn.layout[f"yaxis{key}"].range = [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25]
         for one in ones:
             is_first = one.source not in named
             named.add(one.source)
             _add_answer(drawn, frequency_hz, one, colours[one.source], key, is_first=is_first)
-        drawn.layout[f"xaxis{key}"] = {
-            "type": "log", "anchor": f"y{key}", "range": ends.tolist(), "showticklabels": number == count - 1,
-            "title": {"text": "frequency [Hz]" if number == count - 1 else ""}, **log_ticks(*ends.tolist()),
-            **({"matches": "x"} if number else {}),
-        }  # fmt: skip
-        drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1,
-            "title": {"text": f"{style.label(final, 12)} [µm/N]"}, "exponentformat": "power",
-            "range": [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25],
-        }  # fmt: skip
         if split_hz is not None and has_chains:
             style.rule(drawn, split_hz, style.INK, panel=key)
     if has_chains:
         for name, dash in (("coupled", "solid"), ("chains", "dash")):
             style.curve(drawn, [None], [None], style.INK, name, dash=dash)
     return drawn
+
+
+def _over_frequency(
+    drawn: go.Figure, number: int, domains: Sequence[Sequence[float]], ends: Sequence[float], axis: str
+) -> str:
+    """The key of a panel of `_stack` whose axes are logarithmic, over frequencies from 10^ends to 10^ends."""
+    key, is_last = "" if number == 0 else str(number + 1), number == len(domains) - 1
+    drawn.layout[f"xaxis{key}"] = {
+        "type": "log", "anchor": f"y{key}", "range": ends, "showticklabels": is_last, **log_ticks(*ends),
+        "title": {"text": "frequency [Hz]" if is_last else ""}, **({"matches": "x"} if number else {}),
+    }  # fmt: skip
+    drawn.layout[f"yaxis{key}"] = {
+        "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1, "title": {"text": axis},
+        "exponentformat": "power",
+    }  # fmt: skip
+    return key
 
 
 def _stack(title: str, count: int, panel_px: int, gap_px: int) -> tuple[go.Figure, list[list[float]]]:
@@ -259,3 +266,23 @@ def _lobing_mm(cutting: Cutting, surface: Surface) -> tuple[float, float]:
     """log₁₀ of the wavelengths [mm] at which errors of form begin and end."""
     around = math.pi * cutting.diameter_mm
     return math.log10(around / surface.lobing_up_to_upr), math.log10(around / _LEAST_LOBES)
+
+
+def tapped_compliances(panels: Mapping[str, Mapping[str, tuple[Vector, Vector]]], title: str) -> go.Figure:
+    """Amplitudes per force over frequency, a panel each response: "measured" as dots, "by the file", and "fitted".
+
+    `panels` is title → curve → (frequency [Hz], amplitude [µm/N]); `title` plain text, as `style.label` makes it.
+    """
+    drawn, domains = _stack(title, len(panels), _TAPPED_PX, _GAP_PX)
+    every = np.concatenate([x for curves in panels.values() for x, _ in curves.values()])
+    ends = np.log10([every.min(), every.max()]).tolist()
+    looks = {"by the file": (style.MUTED, "dash"), "fitted": (style.PREDICTED, "solid")}
+    for number, (called, curves) in enumerate(panels.items()):
+        key = _over_frequency(drawn, number, domains, ends, f"{style.label(called, 24)}<br>[µm/N]")
+        axes: dict[str, Any] = {"xaxis": f"x{key}", "yaxis": f"y{key}", "showlegend": number == 0}
+        for name, (x, y) in curves.items():
+            if name in looks:
+                style.curve(drawn, x, y, looks[name][0], name, dash=looks[name][1], **axes)
+            else:
+                style.points(drawn, x, y, style.INK, name, "%{x:.4g} Hz: %{y:.3g} µm/N", size=4, **axes)
+    return drawn

@@ -13,8 +13,8 @@ from scipy import interpolate, signal
 
 from selector.errors import InputError
 from selector.findings import Finding
+from selector.physics.channel_differences import EVEN, clock_jitter
 from selector.physics.checks import keep_arrays
-from selector.physics.drive.finding_table import FINDINGS
 from selector.types import Vector
 
 
@@ -126,7 +126,6 @@ class ParameterCourse:
                 )
 
 
-EVEN = 1e-3  #: Clocks that stray by less, as a share of their period, count as even: rounded times.
 NOTHING_M = 1e-30  #: Moves below this take no time: their phases would leave the range of numbers.
 WINDOW = 11  #: Samples of the local cubic from which derivatives of a recorded course are taken.
 
@@ -278,19 +277,7 @@ def recorded(time_s: ArrayLike, position_m: ArrayLike, period_s: float | None = 
 def clock_findings(time_s: ArrayLike) -> tuple[Finding, ...]:
     """What `recorded` did about a clock that is not even: nothing to say below a thousandth of the period."""
     time = np.array(time_s, dtype=np.float64)
-    stray = _stray(time)
-    if stray <= EVEN:
-        return ()
-    period_s = float(np.median(np.diff(time)))
-    return (
-        FINDINGS.finding(
-            "recorded-clock-jitter",
-            f"Times stray by up to {stray:.1%} of their period of {period_s:g} s; positions were brought to "
-            "an even grid by a cubic spline.",
-            suggestion="Nothing is left out; if the true clock is even, give positions without times.",
-            level="info" if stray < 0.1 else "warning",
-        ),
-    )
+    return clock_jitter(_stray(time), "positions were brought to an even grid by a cubic spline")
 
 
 def _move(origin: float, target: float, phases: MovePhases, since_s: Vector) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
-from selector.physics.channel_differences import as_recorded
+from selector.physics.channel_differences import as_recorded, clock_jitter
 from selector.physics.checks import require_within, told_of
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.transducer import wear_share
@@ -163,7 +163,6 @@ def start_um(model: GaugingModel, time_s: Vector, fallen: Vector, shown_um: Vect
     return float(np.mean(shown_um[early] - behind[early]))
 
 
-_EVEN = 1e-3  #: Distance of times from an even grid, as a share of their period, from which on it is told.
 _GAP = 1.5
 
 _PER_NOISE = 0.25  #: Longest step of the calculation with noise, in 1/β.
@@ -295,16 +294,7 @@ def _clock(run: str, channel: str, time_s: Vector) -> Iterator[Finding]:
         )
         return
     stray = float(np.abs(time_s - np.linspace(time_s[0], time_s[-1], len(time_s))).max() / period_s)
-    if stray > _EVEN:
-        yield FINDINGS.finding(
-            "recorded-clock-jitter",
-            f"Times of {run} stray by up to {stray:.1%} of their period of {period_s:.4g} s; {channel} was taken at "
-            "its own times, straight between them.",
-            where,
-            {"stray": stray, "period_s": period_s},
-            "nothing, if the clock was read when the values were",
-            level="info",
-        )
+    yield from clock_jitter(stray, f"{channel} was taken at its own times, straight between them", where)
 
 
 def _by_feed(

@@ -1,6 +1,5 @@
 """What does the model file of in-process gauging say: TOML text → checked values, or an error that names the key."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
+from selector.number_text import round_below
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import feeds_s
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
@@ -187,7 +187,7 @@ def sampling_s(file: GaugingFile, parts: FileParts) -> float:
         return file.run.period_s
     duration_s = planned_s(parts)
     wanted = min(finest_s(parts), duration_s / _FEWEST)
-    return _rounded(max(wanted, duration_s / _MOST))
+    return round_below(max(wanted, duration_s / _MOST))
 
 
 def finest_s(parts: FileParts) -> float:
@@ -212,12 +212,6 @@ def length_contradictions(file: GaugingFile, parts: FileParts) -> Iterator[Contr
     elif samples > MOST_SAMPLES:
         found = f"{samples:.3g} samples of a part that takes {duration_s:.3g} s"
         yield key, found, f"at most {MOST_SAMPLES}", "lengthen run.period_s, or give the feeds the right power of ten"
-
-
-def _rounded(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above a value."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(times * power for times in (5.0, 2.0, 1.0) if times * power <= value * (1.0 + 1e-9))
 
 
 def contradictions(file: GaugingFile) -> Iterator[Contradiction]:

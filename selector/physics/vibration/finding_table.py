@@ -42,6 +42,16 @@ chains-not-judged [info] chains cannot be judged over all frequencies
     → See what the finding names.
 lines-at-mean-speed [info] lines, amplitudes and errors are those of the mean speed; the recording follows the course
     → look at the recording for resonances that the run passes, or give the speed as one number
+taps-do-not-see [warning] the taps do not tell a number; the fitted model has a value that goes with the others
+    → Tap, or measure, on both sides of the joint, or fit fewer numbers (--free).
+tap-fit-at-bound [warning] a fit to taps ended at the bounds of the model file
+    → Widen [bounds], or look for what the model lacks: a member, a joint, a unit.
+taps-not-reached [warning] no stiffness and ψ make the compliances that the taps measured
+    → Narrow --band to the modes that the model has, or add members; do not trust the intervals.
+tap-lines-left-out [info] lines outside of the band, or where the taps do not agree, do not count
+    → Tap harder, or with another tip, if a mode lies there.
+single-tap [info] one spectrum alone: intervals come from what the model leaves of it along the frequency
+    → Give the spectra of three taps or more, or the records in time.
 """
 )
 FINDINGS["recorded-gap"] = SHARED_FINDINGS["recorded-gap"]

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from selector.errors import OptionError
 from selector.findings import Finding, Where
-from selector.physics.channel_differences import as_recorded
+from selector.physics.channel_differences import as_recorded, clock_jitter
 from selector.physics.checks import require_within, told_of
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
@@ -123,7 +123,6 @@ def _unused(
     )
 
 
-_EVEN = 1e-3  #: Share of a step by which the stamps of an even clock may stray untold.
 _LONG = 0.5  #: Share of the run from which on its beginning is a warning.
 
 
@@ -159,15 +158,7 @@ def clock_findings(time_s: Vector, parts: Sequence[Stretch]) -> Iterator[Finding
             evidence={"least_s": float(steps.min()), "most_s": float(steps.max())},
             level="warning",
         )
-    if stray > _EVEN:
-        yield FINDINGS.finding(
-            "recorded-clock-jitter",
-            f"Stamps stray by up to {100 * stray:.3g} % of a sample from an even clock, whose ticks count as the times "
-            "of the forces.",
-            evidence={"stray": stray},
-            suggestion="if the clock was even, give its times",
-            level="info",
-        )
+    yield from clock_jitter(stray, "its ticks count as the times of the forces")
     missing = np.concatenate([np.diff(part.at) - 1.0 for part in parts if part.even] or [np.zeros(0)])
     lost = int(missing[missing <= GAP - 1.0].sum())
     if lost:

@@ -9,10 +9,11 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stdout
-from typing import Any
+from typing import Any, TypeVar
 
 from selector.errors import InputError, ReadError
-from selector.readers.tables import Table
+
+_Read = TypeVar("_Read")
 
 
 def optional_module(name: str, what: str, where: str) -> Any:
@@ -71,7 +72,7 @@ def silent() -> Iterator[None]:
         yield
 
 
-def read_whole(read: Callable[[], list[Table]], what: str, where: str, expected: str, advice: str) -> list[Table]:
+def read_whole(read: Callable[[], _Read], what: str, where: str, expected: str, advice: str) -> _Read:
     """What `read` gives; whatever another package raises of a damaged file is a ReadError."""
     try:
         with quiet():

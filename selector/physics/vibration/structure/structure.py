@@ -132,14 +132,15 @@ def mass_matrix(structure: Structure) -> Matrix:
 
 def stiffness_matrix(structure: Structure) -> Complex:
     """K [N/m], complex symmetric, shape (n_members, n_members): joints j·(1 + iη), in the order of the members."""
-    stiffness = np.zeros((len(structure.members), len(structure.members)), dtype=np.complex128)
-    places = {name: place for place, name in enumerate(structure.names)}
-    for joint in structure.joints:
-        ends = [places[name] for name in joint.between if name != GROUND]
-        stiffness[ends, ends] += joint.complex_stiffness_n_per_m
-        if len(ends) == 2:
-            stiffness[ends, ends[::-1]] -= joint.complex_stiffness_n_per_m
-    return stiffness
+    ends, held = joint_ends(structure), [joint.complex_stiffness_n_per_m for joint in structure.joints]
+    return np.asarray(ends.T @ (np.array(held)[:, None] * ends))
+
+
+def joint_ends(structure: Structure) -> Matrix:
+    """1 and −1 at the members that a joint holds, shape (n_joints, n_members); the ground has no column."""
+    sides = [[one == name for name in structure.names] for joint in structure.joints for one in joint.between]
+    ends = np.array(sides, dtype=np.float64)
+    return ends[::2] - ends[1::2]
 
 
 def scaled_stiffness_matrix(structure: Structure) -> Complex:
