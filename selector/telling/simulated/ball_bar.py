@@ -48,12 +48,6 @@ def ball_bar_sentences(shown: DriveSummary) -> list[str]:
             if found:
                 words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
                 told.append(f"Causes at {_feed(feed.feed_mm_per_min)} mm/min, largest first: {words}.")
-    far = max(shown.quantities, key=lambda one: abs(one.both.mean_radial_um))
-    told.append(
-        f"At {_feed(far.feed_mm_per_min)} mm/min the mean radius is "
-        f"{number_text(abs(far.both.mean_radial_um))} µm "
-        f"{'larger' if far.both.mean_radial_um > 0 else 'smaller'} than nominal."
-    )
     return told
 
 
