@@ -260,3 +260,9 @@ def captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> Ca
 def sections(*several: Section | None) -> tuple[Section, ...]:
     """Those that there are."""
     return tuple(one for one in several if one is not None)
+
+
+def warnings_section(findings: Iterable[Finding]) -> Section | None:
+    """What must be known before a result is used; None where nothing must."""
+    urgent = remarks_of(findings, "error", "warning")
+    return section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings")

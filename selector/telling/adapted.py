@@ -12,7 +12,6 @@ from selector.telling.account import (
     Captioned,
     Drawing,
     Items,
-    Paragraph,
     Remarks,
     Table,
     Verdict,
@@ -20,6 +19,7 @@ from selector.telling.account import (
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import share_text, span_text
 from selector.telling.origin import label_text
@@ -41,7 +41,6 @@ def adaptation_account(
     """
     described, provenance = description or {}, provenance or {}
     verdict, sentences = _advice(found)
-    urgent, no_warnings = remarks_of(found.findings, "error", "warning"), Paragraph("No warnings were found.")
     return Account(
         title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
         label=label_text("the recordings", "", provenance, described),
@@ -49,7 +48,7 @@ def adaptation_account(
         sentences=sentences,
         answer=_overall_table(found),
         sections=sections(
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
+            warnings_section(found.findings),
             section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
             section(
                 "runs", "Run by run", Captioned("Errors", _runs_table(found)), *_drawings(found, drawn), link="Runs"

@@ -38,6 +38,7 @@ from selector.telling.account import (
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import NONE, share_text, span_text
 from selector.telling.origin import label_text
@@ -83,7 +84,7 @@ def diagnosis_account(
     """
     told, described = provenance or {}, description or {}
     drawings = _drawings(found) if drawn and not is_alone else {}
-    machine, urgent = told.get("machine"), remarks_of(found.findings, "error", "warning")
+    machine = told.get("machine")
     fault = "What is at fault" if found.verdict == "data-fault" else "What was left out"
     return Account(
         title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
@@ -92,7 +93,7 @@ def diagnosis_account(
             section(
                 "left-out", "What this page leaves out", Paragraph(_LEFT_OUT) if is_alone else None, link="Left out"
             ),
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings"),
+            warnings_section(found.findings),
             section("where", "Where", *drawings.get("where", ()), captioned("Windows", _places(found))),
             section("effects", fault, *(block for effect in found.effects for block in _effect(found, effect))),
             _also_seen(found),

@@ -29,6 +29,7 @@ from selector.telling.account import (
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import given_text, listed, span_text
 from selector.telling.origin import label_text
@@ -61,8 +62,6 @@ def prediction_account(
         sentences = (day_sentence(prediction, prediction.observed), *sentences)
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
-    urgent = remarks_of(prediction.findings, "error", "warning")
-    no_warnings = Paragraph("No warnings were found in the tests or in the prediction.")
     return Account(
         title=": ".join(filter(None, ["Duty cycle", str(provenance.get("machine") or "")])),
         about=f"{prediction.method} method" + ("" if cyclogram else " · made from the result alone"),
@@ -73,7 +72,7 @@ def prediction_account(
             None
             if cyclogram
             else section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out"),
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
+            warnings_section(prediction.findings),
             section(
                 "cycle",
                 "The duty cycle",

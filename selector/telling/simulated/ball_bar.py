@@ -222,7 +222,14 @@ def measured_circles_account(
     traces = [trace for trace, *_ in read]
     radius_mm = 1e3 * traces[0].radius_m
     rows = [
-        (file, ", ".join(columns), _way(one), _feed(one.feed_mm_per_min), str(len(one.angle_rad)), _turned(is_turned))
+        (
+            file,
+            ", ".join(columns),
+            "counter-clockwise" if one.direction > 0 else "clockwise",
+            _feed(one.feed_mm_per_min),
+            str(len(one.angle_rad)),
+            "turned round: it stood sorted by angle" if is_turned else "as read",
+        )
         for one, file, columns, is_turned in read
     ]
     quantities, *of_feeds, overall = ball_bar_tables(summary)
@@ -262,11 +269,3 @@ def measured_circles_account(
             "findings": [one.as_dict() for one in findings],
         },
     )
-
-
-def _way(one: BallBarTrace) -> str:
-    return "counter-clockwise" if one.direction > 0 else "clockwise"
-
-
-def _turned(is_turned: bool) -> str:
-    return "turned round: it stood sorted by angle" if is_turned else "as read"

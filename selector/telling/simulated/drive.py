@@ -32,7 +32,7 @@ from selector.physics.model_text import plain_values
 from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, section, table
 from selector.telling.numbers import NONE, ms_text, span_text
 from selector.telling.simulated.ball_bar import POLAR, ball_bar_data, ball_bar_sentences, ball_bar_tables
-from selector.telling.simulated.result import SAID, Drawings, SimulationResult, is_said, simulation_account
+from selector.telling.simulated.result import SAID, THINNED, Drawings, SimulationResult, is_said, simulation_account
 from selector.types import Vector
 
 _MICRO = 1e6
@@ -57,8 +57,7 @@ _SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to t
 
 #: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
 Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
-_THINNED = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
-_COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {_THINNED}"
+_COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {THINNED}"
 _LIMITED = " Shaded: a limit of current or speed is reached."
 _VARYING = "Stiffness changes with load and position, damping with speed. Dotted: instants of the frequency response."
 _RESPONSE = (

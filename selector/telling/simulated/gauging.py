@@ -15,7 +15,7 @@ from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
 from selector.telling.account import Account, Block, Captioned, Drawing, Note, Table, Verdict, captioned, section, table
 from selector.telling.numbers import NONE, listed, ms_text, uncertain_text
-from selector.telling.simulated.result import SimulationResult, simulation_account
+from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 
 MATTERS = 0.9  #: An error that falls to less than this share of itself is worth a change.
@@ -45,8 +45,7 @@ _FILTER = (
 )
 _PART = (
     "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "
-    "the relay, and when the stages ended. Long courses are drawn with the lowest and highest sample of each of 300 "
-    "stretches."
+    f"the relay, and when the stages ended. {THINNED}"
 )
 _CURVE = (
     "Grinding goes from right to left. Shaded: where the line holds. Points: where the voltage of a stage's threshold "
@@ -158,10 +157,7 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
 
 def capability_table(one: Capability) -> Table:
     """Cp and Cpk with intervals, and shares out of tolerance."""
-    level, counted = (
-        f"{100 * CONFIDENCE:.3g} %",
-        " to ".join(map(percent, (one.share_outside_low, one.share_outside_high))),
-    )
+    counted = " to ".join(map(percent, (one.share_outside_low, one.share_outside_high)))
     rows = [
         ("Cp", number_text(one.cp), f"{number_text(one.cp_low)} to {number_text(one.cp_high)}"),
         ("Cpk", number_text(one.cpk), f"{number_text(one.cpk_low)} to {number_text(one.cpk_high)}"),
@@ -175,7 +171,7 @@ def capability_table(one: Capability) -> Table:
         "Intervals: chi-square for Cp, Bissell for Cpk, Clopper and Pearson for the count; they say what a sample of "
         "so many parts leaves open. By quantiles: for sizes that are not normal (ISO 22514-2)."
     )
-    return table(["", f">of {one.count} parts", f">{level} interval"], rows, note)
+    return table(["", f">of {one.count} parts", f">{100 * CONFIDENCE:.3g} % interval"], rows, note)
 
 
 def trade_off_table(summary: GaugingSummary) -> Table:

@@ -31,6 +31,7 @@ from selector.telling.simulated.comparison import comparison_data, comparison_se
 
 MOST_PARAMETERS = 200
 SAID = "model file"
+THINNED = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 LEFT_OUT = "left out: default"
 _UNITS = {"degC": "°C", "um": "µm", "rpm": "r/min", "1": NONE}
 _SIMULATED = "SIMULATED: all of this comes from a computer model, nothing was measured."

@@ -28,7 +28,7 @@ from selector.physics.vibration.vibration_model import FINALS, RELATIVE, Vibrati
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Block, Drawing, Table, captioned, section, table
 from selector.telling.numbers import listed, share_text, span_text
-from selector.telling.simulated.result import SimulationResult, simulation_account
+from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 
 if TYPE_CHECKING:
@@ -60,7 +60,6 @@ _STABILITY = (
 )
 _RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum."
 _RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
-_COURSE = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 _STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
 
 
@@ -472,7 +471,7 @@ def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
     )
     title = f"Simulated: {what}; the tool is up to {number_text(float(abs(motion[k])))} µm off the workpiece's motion"
     drawn = motion_course(one.time_s, one.motions_um, one.forces_n, one.speeds_rpm, colours, title)
-    return Drawing(drawn, _COURSE if one.is_whole else _STRETCH)
+    return Drawing(drawn, THINNED if one.is_whole else _STRETCH)
 
 
 def _answers(
