@@ -25,11 +25,9 @@ def every_figure(selection):
         yield figures.error_against_sensors(selection, response)
         yield figures.errors_per_run(selection, response)
         yield figures.measured_and_predicted(selection, response)
-        yield figures.coefficient_intervals(selection, response)
     yield figures.similarity_and_closure(selection)
     yield figures.sensor_tree(selection)
     yield figures.lambda_scan(selection)
-    yield figures.fault_table(selection)
     yield figures.sensor_places(selection, places_of(selection))
 
 
@@ -249,28 +247,6 @@ def test_a_title_names_the_runs_that_get_worse():
     assert worse
     assert f"on {len(worse)} of 4 runs" in title
     assert all(name in title for name in worse)
-
-
-def test_intervals_that_hold_zero_are_told_apart():
-    selection = studies.useless()
-    model = selection.models["Z"]
-    halves = 1.96 * np.sqrt(np.diag(model.covariance)[1:])
-    unsure = np.abs(model.coefficients[1:]) <= halves
-    drawn = figures.coefficient_intervals(selection, "Z")
-    grey = named(drawn, "cannot")
-    assert sum(len(trace.x) for trace in grey) == unsure.sum()
-    sure = named(drawn, "coefficient")
-    assert sum(len(trace.x) for trace in sure) == (~unsure).sum()
-
-
-def test_fault_table_holds_the_gains():
-    selection = studies.small()
-    z = np.array(figures.fault_table(selection).data[0].z)
-    assert z.shape == (len(selection.chosen), 3 * len(selection.models))
-    gain = selection.faults[0]
-    row = selection.chosen.index(gain.sensor)
-    column = 3 * list(selection.models).index(gain.response)
-    assert z[row, column : column + 3].tolist() == [gain.per_kelvin_um, gain.stuck_um, gain.open_um]
 
 
 def test_nines_rise_with_the_level_and_stay_finite():

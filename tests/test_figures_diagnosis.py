@@ -11,9 +11,9 @@ import plotly.graph_objects as go
 import pytest
 
 from selector.figures import style
-from selector.figures.diagnosis import RunAxis, before_after, evidence, mismatch_map, told_apart
+from selector.figures.diagnosis import RunAxis, before_after, evidence, mismatch_map
 from selector.recording import Channel
-from tests.diagnosis.answers import END_S, N, answer, memory_effect
+from tests.diagnosis.answers import END_S, N, answer
 from tests.report.studies import HOSTILE
 from tests.test_figures_thermal import drawn_values, strings_of
 
@@ -23,11 +23,7 @@ LENGTH_S = END_S
 
 def every_figure() -> list[go.Figure]:
     found = answer(names=HOSTILE)
-    apart = replace(found, effects=(replace(found.effects[0], cannot_be_told_from=("thermal.ambient",)),))
-    drawn = [mismatch_map(found), *(before_after(found, name) for name in HOSTILE), evidence(found)]
-    matrix = told_apart(apart)
-    assert matrix is not None
-    return [*drawn, matrix]
+    return [mismatch_map(found), *(before_after(found, name) for name in HOSTILE), evidence(found)]
 
 
 def test_names_are_never_markup():
@@ -107,14 +103,6 @@ def test_the_map_draws_what_an_effect_was_made_of_and_says_how_large_its_unit_is
     named = replace(found, effects=(replace(FOUND.effects[0], sources=("S8",)),))
     assert "S8" in mismatch_map(named).layout.yaxis2.ticktext
     assert all(text.endswith("µm rms") for text in mismatch_map(named).layout.yaxis.ticktext)
-
-
-def test_what_can_all_be_told_apart_needs_no_matrix():
-    assert told_apart(FOUND) is None
-    ambiguous = replace(FOUND, effects=(memory_effect(np.zeros(3 * N), cannot_be_told_from=("thermal.ambient",)),))
-    matrix = told_apart(ambiguous)
-    assert matrix is not None
-    assert np.asarray(matrix.data[0].z, dtype=float).tolist() == [[1.0, 1.0], [1.0, 1.0]]
 
 
 @pytest.mark.parametrize("verdict", ["nothing-missing", "unexplained", "miscalibrated", "data-fault"])

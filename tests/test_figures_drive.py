@@ -12,13 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.figures.simulated.drive import (
-    axis_course,
-    frequency_response,
-    stiffness_and_damping,
-    stretches,
-    varying_against_constant,
-)
+from selector.figures.simulated.drive import axis_course, frequency_response, stiffness_and_damping, stretches
 from selector.physics.drive.drive_summary import ROTARY
 from selector.physics.drive.trajectory import Motion
 from tests.report.studies import HOSTILE
@@ -68,7 +62,6 @@ def every_figure() -> list[go.Figure]:
         axis_course(motion, HOSTILE[0], "A", limited=np.abs(motion.command) >= 20.0),
         axis_course(motion, "B", "A", measures=ROTARY),
         stiffness_and_damping(TIME_S, 1e8 + 1e7 * TIME_S, 100.0 + TIME_S, (0.1, 0.5)),
-        varying_against_constant(TIME_S, motion.tracking_error_m, 0.9 * motion.tracking_error_m),
         bode(),
     ]
 
@@ -114,13 +107,6 @@ def test_limits_are_shaded_where_they_were_reached():
 
 def test_limits_that_are_touched_all_the_time_are_few_shapes():
     assert len(stretches(TIME_S, np.arange(len(TIME_S)) % 2 == 0)) == 1
-
-
-def test_varying_and_constant_are_told_apart():
-    motion = moved()
-    drawn = varying_against_constant(TIME_S, motion.tracking_error_m, 0.5 * motion.tracking_error_m)
-    share = 100.0 * np.mean(np.abs(motion.tracking_error_m) > 0.5 * np.abs(motion.tracking_error_m))
-    assert f" {share:.0f} % " in drawn.layout.title.text
 
 
 def test_amplitudes_are_decibels():

@@ -23,7 +23,7 @@ from selector.figures import style
 from selector.physics.gauging.grinding.gauged_grinding import finished_sizes
 from selector.physics.gauging.process import Noise
 from selector.physics.gauging.sizes import sizes_by_formula
-from selector.telling.simulated.gauging_pictures import size_density
+from selector.telling.simulated.gauging import size_density
 
 PARTS, FILTERS = 4000, 30
 BIAS, VARIANCE, TOTAL, SIMULATED = style.RESIDUAL, style.PREDICTED, style.INK, style.BEFORE

@@ -6,16 +6,13 @@ axis.
 
 from selector.figures.grouping import lambda_scan, sensor_tree, similarity_and_closure
 from selector.figures.loops import displacement_loops, validity_pairs
-from selector.figures.model import coefficient_intervals, fault_table
 from selector.figures.places import sensor_places
 from selector.figures.proof import error_against_sensors, errors_per_run, measured_and_predicted
 
 __all__ = [
-    "coefficient_intervals",
     "displacement_loops",
     "error_against_sensors",
     "errors_per_run",
-    "fault_table",
     "lambda_scan",
     "measured_and_predicted",
     "sensor_places",

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: where recording and simulation part, fit, evidence, what cannot be told apart."""
+"""Pictures of a diagnosis: where recording and simulation part, fit, evidence."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -10,7 +10,7 @@ from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.shown_units import displayed, p_words
-from selector.diagnosis.wording import amount, listed
+from selector.diagnosis.wording import amount
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
@@ -173,29 +173,6 @@ def evidence(found: Diagnosis) -> go.Figure:
     drawn.update_yaxes(categoryorder="array", categoryarray=order, showgrid=False)
     drawn.update_xaxes(title_text="gain on rows not fitted to [variances of the noise]", rangemode="tozero")
     drawn.update_layout(bargap=0.35, margin={"r": 90})
-    return drawn
-
-
-def told_apart(found: Diagnosis) -> go.Figure | None:
-    """Which effects this record cannot tell apart, as a matrix; None where it can tell all that is named."""
-    pairs = {(effect.id, other) for effect in found.effects for other in effect.cannot_be_told_from}
-    if not pairs:
-        return None
-    names = list(dict.fromkeys([effect.id for effect in found.effects] + [other for _, other in sorted(pairs)]))
-    groups = [[effect.id, *effect.cannot_be_told_from] for effect in found.effects if effect.cannot_be_told_from]
-    alike = np.array([[float(a == b or any({a, b} <= set(one) for one in groups)) for b in names] for a in names])
-    sets = "; ".join(listed([style.label(name) for name in one]) for one in groups)
-    labels = [style.label(name, _LONGEST_ID) for name in names]
-    drawn = style.figure(f"This record cannot tell {sets} apart", 150 + 34 * len(names))
-    drawn.add_heatmap(
-        x=labels, y=labels, z=alike, zmin=0.0, zmax=1.0, showscale=False, xgap=2, ygap=2,
-        colorscale=[[0.0, "#f4f6f8"], [1.0, style.BASELINES["mean"]]],
-        text=[["alike" if value and a != b else "" for b, value in enumerate(row)] for a, row in enumerate(alike)],
-        texttemplate="%{text}", hoverinfo="skip",
-    )  # fmt: skip
-    drawn.update_yaxes(autorange="reversed", showgrid=False)
-    drawn.update_xaxes(showgrid=False, tickangle=-30)
-    drawn.update_layout(margin={"r": 320})
     return drawn
 
 

@@ -4,19 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
 import plotly.graph_objects as go
 
 from selector.figures import style
-from selector.figures.style import Changes, changed
-from selector.models.design import Term
+from selector.figures.style import Changes
 from selector.models.least_squares import FaultGain
 from selector.number_text import number_text
-from selector.selection import Selection
 
 COLLINEAR_VIF = 10.0
-NORMAL_95 = 1.96
-_LONGEST_FACTOR = 18
 _FAULTS = (("per_kelvin_um", "+1 K"), ("stuck_um", "stuck"), ("open_um", "open"))
 
 
@@ -33,19 +28,6 @@ class TermShown:
     def is_unsure(self) -> bool:
         """Whether zero is within the interval."""
         return abs(self.value_um) <= self.half_um
-
-
-def coefficient_intervals(selection: Selection, response: str) -> go.Figure:
-    """Every coefficient with its 95 % interval, per standard deviation of the variables, and its VIF."""
-    model = selection.models[response]
-    halves = NORMAL_95 * np.sqrt(np.maximum(np.diag(model.covariance)[1:], 0.0))
-    terms = [
-        TermShown(term_label(selection, term), float(value), float(half), float(vif))
-        for term, value, half, vif in zip(model.terms, model.coefficients[1:], halves, model.vif, strict=True)
-    ]
-    height = 150 + max(100, 26 * len(terms))
-    drawn = coefficients_picture(height, coefficients_title(response, terms))
-    return changed(drawn, coefficient_changes(response, terms))
 
 
 def coefficients_title(response: str, terms: Sequence[TermShown]) -> str:
@@ -101,14 +83,6 @@ def coefficient_changes(response: str, terms: Sequence[TermShown]) -> Changes:
     return changes
 
 
-def fault_table(selection: Selection) -> go.Figure:
-    """What a fault of each sensor does to each prediction, as a table in colours."""
-    responses, sensors = tuple(selection.models), selection.chosen
-    height = 160 + 36 * max(len(sensors), 2)
-    drawn = faults_picture(len(responses), height, faults_title(selection.faults))
-    return changed(drawn, fault_changes(sensors, responses, selection.faults))
-
-
 def faults_title(faults: Sequence[FaultGain]) -> str:
     """The worst fault of a single sensor."""
     worst = max(faults, key=lambda one: one.worst_um)
@@ -151,19 +125,3 @@ def fault_changes(sensors: Sequence[str], responses: Sequence[str], faults: Sequ
         ("layout", "yaxis", "tickvals"): list(range(n)),
         ("layout", "yaxis", "ticktext"): names,
     }
-
-
-def term_label(selection: Selection, term: Term) -> str:
-    """A term as it stands in a figure, e.g. ``ΔT1·ΔT3²`` or ``ΔT1 lagged 30 min``."""
-    lags = {lag.name: lag for lag in selection.recipe.design.lags}
-    parts = []
-    for name, power in term.powers:
-        lag = lags.get(name)
-        source = lag.source if lag else name
-        is_rise = selection.options.reference == "rise" and source in selection.chosen
-        text = ("Δ" if is_rise else "") + style.label(source, _LONGEST_FACTOR)
-        if lag:
-            unit, size = style.time_unit(lag.tau_s)
-            text += f" lagged {number_text(lag.tau_s / size, 2)} {unit}"
-        parts.append(text + ("" if power == 1 else "²³"[power - 2]))
-    return "·".join(parts)

@@ -167,7 +167,6 @@ POINTS_PER_RUN = 400
 _WAYS = {"none": "no compensation", "mean": "a constant", "all sensors": "linear regression on all sensors"}
 _DASHES = {"none": "dash", "mean": "dot", "all sensors": "dot"}
 _OTHER_DASHES = ("dashdot", "longdash", "longdashdot")
-_UNSEEN = {"run": "unseen runs", "condition": "unseen conditions", "block": "unseen stretches"}
 _ONE_FROM = 8.0
 
 
@@ -183,7 +182,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
     than = "against" if achieved < ways["none"] else "no better than the"
     of_size = [f", {BEST_OF_SIZE} {number_text(error[sizes.index(size)])} µm"] if size in sizes else []
     title = (
-        f"{style.label(response)} with {size} sensor{'s' * (size != 1)} on {_UNSEEN[proof.left_out]}: {PROCEDURE} "
+        f"{style.label(response)} with {size} sensor{'s' * (size != 1)} on unseen {KINDS[proof.left_out]}: {PROCEDURE} "
         f"(ring) {number_text(achieved)} µm{''.join(of_size)}, {than} {number_text(ways['none'])} µm without "
         "compensation"
     )
@@ -202,7 +201,7 @@ def error_against_sensors(selection: Selection, response: str) -> go.Figure:
         colour, named = style.BASELINES.get(way, style.OTHER_BASELINE), f"{text}: {number_text(value)} µm"
         style.curve(drawn, [0.5, last], [value, value], colour, named, "%{fullData.name}", width=2, dash=dashes[way])
     x, y, names = zip(*single, strict=True) if single else ((), (), ())
-    apart = f"single {_UNSEEN[proof.left_out].split()[1]}"
+    apart = f"single {KINDS[proof.left_out]}"
     told = {"text": [style.label(one) for one in names], "marker": {"opacity": 0.6}}
     style.points(drawn, x, y, style.MUTED, apart, "%{text}: %{y:.3g} µm", size=5, **told)
     best = f"{BEST_OF_SIZE}, ± standard error"
@@ -232,13 +231,9 @@ def measured_and_predicted(selection: Selection, response: str, runs: Sequence[s
         traces.setdefault(trace.run, []).append(trace)
     wanted = [run for run in (traces if runs is None else runs) if run in traces]
     proofs = {part.name: part for part in selection.proof.per_response[response]}
-    source = {
-        "run": "predicted from the other runs",
-        "condition": "predicted from other conditions",
-        "block": "predicted from the rest of the run",
-    }[selection.proof.left_out]
     most = number_text(selection.proof.max_um(response))
-    title = f"{style.label(response)} measured and {source}: largest residual {most} µm"
+    others = f"the other {KINDS[selection.proof.left_out]}"
+    title = f"{style.label(response)} measured and predicted from {others}: largest residual {most} µm"
     shown = []
     for run in wanted:
         time_s, measured, predicted = _drawn_samples(traces[run], j)

@@ -252,6 +252,17 @@ def section(id_: str, title: str, *blocks: Block | None, link: str = "", on_pape
     return Section(id_, title, kept, link, on_paper) if kept else None
 
 
+def captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> Captioned | None:
+    """A table with what stands above it; None if there is none, or nothing in it."""
+    return Captioned(caption, told, on_screen) if told is not None and told.rows else None
+
+
 def sections(*several: Section | None) -> tuple[Section, ...]:
     """Those that there are."""
     return tuple(one for one in several if one is not None)
+
+
+def warnings_section(findings: Iterable[Finding]) -> Section | None:
+    """What must be known before a result is used; None where nothing must."""
+    urgent = remarks_of(findings, "error", "warning")
+    return section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings")

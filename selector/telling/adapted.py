@@ -12,7 +12,6 @@ from selector.telling.account import (
     Captioned,
     Drawing,
     Items,
-    Paragraph,
     Remarks,
     Table,
     Verdict,
@@ -20,6 +19,7 @@ from selector.telling.account import (
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import share_text, span_text
 from selector.telling.origin import label_text
@@ -41,8 +41,6 @@ def adaptation_account(
     """
     described, provenance = description or {}, provenance or {}
     verdict, sentences = _advice(found)
-    urgent, no_warnings = remarks_of(found.findings, "error", "warning"), Paragraph("No warnings were found.")
-    learnt = Captioned("Drift and noise", _learnt_table(found), on_screen=False)
     return Account(
         title=": ".join(filter(None, ["Touch-offs", str(provenance.get("machine") or "")])),
         label=label_text("the recordings", "", provenance, described),
@@ -50,12 +48,12 @@ def adaptation_account(
         sentences=sentences,
         answer=_overall_table(found),
         sections=sections(
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
+            warnings_section(found.findings),
             section("monday", "What to do", Items(_steps(found), are_steps=True), link="What to do"),
             section(
                 "runs", "Run by run", Captioned("Errors", _runs_table(found)), *_drawings(found, drawn), link="Runs"
             ),
-            section("learnt", "What the runs teach", learnt, link="Learnt"),
+            section("learnt", "What the runs teach", Captioned("What is followed", _learnt_table(found), False)),
             section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
             section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
@@ -149,24 +147,9 @@ def _cells(one: Accuracy) -> tuple[str | float | None, ...]:
 
 
 def _learnt_table(found: Adaptation) -> Table:
-    rows = []
-    for name, of in found.responses.items():
-        learnt: tuple[float | None, ...] = (None,) * 5
-        if of.learnt is not None:
-            drift, hour = of.learnt.drift, 60.0
-            starts = drift.offset_start_um2**0.5, drift.gain_start**0.5 * 100 if drift.has_gain else None
-            learnt = (starts[0], drift.offset_um2_per_s**0.5 * hour, drift.noise_um2**0.5, starts[1])
-            learnt = (*learnt, drift.offset_limit_um)
-        rows.append((name, of.kind, *(of.rmse_um_of.get(kind) for kind in KINDS), *learnt))
-    headings = [
-        "response", "kind", ">model alone [µm]", ">offset [µm]", ">offset and gain [µm]", ">offset at the start [µm]",
-        ">drift [µm/√h]", ">noise [µm]", ">gain at the start [%]", ">limit of the offset [µm]",
-    ]  # fmt: skip
-    note = (
-        "Third to fifth column: RMS error on runs that did not teach. Drift, noise and starts are standard deviations, "
-        "by maximum likelihood over all runs."
-    )
-    return table(headings, rows, note)
+    rows = [(name, of.kind, *(of.rmse_um_of.get(kind) for kind in KINDS)) for name, of in found.responses.items()]
+    headings = ["response", "kind", ">model alone [µm]", ">offset [µm]", ">offset and gain [µm]"]
+    return table(headings, rows, "RMS errors on runs that did not teach; drift and noise are in the model card.")
 
 
 def _drawings(found: Adaptation, drawn: bool) -> list[Drawing]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from selector.fleet import Answer, FleetAnswer, FleetWatch, Overview, SistersAnswer
 from selector.number_text import number_text
-from selector.telling.account import Account, Captioned, Items, Table, section, sections, table
+from selector.telling.account import Account, Captioned, Items, Table, captioned, section, sections, table
 from selector.telling.numbers import NONE
 
 
@@ -46,7 +46,7 @@ def fleet_account(
                 Captioned("", _table(answer, missing, beside or Overview())),
                 link="Machines",
             ),
-            section("sensors", "Sensors over the fleet", *_serving(beside), *_sensors(answer), link="Sensors"),
+            section("sensors", "Sensors over the fleet", _serving(beside), _sensors(answer), link="Sensors"),
         ),
         data=answer.model_dump(by_alias=True),
     )
@@ -66,7 +66,7 @@ def watch_account(watch: FleetWatch, *, title: str = "Fleet") -> Account:
         sentences=tuple(sentences),
         sections=sections(
             section("machines", "Errors in recordings that came later", Captioned("", _watched(watch)), link="Errors"),
-            section("readings", "What else was found in them", *_readings(watch), link="Readings"),
+            section("readings", "What else was found in them", _readings(watch), link="Readings"),
         ),
         data=watch.model_dump(by_alias=True),
     )
@@ -141,12 +141,12 @@ def _watched(watch: FleetWatch) -> Table:
     return table(("machine", "status", "response", *head, "what has changed"), rows, note, marked=marked)
 
 
-def _readings(watch: FleetWatch) -> list[Captioned]:
+def _readings(watch: FleetWatch) -> Captioned | None:
     rows = []
     for name, one in watch.machines.items():
         rows += [(name, _gravest(one.findings)["statement"], str(len(one.findings)))] if one.findings else []
     note = "The gravest finding of each machine; --json has all."
-    return [Captioned("", table(("machine", "what", ">findings"), rows, note))] if rows else []
+    return captioned("", table(("machine", "what", ">findings"), rows, note))
 
 
 def _machines(n: int) -> str:
@@ -251,29 +251,26 @@ def _gravest(findings: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     return min(findings, key=lambda finding: finding["level"] != "error")
 
 
-def _serving(beside: Overview | None) -> list[Captioned]:
+def _serving(beside: Overview | None) -> Captioned | None:
     """The places that serve all machines, as a list that may be cut anywhere."""
-    if beside is None or not beside.serving:
-        return []
-    rows = [(str(k + 1), name, str(served)) for k, (name, served) in enumerate(beside.serving)]
+    serving = () if beside is None else beside.serving
+    rows = [(str(k + 1), name, str(served)) for k, (name, served) in enumerate(serving)]
     note = (
         "With the places down to a row, so many machines have all sensors of a set that is about as good as their "
         "best. Sensors of one name are taken for the same place. A greedy choice: few places, not surely the fewest."
     )
-    return [Captioned("Places for all", table((">places", "sensor to add", ">machines served"), rows, note))]
+    return captioned("Places for all", table((">places", "sensor to add", ">machines served"), rows, note))
 
 
-def _sensors(answer: FleetAnswer) -> list[Captioned]:
+def _sensors(answer: FleetAnswer) -> Captioned | None:
     models = [one for one in answer.machines.values() if one.sensors]
     counts = Counter(name for one in models for name in one.sensors)
-    if not counts:
-        return []
     rows = [
         (name, str(count), f"{100 * count / len(models):.0f} %")
         for name, count in sorted(counts.items(), key=lambda item: -item[1])
     ]
     note = "Chosen on so many of the machines that have a model; sensors of one name are taken for the same place."
-    return [Captioned("How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, note))]
+    return captioned("How often each sensor is chosen", table(("sensor", ">machines", ">share"), rows, note))
 
 
 def _error(error: float | None) -> str:

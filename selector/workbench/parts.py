@@ -361,6 +361,14 @@ def saved(bench: Bench, folder: str, files: Iterable[tuple[str, str]]) -> Compon
     return html.Div([html.Span("Save: "), *links], className="row")
 
 
+def answer(
+    bench: Bench, folder: str, files: Iterable[tuple[str, str]], title: str, stamp: str, *first: Component
+) -> Component:
+    """What a command answered: first what is told of it, then its files to be saved, and its report."""
+    report = framed(f"{folder}/report.html", title, stamp)
+    return section("The answer", *first, saved(bench, folder, files), report)
+
+
 def table_download(name: str) -> Component:
     """A link that saves a table as CSV; `register_table` answers it."""
     return html.A("Download as CSV", href=f"/tables/{name}.csv", download=f"{name}.csv")

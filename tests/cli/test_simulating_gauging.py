@@ -234,7 +234,7 @@ def test_for_people(folder, capfd):
     assert exit_status(["simulate", "gauging", "model.toml", "--out", "parts"]) == 0
     out, err = capfd.readouterr()
     for text in (
-        "a gauge as a line", "than wanted on average", "gain K", "Finished sizes", "Monte Carlo, 2000 parts",
+        "a gauge as a line", "than wanted on average", "Finished sizes", "Monte Carlo, 2000 parts",
         "95 % interval", "Filter and last threshold", "best filter", "[µm]",
         "--machine parts",
     ):  # fmt: skip

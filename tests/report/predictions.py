@@ -16,7 +16,7 @@ from selector.physics.thermal.prediction.prediction import Method, Prediction, p
 from selector.telling.account import Account, Section
 from selector.telling.simulated import account_of
 from selector.telling.simulated.result import SimulationResult
-from selector.telling.simulated.thermal_pictures import moment_drawing
+from selector.telling.simulated.thermal import moment_drawing
 from tests.report.simulated import result
 from tests.report.studies import HOSTILE
 

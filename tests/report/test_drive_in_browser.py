@@ -14,7 +14,7 @@ from tests.report.test_thermal_in_browser import BROWSER
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-@pytest.mark.parametrize(("kind", "figures"), [("state", 4), ("circle", 4)])
+@pytest.mark.parametrize(("kind", "figures"), [("state", 3), ("circle", 4)])
 def test_every_figure_is_drawn_and_nothing_is_refused(kind, figures, tmp_path):
     path = write_account(account_of(drives.page(kind), drawn=True), tmp_path / "page.html")
     run = subprocess.run(

@@ -14,7 +14,7 @@ from tests.report.test_thermal_in_browser import BROWSER
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-@pytest.mark.parametrize(("kind", "figures"), [("line", 5), ("chain", 6)])
+@pytest.mark.parametrize(("kind", "figures"), [("line", 4), ("chain", 5)])
 def test_every_figure_is_drawn_and_nothing_is_refused(kind, figures, tmp_path):
     path = write_account(account_of(gaugings.page(kind), drawn=True), tmp_path / "page.html")
     run = subprocess.run(

@@ -12,8 +12,7 @@ import pytest
 from selector.number_text import number_text
 from selector.telling.page import write_account
 from selector.telling.simulated import account_of
-from selector.telling.simulated.gauging import percent, trade_off_table
-from selector.telling.simulated.gauging_pictures import size_density
+from selector.telling.simulated.gauging import percent, size_density, trade_off_table
 from tests.report import gaugings
 from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
@@ -93,9 +92,9 @@ def test_what_was_recorded_is_told_first(page, kind):
 def test_figures_tables_and_findings_are_there(kind, page):
     shown, text = gaugings.page(kind), text_of(page)
     figures = [kind for kind, _ in page.scripts].count("application/json")
-    # histogram, chart over parts, filter, a part and its end; characteristic of a chain
-    expected = {"line": 5, "off": 5, "chain": 6}
-    # without chart and end: two recorded channels that are compared, and the first three runs
+    # histogram, chart over parts, filter, a part; characteristic of a chain
+    expected = {"line": 4, "off": 4, "chain": 5}
+    # without chart: two recorded channels that are compared, and the first three runs
     compared = min(6, len(shown.simulated.differences or ()))
     assert figures == expected.get(kind, 2 + compared + 3)
     for channel in shown.recording.channels:

@@ -17,21 +17,21 @@ from selector.physics.vibration.structure.structure import CarryingMode, carryin
 from selector.physics.vibration.vibration_model import RELATIVE, vibration_model
 from selector.physics.vibration.vibration_summary import vibration_summary
 from selector.telling.page import write_account
-from selector.telling.simulated import account_of, vibration_pictures
-from selector.telling.simulated.vibration import carried_text, motion_courses, published_sentences, source_shares
+from selector.telling.simulated import account_of, vibration
+from selector.telling.simulated.vibration import carried_text, motion_courses, source_shares
 from tests.report import vibrations
 from tests.report.simulated import html
 from tests.report.test_selection_report import MEGABYTE, Page
 from tests.report.test_thermal_in_browser import BROWSER
 
 ROOT = Path(__file__).resolve().parents[2]
-FIGURES = {"cut": 4, "run-up": 3, "alone": 2}
+FIGURES = {"cut": 4, "run-up": 2, "alone": 2}
 
 
 def test_every_final_is_drawn_by_the_chains_of_every_source_that_have_a_way_to_it():
     model = vibration_model(read_model_file(ROOT / "fixtures" / "vibration" / "lathe.toml"))
     names = [source.name for source in model.sources]
-    _, answers = vibration_pictures._answers(model, vibration_summary(model, model.simulation()), names)
+    _, answers = vibration._answers(model, vibration_summary(model, model.simulation()), names)
     led = {(source, chain.final) for chain in model.chains for source in chain.sources}
     drawn = {
         (one.source, model.finals[final]): one.chains_um_per_n is not None
@@ -96,14 +96,6 @@ def test_a_run_up_begins_with_the_largest_motion_and_its_speed():
     assert f"by up to {number_text(abs(whole.motions_um[RELATIVE][k]))} µm, after" in text
     assert f"with spindle at {whole.speeds_rpm['spindle'][k]:.4g} r/min" in text
     assert "What follows is about the mean speeds: spindle 600 r/min." in text
-
-
-def test_a_height_that_no_motion_can_cut_is_said_to_be_none():
-    worst = max(vibrations.page("cut").summary.errors, key=lambda one: one.kinematic_um)
-    (said,) = published_sentences([replace(worst, published_um=50.0 * worst.kinematic_um)])
-    assert "50.0 times what the motion there can cut, so do not take it for a height" in said
-    (said,) = published_sentences([replace(worst, published_um=worst.kinematic_um)])
-    assert "times" not in said
 
 
 def test_shares_of_sources_make_a_whole():

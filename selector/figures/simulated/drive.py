@@ -15,7 +15,6 @@ from selector.physics.drive.trajectory import Motion
 from selector.types import Vector
 
 COMMANDED, TABLE, ERROR, OUTPUT = style.MUTED, style.PREDICTED, style.RESIDUAL, style.CHOSEN
-VARYING, CONSTANT = style.PREDICTED, style.MUTED
 SHORTEST_SPAN = 1 / 500  #: Stretches of the run that are closer together than this share of it are shaded as one.
 _FLOOR_DB = -80.0
 _PHASE_STEP = 90.0
@@ -76,26 +75,6 @@ def stiffness_and_damping(
         Panel("damping [kN·s/m]", [Line("", time_s, damping, style.RESIDUAL)], 170, least=0.0),
     ]
     return stacked(title, panels, float(time_s[-1]), marks_s)
-
-
-def varying_against_constant(
-    time_s: Vector, varying_m: Vector, constant_m: Vector, measures: Measures = LINEAR
-) -> go.Figure:
-    """Tracking errors [m] of the time-varying and of the constant model, and their difference (F fig. 9)."""
-    unit, times = measures.error
-    varying, constant = varying_m * times, constant_m * times
-    larger = 100.0 * float(np.mean(np.abs(varying) > np.abs(constant)))
-    rms = [float(np.sqrt(np.mean(course**2))) for course in (varying, constant)]
-    title = (
-        f"Simulated: rms {number_text(rms[0], 4)} {unit} with varying stiffness and damping, "
-        f"{number_text(rms[1], 4)} {unit} with constant ones; the varying one is larger {larger:.0f} % of the time"
-    )
-    lines = [Line("constant", time_s, constant, CONSTANT, width=4.0), Line("varying", time_s, varying, VARYING)]
-    panels = [
-        Panel(f"error [{unit}]", lines, 220, least=0.0),
-        Panel(f"difference [{unit}]", [Line("", time_s, varying - constant, style.RESIDUAL)], 130, least=0.0),
-    ]
-    return stacked(title, panels, float(time_s[-1]))
 
 
 def frequency_response(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 CURVE, LINE, THRESHOLD = style.PREDICTED, style.RESIDUAL, style.CHOSEN
 SEEN, TRUE = style.RESIDUAL, style.PREDICTED
-_RIGHT_PX = 150
-_LABEL_PX = 17
 _CURVE_PX, _ERROR_PX, _GAP_PX, _BOTTOM_PX = 300, 130, 16, 44
 _SHOWN_ERRORS = 4.0  #: The error of the line is shown up to so many times its largest one within the valid range.
 
@@ -48,9 +46,11 @@ def gauge_characteristic(
     inside = _CURVE_PX + _GAP_PX + _ERROR_PX
     drawn = style.figure(title, inside)
     drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BOTTOM_PX, showlegend=False)
-    drawn.update_layout(margin={"b": _BOTTOM_PX, "r": _RIGHT_PX})
+    drawn.update_layout(margin={"b": _BOTTOM_PX})
     split = (_ERROR_PX + _GAP_PX / 2) / inside
-    low, high = _widened(voltage_v, [threshold for _, threshold in thresholds])
+    ends_v = [float(voltage_v.min()), float(voltage_v.max()), *(volts for _, volts in thresholds)]
+    room = 0.08 * max(max(ends_v) - min(ends_v), 1e-9)
+    low, high = min(ends_v) - room, max(ends_v) + room
     most = _SHOWN_ERRORS * max(float(np.abs(error_um[valid]).max(initial=0.0)), 1e-3)
     shown = (line_v >= low) & (line_v <= high)
     for x, y, axis, colour, dash, name in (
@@ -61,8 +61,16 @@ def gauge_characteristic(
         unit = "µm" if axis else "V"
         hover = f"%{{x:.4g}} µm: %{{y:.4g}} {unit}<extra>{name}</extra>"
         style.curve(drawn, x, y, colour, name, hover, width=2, dash=dash, xaxis=f"x{axis}", yaxis=f"y{axis}")
-    _band(drawn, line_um, allowance_um)
-    _thresholds(drawn, allowance_um, voltage_v, thresholds, (low, high), split * inside + _GAP_PX / 2, inside)
+    first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
+    for axis in ("", "2"):
+        style.zone(drawn, first, last, CURVE, 0.08, panel=axis)
+    falls = voltage_v[-1] < voltage_v[0]
+    rising_v, at_um = (voltage_v[::-1], allowance_um[::-1]) if falls else (voltage_v, allowance_um)
+    for stage, (until, volts) in enumerate(thresholds, start=1):
+        reads = float(np.interp(volts, rising_v, at_um))
+        hover = f"stage {stage} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}"
+        look = {"marker": {"line": {"color": "#ffffff", "width": 1.4}}, "showlegend": False}
+        style.points(drawn, [reads], [volts], THRESHOLD, f"stage {stage}", hover, **look)
     across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
     drawn.update_layout(
         xaxis={"anchor": "y", "showticklabels": False, "ticks": "", "matches": "x2", **across},
@@ -85,42 +93,35 @@ def part_in_time(
     ends_s: Sequence[float] = (),
     *,
     is_finished: bool = True,
-    from_s: float = 0.0,
     name: str = "",
 ) -> go.Figure:
     """Allowance of one part, what the gauge reads, its voltage against the thresholds, and the feed.
 
     Times are from the start of the part [s]; the feed is None where it is not known. `thresholds` has one a stage:
     allowance at which it is to end [µm], and voltage of the relay [V]; at `ends_s` the stages end: dotted lines [s].
-    `is_finished` says whether the last allowance is the size of a finished part. The picture begins at `from_s` [s];
-    thresholds of stages that are over by then are left out.
+    `is_finished` says whether the last allowance is the size of a finished part.
     """
-    kept = time_s >= from_s
-    time, end = time_s[kept], float(time_s[-1])
+    end = float(time_s[-1])
     wanted = thresholds[-1][0] if thresholds else 0.0
-    ends = np.array([max(from_s, 0.0), end])
-    over = sum(end_s < from_s for end_s in ends_s)
+    ends = np.array([0.0, end])
     limits = [
         Line(f"{number_text(volts, 4)} V, end of stage {k}", ends, np.full(2, volts), THRESHOLD, dash="dot")
         for k, (_, volts) in enumerate(thresholds, start=1)
-        if k > over
     ]
     allowances = [
-        Line("gauge reads", time, measured_um[kept], SEEN, width=1.2),
-        Line("true", time, allowance_um[kept], TRUE, width=2.4),
+        Line("gauge reads", time_s, measured_um, SEEN, width=1.2),
+        Line("true", time_s, allowance_um, TRUE, width=2.4),
         Line(f"wanted, {number_text(wanted)} µm", ends, np.full(2, wanted), style.MUTED, dash="dash", width=1),
     ]
     panels = [Panel("allowance [µm]", allowances, 210)]
-    panels.append(Panel("voltage [V]", [*limits, Line("", time, voltage_v[kept], SEEN)], 170))
+    panels.append(Panel("voltage [V]", [*limits, Line("", time_s, voltage_v, SEEN)], 170))
     if feed_um_per_s is not None:
-        fed = Line("", time, feed_um_per_s[kept], style.INK, steps=True)
+        fed = Line("", time_s, feed_um_per_s, style.INK, steps=True)
         panels.append(Panel("feed [µm/s]", [fed], 90, least=0.0))
     size = float(allowance_um[-1])
     who = style.label(name, 20) if name else "the part"
     off = size - wanted
-    if from_s > 0:
-        title = f"Simulated: the last {number_text(end - from_s)} s of {who}, when the gauge stops the feed"
-    elif is_finished:
+    if is_finished:
         title = (
             f"Simulated: {who} ends at {number_text(size)} µm after {number_text(end)} s, "
             f"{number_text(abs(off))} µm {'above' if off >= 0 else 'below'} the wanted {number_text(wanted)} µm"
@@ -128,56 +129,10 @@ def part_in_time(
     else:
         apart = float(np.abs(measured_um - allowance_um).max())
         title = f"Simulated: what the gauge reads of {who} is up to {number_text(apart)} µm off"
-    marks = [mark for mark in ends_s if from_s <= mark <= end]
-    drawn = stacked(title, panels, end, marks)
-    if from_s > 0:
-        _, seconds = style.time_unit(end)
-        drawn.update_xaxes(range=[from_s / seconds, end / seconds])
-    return drawn
-
-
-def _widened(values: Vector, others: Sequence[float]) -> tuple[float, float]:
-    ends = [float(values.min()), float(values.max()), *others]
-    room = 0.08 * max(max(ends) - min(ends), 1e-9)
-    return min(ends) - room, max(ends) + room
-
-
-def _band(drawn: go.Figure, line_um: tuple[float, float], allowance_um: Vector) -> None:
-    """Shade where the line holds, as far as it is drawn."""
-    first, last = max(line_um[0], float(allowance_um[0])), min(line_um[1], float(allowance_um[-1]))
-    for axis in ("", "2"):
-        style.zone(drawn, first, last, CURVE, 0.08, panel=axis)
-
-
-def _thresholds(
-    drawn: go.Figure,
-    allowance_um: Vector,
-    voltage_v: Vector,
-    thresholds: Sequence[tuple[float, float]],
-    shown_v: tuple[float, float],
-    floor_px: float,
-    inside_px: float,
-) -> None:
-    """Dotted lines at the thresholds, and their names to the right, apart from each other."""
-    low, high = shown_v
-    order = sorted(range(len(thresholds)), key=lambda k: thresholds[k][1])
-    wanted = [_CURVE_PX * (thresholds[k][1] - low) / (high - low) for k in order]
-    placed = style.spaced(wanted, _LABEL_PX, _CURVE_PX)
-    falls = voltage_v[-1] < voltage_v[0]
-    rising_v, at_um = (voltage_v[::-1], allowance_um[::-1]) if falls else (voltage_v, allowance_um)
-    for k, place in zip(order, placed, strict=True):
-        until, volts = thresholds[k]
-        reads = float(np.interp(volts, rising_v, at_um))
-        style.rule(drawn, volts, THRESHOLD, across=True, width=1.4, layer="below")
-        hover = f"stage {k + 1} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}"
-        look = {"marker": {"line": {"color": "#ffffff", "width": 1.4}}, "showlegend": False}
-        style.points(drawn, [reads], [volts], THRESHOLD, f"stage {k + 1}", hover, **look)
-        text, y = f"{number_text(volts, 4)} V, end of stage {k + 1}", (floor_px + place) / inside_px
-        style.words(drawn, text, y=y, colour=THRESHOLD, **style.BESIDE, yref="paper")
+    return stacked(title, panels, end, ends_s)
 
 
 DRAWN, LIMIT, WANTED = style.BEFORE, style.RESIDUAL, style.MUTED
-CURVES = (style.PREDICTED, style.CHOSEN, "#CC79A7")
 MOST_MARKERS = 600  #: Parts that are drawn one by one; of more the smallest and largest of each stretch.
 MOST_DRESSINGS = 40
 _BINS = 60
@@ -186,15 +141,15 @@ _DECADES = 5.0  #: Decades below the largest error that the trade-off shows at m
 
 def size_histogram(
     size_um: Vector,
-    curves: Mapping[str, tuple[Vector, Vector]],
+    curve: tuple[Vector, Vector] | None,
     tolerance_um: tuple[float, float] | None,
     wanted_um: float,
     title: str,
 ) -> go.Figure:
-    """Sizes of the simulated parts as a histogram, the densities by formula as lines, and the tolerance.
+    """Sizes of the simulated parts as a histogram, the density by formula as a line, and the tolerance.
 
-    Sizes are counted from the nominal size [µm]; `curves` is what a line is called → sizes [µm] and densities [1/µm];
-    `wanted_um` is x_k, for which the threshold is meant. `title` is plain text, as `style.label` makes it.
+    Sizes are counted from the nominal size [µm]; `curve` has the sizes [µm] and densities [1/µm] of eq. 25; `wanted_um`
+    is x_k, for which the threshold is meant. `title` is plain text, as `style.label` makes it.
     """
     counts, edges = np.histogram(size_um, bins=_edges(size_um))
     density = counts / (len(size_um) * np.diff(edges))
@@ -205,16 +160,17 @@ def size_histogram(
         name=f"Monte Carlo, {len(size_um)} parts", marker={"color": DRAWN, "line": {"width": 0}},
         hovertemplate="%{x:.4g} µm: %{y:.3g} % per µm<extra>Monte Carlo</extra>",
     )  # fmt: skip
-    for k, (name, (at_um, per_um)) in enumerate(curves.items()):
-        hover = f"%{{x:.4g}} µm: %{{y:.3g}} % per µm<extra>{style.label(name, 60)}</extra>"
-        look = {"width": 2.2, "dash": ("solid", "dash", "dot")[k % 3]}
-        style.curve(drawn, at_um, 100.0 * per_um, CURVES[k % len(CURVES)], style.label(name, 60), hover, **look)
+    top = float(density.max())
+    if curve is not None:
+        at_um, per_um = curve
+        hover = "%{x:.4g} µm: %{y:.3g} % per µm<extra>eq. 25</extra>"
+        style.curve(drawn, at_um, 100.0 * per_um, style.PREDICTED, "eq. 25", hover, width=2.2)
+        top = max(top, float(per_um.max()))
     ends = [float(edges[0]), float(edges[-1]), wanted_um, *(tolerance_um or ())]
     room = 0.06 * (max(ends) - min(ends))
     for value, name, colour, dash in _marked(tolerance_um, wanted_um, "lower", "upper"):
         style.rule(drawn, value, colour, dash=dash, width=1.8, y1=0.93)
         style.words(drawn, name, value, 0.93, colour, yref="y domain", yanchor="bottom")
-    top = max(float(density.max()), *(float(per_um.max()) for _, per_um in curves.values()), 1e-12)
     drawn.update_layout(
         bargap=0,
         xaxis={"title": {"text": "finished size, from nominal [µm]"}, "range": [min(ends) - room, max(ends) + room]},
@@ -292,15 +248,13 @@ def filter_trade_off(filters: Sequence[Setting], best: Setting, present: Setting
     positive = np.concatenate(
         [row[row > 0] for row in (bias2, variance, total, np.array([best.rms_um, present.rms_um]) ** 2)]
     )
-    high = math.log10(float(positive.max()))
-    low = max(math.log10(float(positive.min())), high - _DECADES)
+    high = _rounded(float(positive.max()))
+    low = max(_rounded(float(positive.min())), high * 10.0**-_DECADES)
     drawn.update_layout(
         xaxis={"type": "log", "title": {"text": "time constant of the filter [ms]"}, "dtick": 1,
                "minor": {"ticks": "outside", "ticklen": 3},
                "range": [math.log10(1e3 * time_constant_s[0]), math.log10(1e3 * time_constant_s[-1])]},
-        yaxis={"type": "log", "title": {"text": "error of the size [µm²]"}, "exponentformat": "power",
-               **style.log_ticks(low, high),
-               "range": [_rounded(low - 0.1), _rounded(high + 0.1)]},
+        yaxis={"title": {"text": "error of the size [µm²]"}, **style.log_axis(0.8 * low, 1.25 * high)},
         height=420,
     )  # fmt: skip
     return drawn

@@ -33,10 +33,12 @@ from selector.telling.account import (
     Remarks,
     Section,
     Table,
+    captioned,
     remarks_of,
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import NONE, share_text, span_text
 from selector.telling.origin import label_text
@@ -82,7 +84,7 @@ def diagnosis_account(
     """
     told, described = provenance or {}, description or {}
     drawings = _drawings(found) if drawn and not is_alone else {}
-    machine, urgent = told.get("machine"), remarks_of(found.findings, "error", "warning")
+    machine = told.get("machine")
     fault = "What is at fault" if found.verdict == "data-fault" else "What was left out"
     return Account(
         title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
@@ -91,29 +93,41 @@ def diagnosis_account(
             section(
                 "left-out", "What this page leaves out", Paragraph(_LEFT_OUT) if is_alone else None, link="Left out"
             ),
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings"),
-            section("where", "Where", *drawings.get("where", ()), _captioned("Windows", _places(found))),
+            warnings_section(found.findings),
+            section("where", "Where", *drawings.get("where", ()), captioned("Windows", _places(found))),
             section("effects", fault, *(block for effect in found.effects for block in _effect(found, effect))),
             _also_seen(found),
-            _better(found, drawings),
+            section(
+                "better",
+                "How much better it gets" if found.effects else "Recorded and simulated",
+                *drawings.get("better", ()),
+                captioned("Root mean square errors", _errors(found)),
+                link="How much better" if found.effects else "",
+            ),
             section(
                 "changes",
                 "What the simulation itself would have to change",
-                _captioned("", _recalibration(found)),
+                captioned("", _recalibration(found)),
                 link="Changes",
             ),
-            _evidence(found, drawings),
+            section(
+                "evidence",
+                "Why: the evidence",
+                *drawings.get("evidence", ()),
+                captioned("Effects that were tested", _tested(found), on_screen=False),
+                captioned("Not testable with this record", _untested(found), on_screen=False),
+                link="Evidence",
+            ),
             section(
                 "apart",
                 "What this record cannot tell apart",
-                *drawings.get("apart", ()),
-                _captioned("Runs that would tell", _next(found)),
+                captioned("Runs that would tell", _next(found)),
                 link="What cannot be told apart",
             ),
             section(
                 "detectability",
                 "What this record would have missed",
-                _captioned("", _detectable(found), on_screen=False),
+                captioned("", _detectable(found), on_screen=False),
                 link="Detectability",
             ),
             section("findings", "All findings", Remarks(remarks_of(found.findings)), link="Findings"),
@@ -129,21 +143,15 @@ def diagnosis_account(
 
 
 def _drawings(found: Diagnosis) -> Drawings:
-    from selector.figures.diagnosis import before_after, evidence, mismatch_map, told_apart
+    from selector.figures.diagnosis import before_after, evidence, mismatch_map
 
-    apart = told_apart(found)
     courses = [before_after(found, name) for name in found.fit]
     is_tested = any(not one.note.startswith(UNTESTED) for one in found.evidence)
     return {
         "where": [Drawing(mismatch_map(found), _MAP)] if found.fit else [],
         "better": [Drawing(one, "" if k else _BEFORE_AFTER) for k, one in enumerate(courses)],
         "evidence": [Drawing(evidence(found), _EVIDENCE)] if is_tested else [],
-        "apart": [] if apart is None else [Drawing(apart)],
     }
-
-
-def _captioned(caption: str, told: Table | None, *, on_screen: bool = True) -> Captioned | None:
-    return None if told is None else Captioned(caption, told, on_screen)
 
 
 def _also_seen(found: Diagnosis) -> Section | None:
@@ -152,29 +160,10 @@ def _also_seen(found: Diagnosis) -> Section | None:
         for one in found.also_seen
     ]
     told = table(["effect", "response", ">share of the mismatch", "how sure", "what it would be"], rows, _ALSO)
-    return section("also-seen", "Also seen", Captioned("", told, True) if rows else None)
+    return section("also-seen", "Also seen", captioned("", told))
 
 
-def _better(found: Diagnosis, drawings: Drawings) -> Section | None:
-    name, link = ("How much better it gets", "How much better") if found.effects else ("Recorded and simulated", "")
-    errors = _captioned("Root mean square errors", _errors(found))
-    return section("better", name, *drawings.get("better", ()), errors, link=link) if found.fit else None
-
-
-def _evidence(found: Diagnosis, drawings: Drawings) -> Section | None:
-    return section(
-        "evidence",
-        "Why: the evidence",
-        *drawings.get("evidence", ()),
-        _captioned("Effects that were tested", _tested(found), on_screen=False),
-        _captioned("Not testable with this record", _untested(found), on_screen=False),
-        link="Evidence",
-    )
-
-
-def _places(found: Diagnosis) -> Table | None:
-    if not found.where:
-        return None
+def _places(found: Diagnosis) -> Table:
     places = sorted(found.where, key=lambda place: -place.share)
     left = len(places) - MOST_PLACES
     note = f"{left} smaller windows are in diagnosis.json." if left > 0 else ""
@@ -222,9 +211,7 @@ def _quantity_text(of: Quantity) -> str:
     return f"{span_text(of.value)} ({ends})"
 
 
-def _errors(found: Diagnosis) -> Table | None:
-    if not found.fit:
-        return None
+def _errors(found: Diagnosis) -> Table:
     rows = [row for name, fit in found.fit.items() for row in _error_rows(name, fit)]
     headings = ["response", "rows", ">as simulated", ">recalibrated", ">with what was found", ">noise"]
     note = "Placebos are wrong effects of the same size: what they close is what chance closes."
@@ -250,16 +237,16 @@ def _share(of: Quantity) -> str:
     return f"{share_text(of.value)} ({100 * of.low:.0f} to {100 * of.high:.0f})".replace("-", "−")
 
 
-def _recalibration(found: Diagnosis) -> Table | None:
+def _recalibration(found: Diagnosis) -> Table:
     rows = [
         [response, name, quantity_words(quantity)]
         for response, quantities in found.recalibration.items()
         for name, quantity in recalibration_of(quantities).items()
     ]
-    return table(["response", "of the simulation", ">should be (95 % interval)"], rows) if rows else None
+    return table(["response", "of the simulation", ">should be (95 % interval)"], rows)
 
 
-def _tested(found: Diagnosis) -> Table | None:
+def _tested(found: Diagnosis) -> Table:
     tested = [one for one in found.evidence if not one.note.startswith(UNTESTED)]
     tested.sort(key=lambda one: (not one.named, -one.gain))
     rows = []
@@ -268,10 +255,10 @@ def _tested(found: Diagnosis) -> Table | None:
         rows.append([name_of(one.id), one.channel, *cells, "named" if one.named else one.note or "not named"])
     marked = [k for k, one in enumerate(tested) if one.named]
     headings = ["effect", "response", ">gain", ">p", "what came of it"]
-    return table(headings, rows, marked=marked) if rows else None
+    return table(headings, rows, marked=marked)
 
 
-def _untested(found: Diagnosis) -> Table | None:
+def _untested(found: Diagnosis) -> Table:
     by_reason: dict[tuple[str, str], list[str]] = {}
     for one in found.evidence:
         if one.note.startswith(UNTESTED):
@@ -280,12 +267,10 @@ def _untested(found: Diagnosis) -> Table | None:
     for (reason, id_), channels in by_reason.items():
         effects.setdefault((reason, tuple(channels)), []).append(name_of(id_))
     rows = [[reason, ", ".join(ids), listed(channels)] for (reason, channels), ids in effects.items()]
-    return table(["why not", "effects", "response"], rows) if rows else None
+    return table(["why not", "effects", "response"], rows)
 
 
-def _next(found: Diagnosis) -> Table | None:
-    if not found.next_runs:
-        return None
+def _next(found: Diagnosis) -> Table:
     rows = []
     for run in found.next_runs:
         chance = NONE if run.power is None else share_text(run.power)
@@ -294,9 +279,7 @@ def _next(found: Diagnosis) -> Table | None:
     return table(["run", "tells apart", ">chance", ">takes"], rows)
 
 
-def _detectable(found: Diagnosis) -> Table | None:
-    if not found.detectable:
-        return None
+def _detectable(found: Diagnosis) -> Table:
     rows = [
         [name_of(one.id), one.channel, amount(one.size, one.unit), share_text(one.chance), one.note]
         for one in found.detectable

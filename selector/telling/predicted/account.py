@@ -1,14 +1,13 @@
 """What is told of a prediction: which corrections to make when, then why, then everything."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import dropwhile, groupby
 from typing import Any
 
 import numpy as np
 
 from selector.number_text import number_text
-from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
 from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation, program_blocks
 from selector.physics.thermal.prediction.observer import Observed
 from selector.physics.thermal.prediction.order import BestOrder
@@ -18,22 +17,26 @@ from selector.telling.account import (
     Account,
     Block,
     Captioned,
+    Drawing,
     Heading,
     Listing,
     Paragraph,
     Remarks,
     Table,
     Verdict,
+    captioned,
     remarks_of,
     section,
     sections,
     table,
+    warnings_section,
 )
 from selector.telling.numbers import given_text, listed, span_text
 from selector.telling.origin import label_text
 
 MOST_TOLD = 8  #: Corrections that a sentence can hold; more are in the table.
 MOST_ROWS = 400
+MOST_TESTS = 12
 MOMENTS, MOST_CHANGES = 9, 12  #: Moments at which the displacement is told, and changes of speed at which it is too.
 
 
@@ -51,11 +54,7 @@ def prediction_account(
     SHA-256 of every run, and further facts, which are shown as they are. A page is `drawn`, with its drawings.
     """
     described, provenance, cyclogram = description or {}, provenance or {}, prediction.cyclogram
-    drawings: Mapping[str, Sequence[Block]] = {}
-    if drawn:
-        from selector.telling.predicted.pictures import drawings as drawings_of
-
-        drawings = drawings_of(prediction)
+    drawings = _drawings(prediction) if drawn else {}
     verdict, sentences = prediction_advice(prediction)
     if prediction.order is not None:
         sentences = (*sentences, order_sentence(prediction.order))
@@ -63,12 +62,9 @@ def prediction_account(
         sentences = (day_sentence(prediction, prediction.observed), *sentences)
     if cyclogram is None and prediction.heldout_um is None:
         verdict = "plain"
-    urgent = remarks_of(prediction.findings, "error", "warning")
-    no_warnings = Paragraph("No warnings were found in the tests or in the prediction.")
-    how = [] if cyclogram is None else [(f"Duty cycle, {prediction.method} method", _cycle_table(cyclogram))]
     return Account(
         title=": ".join(filter(None, ["Duty cycle", str(provenance.get("machine") or "")])),
-        about="" if cyclogram is not None else f"{prediction.method} method · made from the result alone",
+        about=f"{prediction.method} method" + ("" if cyclogram else " · made from the result alone"),
         label=label_text("the tests", "", provenance, described),
         verdict=verdict,
         sentences=sentences,
@@ -76,7 +72,7 @@ def prediction_account(
             None
             if cyclogram
             else section("left-out", "What this page leaves out", Paragraph(_LEFT_OUT), link="Left out"),
-            section("warnings", "Before you use it", Remarks(urgent) if urgent else no_warnings, link="Warnings"),
+            warnings_section(prediction.findings),
             section(
                 "cycle",
                 "The duty cycle",
@@ -99,23 +95,18 @@ def prediction_account(
             section(
                 "modes",
                 "The thermal modes",
-                Captioned("", _modes_table(prediction)) if prediction.modes else None,
+                captioned("", _modes_table(prediction)),
                 *drawings.get("modes", ()),
                 link="Modes",
             ),
             section(
                 "drift",
                 "Drift of the tests after ISO 230-3",
-                Captioned("", drift, on_screen=False) if (drift := origin.drift_table(described)) else None,
+                captioned("", origin.drift_table(described), on_screen=False),
                 link="Drift",
             ),
             section("findings", "All findings", Remarks(remarks_of(prediction.findings)), link="Findings"),
-            section(
-                "origin",
-                "Origin",
-                *(Captioned(caption, one, on_screen=False) for caption, one in how),
-                *origin.origin_parts(described, provenance),
-            ),
+            section("origin", "Origin", *origin.origin_parts(described, provenance)),
         ),
         data=prediction.as_dict(),
         footer="The same tests and options give the same bytes.",
@@ -413,15 +404,44 @@ def _modes_table(prediction: Prediction) -> Table:
     return table([">mode", ">time constant [min]", ">low, 95 % [min]", ">high, 95 % [min]"], rows, note)
 
 
-def _cycle_table(cyclogram: Cyclogram) -> Table:
-    lengths = np.diff(np.r_[cyclogram.start_s, cyclogram.end_s])
-    rows = [
-        (given_text(start / 60), given_text(float(speed)), span_text(float(length)))
-        for start, speed, length in zip(cyclogram.start_s.tolist(), cyclogram.speed_rpm, lengths, strict=True)
-    ]
-    more = f" {len(rows) - MOST_ROWS} more rows are not shown." if len(rows) > MOST_ROWS else ""
-    note = (
-        f"A duty cycle of the kind that is called {cyclogram_kind(cyclogram)}, {span_text(cyclogram.end_s)} long."
-        + more
-    )
-    return table([">from [min]", ">speed [r/min]", ">for"], rows[:MOST_ROWS], note)
+def _drawings(prediction: Prediction) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    from selector.figures.duty_cycle import duty_cycle, thermal_modes
+
+    names = prediction.responses
+    modes = [drawn for name in names if (drawn := thermal_modes(prediction, name)) is not None]
+    return {
+        "cycle": [Drawing(duty_cycle(prediction, name), "" if i else _COURSE) for i, name in enumerate(names)],
+        "tests": [_tests(prediction, name) for name in names] if prediction.repeats else [],
+        "modes": [Drawing(drawn, "" if i else _MODES) for i, drawn in enumerate(modes)],
+    }
+
+
+def _tests(prediction: Prediction, response: str) -> Drawing:
+    """All tests, or of many those that are repeated worst, in the order in which they were read."""
+    from selector.figures.duty_cycle import prediction_of_tests
+
+    r = prediction.responses.index(response)
+    repeats = prediction.repeats
+    ranked = sorted(range(len(repeats)), key=lambda k: -float(repeats[k].rmse_um[r]))[:MOST_TESTS]
+    shown = tuple(repeats[k] for k in sorted(ranked))
+    text = _TESTS
+    if len(shown) < len(repeats):
+        text += f" Of {len(repeats)} tests, the {len(shown)} that are repeated worst are drawn."
+    return Drawing(prediction_of_tests(prediction, response, shown), text)
+
+
+_MODES = (
+    "The displacement in parts that settle with a time constant each: a short one follows the speed within minutes, a "
+    "long one is the warmth that a machine keeps over breaks. What parts with similar time constants have each is less "
+    "sure than their sum."
+)
+_COURSE = (
+    "Top: the duty cycle. Middle: the predicted displacement; green: what the zeros of the operations and the "
+    "corrections take off. Bottom: what is left of it; the band is the tolerance."
+)
+_TESTS = (
+    "Each test is predicted as if it were a duty cycle, from rest and cold; the zero of the gauge is fitted, and where "
+    "a finding says so the part of the hall temperature and the state at the start. The residual is measured minus "
+    "predicted. All panels have the same scales."
+)

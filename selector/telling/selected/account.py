@@ -22,6 +22,7 @@ from selector.telling.account import (
     Paragraph,
     Remarks,
     Table,
+    captioned,
     grouped_remarks,
     next_steps,
     remarks_of,
@@ -32,7 +33,7 @@ from selector.telling.account import (
 from selector.telling.numbers import NONE, beside_text, listed, p_text, rounded_text, share_text
 from selector.telling.origin import label_text
 from selector.telling.selected.advice import advice, rmse_error_um, useless_responses
-from selector.telling.selected.formula import coefficient_rows, formula_text, legend_rows, unit_of, variable_text
+from selector.telling.selected.formula import coefficient_rows, formula_text, legend_rows
 
 MOST_COMBINATIONS = 12
 
@@ -234,25 +235,6 @@ def faults_table(selection: Selection) -> Table:
     )
 
 
-def range_table(selection: Selection) -> Table:
-    """The inputs that the model has met."""
-    return table(
-        ["variable", ">lowest", ">highest", "unit"],
-        [
-            (
-                variable_text(selection, name),
-                beside_text(float(low), float(high - low)),
-                beside_text(float(high), float(high - low)),
-                unit_of(selection, name),
-            )
-            for name, low, high in zip(
-                selection.recipe.design.variables, selection.hull.low, selection.hull.high, strict=True
-            )
-        ],
-        "Outside these ranges, and where inputs combine as they never did, the model extrapolates.",
-    )
-
-
 def _r2(value: float) -> str:
     return f"{value:.5f}".replace("-", "−") if math.isfinite(value) else NONE
 
@@ -282,9 +264,7 @@ def selection_account(
     heading = title or ": ".join(filter(None, ["Sensor selection", machine]))
     unnamed = f"Machine: {machine}" if machine and machine not in heading else ""
     verdict, sentences = advice(selection)
-    drift = [Captioned("", one, on_screen=False) for one in [origin.drift_table(described)] if one is not None]
     drawings: Mapping[str, Sequence[Block]] = {}
-    fuzzy = memberships_table(selection)
     if drawn:
         from selector.telling.selected.pictures import drawings as drawings_of
 
@@ -320,7 +300,7 @@ def selection_account(
                 *concerning("groups"),
                 Paragraph(_sentence(selection.grouping.because)),
                 Captioned("", groups_table(selection)),
-                None if fuzzy is None else Captioned("Memberships", fuzzy),
+                captioned("Memberships", memberships_table(selection)),
                 *drawings.get("groups", ()),
                 link="Groups",
             ),
@@ -329,18 +309,12 @@ def selection_account(
                 "recordings",
                 "The recordings",
                 *concerning("recordings"),
-                *drift,
+                captioned("", origin.drift_table(described), on_screen=False),
                 link="Recordings",
                 on_paper=any(one.level != "info" for one in _of_part(selection, "recordings")),
             ),
             section("sets", "Sets that were compared", *_sets(selection), link="Sets compared", on_paper=False),
-            section(
-                "faults",
-                "Sensor faults",
-                *drawings.get("faults", ()),
-                Captioned("", faults_table(selection), on_screen=False),
-                on_paper=False,
-            ),
+            section("faults", "Sensor faults", Captioned("", faults_table(selection), on_screen=False), on_paper=False),
             section("terms", "Term by term", *_terms(selection, drawings), on_paper=False),
             section(
                 "sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False), on_paper=False
@@ -430,7 +404,7 @@ def write_report(
     return target
 
 
-def _sets(selection: Selection) -> list[Block]:
+def _sets(selection: Selection) -> list[Block | None]:
     shape = str(selection.recipe.shape)
     text = (
         f"All in the chosen shape ({shape}). The unseen error here is that of the {FIXED_SET}: its coefficients are "
@@ -438,9 +412,7 @@ def _sets(selection: Selection) -> list[Block]:
         "which chooses the sensors anew, is the error to expect."
     )
     compared = (Captioned(name, combinations_table(selection, name), on_screen=False) for name in selection.models)
-    every = equal_table(selection)
-    equal = [] if every is None else [Captioned("Sets to take instead", every)]
-    return [*equal, Paragraph(text), *compared]
+    return [captioned("Sets to take instead", equal_table(selection)), Paragraph(text), *compared]
 
 
 def _model(selection: Selection) -> list[Block]:
@@ -454,9 +426,8 @@ def _terms(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> lis
     blocks: list[Block] = []
     for name in selection.models:
         blocks.append(Captioned(f"Coefficients of {name}", coefficients_table(selection, name)))
-        blocks += drawings.get(f"model {name}", ())
         blocks.append(Captioned(f"{name}, part by part", runs_table(selection, name), on_screen=False))
-    return [*blocks, Captioned("Valid range", range_table(selection), on_screen=False), *drawings.get("range", ())]
+    return [*blocks, *drawings.get("range", ())]
 
 
 def _sentence(text: str) -> str:

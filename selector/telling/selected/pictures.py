@@ -27,9 +27,7 @@ def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, 
             *loops(selection),
         ],
         "groups": [*_places(selection, description), *_grouping(selection)],
-        **{f"model {name}": [Drawing(figures.coefficient_intervals(selection, name), _COEFFICIENTS)] for name in names},
         "range": [*validity(selection)],
-        "faults": [Drawing(figures.fault_table(selection), _FAULTS)] if selection.faults else [],
     }
 
 
@@ -96,11 +94,6 @@ _SIMILARITY = (
     "The stronger the colour, the more alike two sensors move. A cell above the diagonal that is stronger than its "
     "mirror image below says that the two are grouped through others, not by their own likeness. Bold: chosen."
 )
-_COEFFICIENTS = (
-    "Per standard deviation of each centred variable, so that terms of different units can be compared; intervals "
-    "allow for autocorrelation within runs. Dotted: variance inflation of 10."
-)
-_FAULTS = "Largest change of the prediction over the recorded samples; the table below says what each fault means."
 _LOOPS = (
     "A temperature that tells all gives one line, the same on the way up and on the way down. A loop says that the "
     "displacement lags behind this temperature, or runs ahead of it: the machine remembers, and no coefficient of this "
@@ -119,14 +112,14 @@ def loops(selection: Selection) -> list[Drawing]:
     """Each displacement over the readings of the chosen sensors, with what the model leaves of the loops."""
     if not selection.readings:
         return []
-    text = [_LOOPS, _memory(selection), _thinning(selection)]
+    text = [_LOOPS, _memory(selection)]
     if len(selection.chosen) > MOST_SENSORS:
         text.append(f"The first {MOST_SENSORS} of {len(selection.chosen)} sensors are drawn.")
     rise = selection.options.reference == "rise"
     return [
         Drawing(
             figures.displacement_loops(selection.chosen, name, _loops(selection, at), rise=rise),
-            " ".join(filter(None, text)) if at == 0 else "",
+            " ".join(text) if at == 0 else "",
         )
         for at, name in enumerate(selection.models)
     ]
@@ -159,7 +152,7 @@ def validity(selection: Selection) -> list[Drawing]:
     drawn = figures.validity_pairs(
         selection.hull, axes, samples, beyond[np.isfinite(beyond)], f"what the other {part}s cover"
     )
-    text = f"{_HULL.format(part=part)} {len(samples)} samples were judged, evenly spaced in time."
+    text = _HULL.format(part=part)
     all_pairs = len(axes) * (len(axes) - 1) // 2
     if all_pairs > MOST_PAIRS:
         text += f" {MOST_PAIRS} of {all_pairs} pairs of inputs are drawn; all inputs count."
@@ -174,19 +167,3 @@ def _memory(selection: Selection) -> str:
     taus = list(dict.fromkeys(span_text(lag.tau_s) for lag in lags))
     constants = "a time constant" if len(taus) == 1 else "time constants"
     return f"This model has memory terms with {constants} of {listed(taus)}."
-
-
-def _thinning(selection: Selection) -> str:
-    shown, all_runs = selection.readings, {run for runs in selection.fit_per_run.values() for run in runs}
-    samples = sum(len(one.time_s) for one in shown), sum(one.n_samples for one in shown)
-    text = ""
-    if samples[0] < samples[1]:
-        text = (
-            f"Drawn are {samples[0]} of {samples[1]} samples, evenly spaced, with the extremes of every reading and "
-            "displacement."
-        )
-    if len(shown) < len(all_runs):
-        text += (
-            f" {len(shown)} of {len(all_runs)} runs are drawn: those with an extreme, and others evenly between them."
-        )
-    return text.strip()

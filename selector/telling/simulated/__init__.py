@@ -14,12 +14,10 @@ _tellers: dict[str, Teller] = {}
 def account_of(result: SimulationResult, *, drawn: bool = False) -> Account:
     """All that is told of a simulation; `drawn` for a page, with its drawings."""
     teller = _tellers.get(result.kind)
-    if teller is not None:
-        return teller(result, drawn)
-    words = importlib.import_module(f"selector.telling.simulated.{result.kind}")
-    pictures = importlib.import_module(f"selector.telling.simulated.{result.kind}_pictures") if drawn else None
-    told: Account = getattr(words, f"{result.kind}_account")(result, pictures.drawings(result) if pictures else {})
-    return told
+    if teller is None:
+        module = importlib.import_module(f"selector.telling.simulated.{result.kind}")
+        teller = getattr(module, f"{result.kind}_account")
+    return teller(result, drawn)
 
 
 def register(kind: SimulationKind, teller: Teller) -> None:

@@ -48,12 +48,6 @@ def ball_bar_sentences(shown: DriveSummary) -> list[str]:
             if found:
                 words = "; ".join(f"{cause_name(cause)} {number_text(cause.range_um)} µm" for cause in found)
                 told.append(f"Causes at {_feed(feed.feed_mm_per_min)} mm/min, largest first: {words}.")
-    far = max(shown.quantities, key=lambda one: abs(one.both.mean_radial_um))
-    told.append(
-        f"At {_feed(far.feed_mm_per_min)} mm/min the mean radius is "
-        f"{number_text(abs(far.both.mean_radial_um))} µm "
-        f"{'larger' if far.both.mean_radial_um > 0 else 'smaller'} than nominal."
-    )
     return told
 
 
@@ -228,7 +222,14 @@ def measured_circles_account(
     traces = [trace for trace, *_ in read]
     radius_mm = 1e3 * traces[0].radius_m
     rows = [
-        (file, ", ".join(columns), _way(one), _feed(one.feed_mm_per_min), str(len(one.angle_rad)), _turned(is_turned))
+        (
+            file,
+            ", ".join(columns),
+            "counter-clockwise" if one.direction > 0 else "clockwise",
+            _feed(one.feed_mm_per_min),
+            str(len(one.angle_rad)),
+            "turned round: it stood sorted by angle" if is_turned else "as read",
+        )
         for one, file, columns, is_turned in read
     ]
     quantities, *of_feeds, overall = ball_bar_tables(summary)
@@ -268,11 +269,3 @@ def measured_circles_account(
             "findings": [one.as_dict() for one in findings],
         },
     )
-
-
-def _way(one: BallBarTrace) -> str:
-    return "counter-clockwise" if one.direction > 0 else "clockwise"
-
-
-def _turned(is_turned: bool) -> str:
-    return "turned round: it stood sorted by angle" if is_turned else "as read"

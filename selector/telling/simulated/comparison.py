@@ -48,7 +48,7 @@ def main_difference(differences: Sequence[ChannelDifference]) -> ChannelDifferen
 
 
 def comparison_sentences(differences: Sequence[ChannelDifference]) -> list[str]:
-    """How far simulated and recorded are apart, where that matters most, and of an axis what else was recorded."""
+    """How far simulated and recorded are apart where that matters most."""
     first = main_difference(differences)
     if first is None:
         return []
@@ -62,13 +62,7 @@ def comparison_sentences(differences: Sequence[ChannelDifference]) -> list[str]:
         f"{_amount(first.largest, first)} after {span_text(first.largest_at_s)}"
     )
     share = f"; that is {relative_text(first)} of what was recorded, about its mean" if first.relative else ""
-    others = [
-        f"{WHAT[one.kind]} ({one.channel}) {_amount(one.rms, one)}"
-        for one in differences
-        if one.kind and one.run == first.run and one.axis == first.axis and one is not first
-    ]
-    more = [f"Of the same run, rms of simulated minus recorded: {', '.join(others)}."] if others else []
-    return [f"{told}{share}.", *more]
+    return [f"{told}{share}."]
 
 
 def comparison_section(differences: Sequence[ChannelDifference], *, drawn: bool) -> Section | None:

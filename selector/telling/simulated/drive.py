@@ -6,9 +6,11 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.json_text import fields_of
 from selector.number_text import number_text
+from selector.physics.drive.ball_bar.quantities import paired
 from selector.physics.drive.drive_model import DriveModel
 from selector.physics.drive.drive_summary import (
     LINEAR,
@@ -18,20 +20,24 @@ from selector.physics.drive.drive_summary import (
     ErrorParts,
     LoopSummary,
     Measures,
+    course_of,
+    limited_samples,
 )
-from selector.physics.drive.loop.stability import LoopFigures
-from selector.physics.drive.parts.axis import Axis, Friction, Servo
-from selector.physics.drive.trajectory import Motion
+from selector.physics.drive.file.model_file import OUTPUT_UNITS
+from selector.physics.drive.loop.stability import LoopFigures, frozen
+from selector.physics.drive.loop.stability import frequency_response as response_of_loop
+from selector.physics.drive.parts.axis import Axis, Friction, Servo, ThreeMassMechanics
+from selector.physics.drive.trajectory import Motion, ParameterCourse
 from selector.physics.model_text import plain_values
-from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
+from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, section, table
 from selector.telling.numbers import NONE, ms_text, span_text
-from selector.telling.simulated.ball_bar import ball_bar_data, ball_bar_sentences, ball_bar_tables
-from selector.telling.simulated.result import SAID, Drawings, SimulationResult, is_said, simulation_account
+from selector.telling.simulated.ball_bar import POLAR, ball_bar_data, ball_bar_sentences, ball_bar_tables
+from selector.telling.simulated.result import SAID, THINNED, Drawings, SimulationResult, is_said, simulation_account
+from selector.types import Vector
 
 _MICRO = 1e6
 MOST_RUNS = 4
 MOST_ROWS = 12
-MOST_POLES = 20
 _LEAST_LAG_SHARE = 0.05  #: A lag that is this near to 1/Kp is said to come from the position gain.
 _LEAST_SHARE = 1e-3
 
@@ -45,17 +51,18 @@ _WHAT = {
     "direction+constant": "the direction of travel or nothing, not told apart",
     "speed+direction+constant": "speed, direction of travel or nothing, not told apart",
 }
-_WHY = {
-    "speed": "the position loop lags behind",
-    "acceleration": "inertia, springs, and what the loop needs to accelerate",
-    "direction": "dry friction and lost motion",
-    "constant": "weight, offsets, pitch",
-    "rest": "oscillation, reversals, limits, periodic errors, noise",
-    "speed+direction": "lag and dry friction: it moves at one speed only",
-    "direction+constant": "dry friction, weight, offsets: it moves one way only",
-    "speed+direction+constant": "lag, dry friction, weight, offsets: it moves one way and at one speed only",
-}
 _DEFAULTS = {field.name: field.default for kind in (Friction, Servo) for field in fields(kind)}
+_FREQUENCIES = 600
+_SPREAD = 30.0  #: Frequencies are shown from the bandwidth divided by this to the bandwidth times this.
+
+#: Frequency response of a loop: frequencies [Hz], table over reference by its name, and its instants [s].
+Response = tuple[Vector, dict[str, NDArray[np.complex128]], tuple[float, ...]]
+_COURSE = f"Error: commanded minus true position of the table. Output: what the control puts out. {THINNED}"
+_LIMITED = " Shaded: a limit of current or speed is reached."
+_VARYING = "Stiffness changes with load and position, damping with speed. Dotted: instants of the frequency response."
+_RESPONSE = (
+    "From commanded to true position, for small motions without dry friction, backlash and limits. Dotted: −3 dB."
+)
 
 
 @dataclass(frozen=True)
@@ -70,13 +77,14 @@ class AxisInRun:
     measures: Measures  #: Units in which it is read
 
 
-def drive_account(result: SimulationResult, drawings: Drawings) -> Account:
+def drive_account(result: SimulationResult, drawn: bool) -> Account:
     """What is told of a simulated feed drive: how far it was off and why, what varied, its loop, how round it goes."""
     done, model, summary = result.simulated.details, result.simulated.model, result.summary
     axes = axes_in_runs(result)
     circles = bool(summary.quantities)
     # circles are drawn as circles
     runs = () if circles else tuple(done.axes)[:MOST_RUNS]
+    drawings = _drawings(result, axes, runs) if drawn else {}
     several = len(done.axes) > 1
     courses: list[Block] = [] if circles else [Captioned("Tracking error", errors_table(axes))]
     for run in runs:
@@ -92,7 +100,7 @@ def drive_account(result: SimulationResult, drawings: Drawings) -> Account:
         axis = next(one.axis for one in axes if one.name == name)
         of = f" of {name}" if len(summary.loops) > 1 else ""
         loops += drawings.get(f"loop {name}", ())
-        loops += [Captioned(f"{caption}{of}", one, caption != "Poles") for caption, one in loop_tables(loop, axis)]
+        loops += [Captioned(f"{caption}{of}", one) for caption, one in loop_tables(loop, axis)]
     first_run = list(done.axes.items())[:1]
     return simulation_account(
         result,
@@ -144,18 +152,15 @@ def _sentences(axes: Sequence[AxisInRun], summary: DriveSummary, several: bool) 
     unstable = [name for name, loop in summary.loops.items() if not loop.stability.stable]
     if unstable:
         more.insert(0, f"The control loop of {', '.join(unstable)} is unstable.")
-    return [off_sentence(name, one.motion, one.measures, one.run if several else ""), *more]
+    return [off_sentence(one, name, one.run if several else ""), *more]
 
 
 def errors_table(axes: Sequence[AxisInRun]) -> Table:
-    """How far every axis was off in every run; of many runs the worst of each axis."""
-    shown, note = list(axes), ""
-    if len(shown) > MOST_ROWS:
-        worst: dict[str, AxisInRun] = {}
-        for one in shown:
-            if one.name not in worst or one.summary.max_m > worst[one.name].summary.max_m:
-                worst[one.name] = one
-        shown, note = list(worst.values()), "The worst run of each axis."
+    """How far every axis was off in every run; of many the worst."""
+    shown, note = axes, ""
+    if len(axes) > MOST_ROWS:
+        shown = sorted(axes, key=lambda one: -one.summary.max_m)[:MOST_ROWS]
+        note = f"The {MOST_ROWS} largest of {len(axes)}; all are in the JSON."
     rows = []
     for one in shown:
         (unit, times), parts, limited = one.measures.error, one.summary.parts, one.summary.limited_share
@@ -187,17 +192,14 @@ def _otherwise(values: Mapping[str, Any], path: list[str], value: float) -> str:
     )
 
 
-def off_sentence(name: str, motion: Motion, measures: Measures, run: str = "") -> str:
+def off_sentence(one: AxisInRun, name: str, run: str = "") -> str:
     """How far the table is off its command, most and on average, and when."""
-    unit, times = measures.error
-    error = motion.tracking_error_m * times
-    worst = int(np.argmax(np.abs(error)))
-    rms = float(np.sqrt(np.mean(error**2)))
-    who = f"{name}" if name else "The table"
+    unit, times = one.measures.error
     where = f" of {run}" if run else ""
     return (
-        f"{who} is off its command by up to {number_text(float(abs(error[worst])))} {unit}, "
-        f"most after {span_text(float(motion.time_s[worst]))}{where}; {number_text(rms)} {unit} root mean square."
+        f"{name or 'The table'} is off its command by up to {number_text(one.summary.max_m * times)} {unit}, "
+        f"most after {span_text(one.summary.max_at_s)}{where}; {number_text(one.summary.rms_m * times)} {unit} root "
+        "mean square."
     )
 
 
@@ -211,7 +213,7 @@ def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
         return f"{most} goes with the speed ({part}): {_lag_sentence(parts, axis)}"
     if name == "acceleration" and parts.per_acceleration_s2 is not None:
         slope = number_text(parts.per_acceleration_s2 * times)
-        return f"{most} goes with the acceleration ({part}): {slope} {unit} per {_per_acceleration(measures)}."
+        return f"{most} goes with the acceleration ({part}): {slope} {unit} per {'m/s²' if unit == 'µm' else 'rad/s²'}."
     if name == "direction" and parts.reversal_m is not None:
         size = number_text(abs(parts.reversal_m) * times)
         return f"{most} changes with the direction of travel ({part}): ±{size} {unit}, friction and lost motion."
@@ -219,30 +221,18 @@ def cause_sentence(parts: ErrorParts, axis: Axis, measures: Measures) -> str:
         return f"{most} is always there ({part}): {number_text(parts.constant_m * times)} {unit}."
     if name == "rest":
         return f"{most} goes with neither speed, acceleration nor direction ({part}); see its course."
-    return f"{most} ({part}) may be {_WHY[name].replace(': it moves', '; it moves')}, which tells no more."
+    return f"{most} goes with {_WHAT[name]} ({part})."
 
 
 def parts_table(parts: ErrorParts, measures: Measures) -> Table:
     """The parts of a tracking error with their sizes."""
     unit, times = measures.error
-    sizes = {
-        "speed": parts.lag_s is not None and f"{ms_text(parts.lag_s)} behind",
-        "acceleration": parts.per_acceleration_s2 is not None
-        and f"{number_text(parts.per_acceleration_s2 * times)} {unit} per {_per_acceleration(measures)}",
-        "direction": parts.reversal_m is not None and f"±{number_text(abs(parts.reversal_m) * times)} {unit}",
-        "constant": parts.constant_m is not None and f"{number_text(parts.constant_m * times)} {unit}",
-    }
-    rows = [
-        (_WHAT[name], rms * times, _share_text(parts.share(name)), sizes.get(name) or "", _WHY[name])
-        for name, rms in parts.rms_m.items()
-    ]
+    rows = [(_WHAT[name], rms * times, _share_text(parts.share(name))) for name, rms in parts.rms_m.items()]
     note = (
-        "A least-squares fit of the error on the commanded speed, its derivative, its sign and a constant. It tells "
-        "what the error goes with; the last column names what usually makes such a part. Rms and share of the mean "
-        "square are what a part adds to those above it, the one that explains most first, so that the shares make "
-        "100 %. Sizes are those of the fit of all parts together."
+        "A least-squares fit of the error on the commanded speed, its derivative, its sign and a constant: what a part "
+        "adds to those above it, the one that explains most first, so that the shares make 100 %."
     )
-    return table(["goes with", f">rms [{unit}]", ">share", "size", "usual reason"], rows, note)
+    return table(["goes with", f">rms [{unit}]", ">share"], rows, note)
 
 
 def _lag_sentence(parts: ErrorParts, axis: Axis) -> str:
@@ -265,12 +255,8 @@ def _share_text(share: float) -> str:
     return f"{number_text(100 * share, 2)} %" if share == 0 or share >= _LEAST_SHARE else "< 0.1 %"
 
 
-def _per_acceleration(measures: Measures) -> str:
-    return "m/s²" if measures.error[0] == "µm" else "rad/s²"
-
-
 def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
-    """Bandwidth and margins, how far the gains may go, and the poles."""
+    """Bandwidth and margins, and how far the gains may go."""
     figures, found = loop.figures, loop.stability
     rows: list[tuple[str | float, ...]] = [
         ("bandwidth (−3 dB)", figures.bandwidth_hz, "Hz"),
@@ -285,16 +271,10 @@ def loop_tables(loop: LoopSummary, axis: Axis) -> list[tuple[str, Table]]:
         ends = (None if low is None else low * gain, high * gain if high else None)
         values = [number_text(value, 4) for value in (gain, *ends)]
         gains.append((name.removesuffix("_per_s").replace("_", " "), *values, _times(high)))
-    poles = []
-    for pole in (one for one in found.poles[:MOST_POLES] if one.imag >= 0):
-        place = [number_text(value, 4) for value in (pole.real, abs(pole.imag) / (2.0 * math.pi))]
-        poles.append((*place, -pole.real / abs(pole) if pole else 0.0))
     heads = ["gain", ">is", ">unstable below", ">unstable above", ">room"]
-    note = "The slowest first; a pole with a positive real part grows. Pairs are named once."
     return [
         ("Loop", table(["", ">value", "unit"], rows)),
         ("Gains", table(heads, gains, "One gain is changed and the others stay.")),
-        ("Poles", table([">real part [1/s]", ">frequency [Hz]", ">damping ratio"], poles, note)),
     ]
 
 
@@ -312,6 +292,103 @@ def _times(factor: float | None) -> str:
     if factor is None:
         return "no limit"
     return f"× {number_text(factor)}" if factor > 0 else "never stable"
+
+
+def _drawings(result: SimulationResult, axes: Sequence[AxisInRun], runs: Sequence[str]) -> Drawings:
+    """Section of the account, a run of these or a loop → its drawings."""
+    from selector.figures.simulated.ball_bar import ball_bar_figure
+
+    done, model, summary = result.simulated.details, result.simulated.model, result.summary
+    first_run = axes[0].run
+    responses = {
+        one.name: _response(
+            one.axis, course_of(model, one.name, done.axes[first_run][one.name].recorded), summary.loops[one.name]
+        )
+        for one in axes
+        if one.run == first_run and one.name in summary.loops
+    }
+    pairs = reversed(paired(tuple(done.traces.values()))) if summary.quantities else ()
+    found: dict[str, list[Block]] = {"ball-bar": [Drawing(ball_bar_figure(pair), POLAR) for pair in pairs]}
+    for run in runs:
+        own = [one for one in axes if one.run == run]
+        found[f"run {run}"] = [
+            drawn for one in own for drawn in _axis(result, one, responses.get(one.name), is_only=len(own) == 1)
+        ]
+    for name, loop in summary.loops.items():
+        found[f"loop {name}"] = [_loop(name, loop, responses[name], several=len(summary.loops) > 1)]
+    return found
+
+
+def _axis(result: SimulationResult, one: AxisInRun, response: Response | None, *, is_only: bool) -> list[Block]:
+    from selector.figures.simulated.drive import axis_course, stiffness_and_damping
+
+    model, name = result.simulated.model, "" if is_only else one.name
+    moved = result.simulated.details.axes[one.run][one.name].recorded
+    samples = limited_samples(moved.axis, moved.reference, moved.motion)
+    limited = samples if samples.any() else None
+    unit = OUTPUT_UNITS[model.file_axes[one.name].section.output] or "control's unit"
+    picture = axis_course(one.motion, name, unit, limited=limited, measures=one.measures)
+    drawn: list[Block] = [Drawing(picture, _COURSE + (_LIMITED if limited is not None else ""))]
+    course = course_of(model, one.name, moved)
+    if course is None:
+        return drawn
+    time_s, mechanics = one.motion.time_s, one.axis.mechanics
+    stiffness, damping = course.axial_stiffness_n_per_m, course.guide_damping_ns_per_m
+    if stiffness is None and isinstance(mechanics, ThreeMassMechanics):
+        stiffness = np.full(len(time_s), mechanics.axial_stiffness_n_per_m)
+    if stiffness is None:
+        return drawn
+    if damping is None:
+        damping = np.full(len(time_s), mechanics.guide_damping_ns_per_m)
+    marks = () if response is None else response[2]
+    return [*drawn, Drawing(stiffness_and_damping(time_s, stiffness, damping, marks), _VARYING)]
+
+
+def _response(axis: Axis, course: ParameterCourse | None, loop: LoopSummary) -> Response:
+    """Of the axis as it is, or frozen at three instants of its course: softest, stiffest and between."""
+    servo = axis.servo
+    middle_hz = loop.figures.bandwidth_hz
+    if not math.isfinite(middle_hz):
+        middle_hz = float(np.median(np.abs(loop.stability.poles))) / (2.0 * math.pi)
+    most_hz = math.inf if servo is None or servo.sample_s == 0 else 0.499 / servo.sample_s
+    frequency_hz = np.geomspace(middle_hz / _SPREAD, min(middle_hz * _SPREAD, most_hz), _FREQUENCIES)
+    if course is None:
+        return frequency_hz, {"": response_of_loop(axis, frequency_hz)}, ()
+    instants = _instants_s(course)
+    over = {
+        f"at {instant:.3g} s": response_of_loop(frozen(axis, course, instant), frequency_hz) for instant in instants
+    }
+    return frequency_hz, over, instants
+
+
+def _loop(name: str, loop: LoopSummary, response: Response, *, several: bool) -> Drawing:
+    from selector.figures import style
+    from selector.figures.simulated.drive import frequency_response
+
+    who = f"{style.label(name, 12)} " if several else "the table "
+    title = f"Computed: {who}follows up to {number_text(loop.figures.bandwidth_hz)} Hz (−3 dB)"
+    if not loop.stability.stable:
+        title = f"Computed: the loop of {who}is unstable; this is no answer that could be measured"
+    frequency_hz, over, _ = response
+    picture = frequency_response(
+        frequency_hz,
+        {key: np.abs(values) for key, values in over.items()},
+        {key: np.degrees(np.unwrap(np.angle(values))) for key, values in over.items()},
+        title,
+    )
+    return Drawing(picture, _RESPONSE)
+
+
+def _instants_s(course: ParameterCourse) -> tuple[float, ...]:
+    """When the axis is softest, stiffest, and in the middle between; of a rigid one by its damping."""
+    values = course.axial_stiffness_n_per_m
+    if values is None or np.ptp(values) == 0:
+        values = course.guide_damping_ns_per_m
+    if values is None:
+        return (0.0,)
+    middle = (values.min() + values.max()) / 2.0
+    at = {int(np.argmin(values)), int(np.argmax(values)), int(np.argmin(np.abs(values - middle)))}
+    return tuple(k * course.period_s for k in sorted(at))
 
 
 def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:

@@ -1,24 +1,30 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
+import math
 from typing import Any
+
+import numpy as np
 
 from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, UNCORRECTED, Setting
-from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulation
+from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED, GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
 from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
-from selector.physics.gauging.sizes import CONFIDENCE, Capability
-from selector.telling.account import Account, Captioned, Table, Verdict, section, table
+from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
+from selector.telling.account import Account, Block, Captioned, Drawing, Note, Table, Verdict, captioned, section, table
 from selector.telling.numbers import NONE, listed, ms_text, uncertain_text
-from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
+from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
+from selector.types import Vector
 
 MATTERS = 0.9  #: An error that falls to less than this share of itself is worth a change.
 _OFF_CENTRE = 0.05
 _MOST_DECIMALS = 6
 _ROUNDING_UM = 1e-4
 _SCRAP = 1.0  #: Cpk below which parts are scrap day by day.
+MOST_PARTS, MOST_RUNS = 1, 3  #: Parts that are drawn in time; recorded runs that are.
+_DENSITY_POINTS, _DENSITY_SIGMAS = 161, 4.0
 
 SETTINGS = {
     PRESENT: "as it is",
@@ -26,13 +32,34 @@ SETTINGS = {
     CENTRED: "last threshold centred",
     BEST_CENTRED: "best filter, last threshold centred",
 }
+_HISTOGRAM = (
+    "Bars: parts of the Monte Carlo calculation that the gauge has stopped. Line: eq. 25, which lets the reading pass "
+    "its threshold once."
+)
+_CHART = "In the order of grinding."
+_CHART_DRESSED = "In the order of grinding. Dotted: the wheel is dressed."
+_FILTER = (
+    "Simulated: error of the size against the wanted one, with thresholds calculated for each filter (eq. 23); the "
+    "present one with the threshold that it has, the best one with centred ones. A longer filter quiets the noise, but "
+    "makes the gauge late, and how much that is in size depends on the feed of the part."
+)
+_PART = (
+    "Allowance counts from the nominal size; where the feed stands it is the size of the part. Dotted: thresholds of "
+    f"the relay, and when the stages ended. {THINNED}"
+)
+_CURVE = (
+    "Grinding goes from right to left. Shaded: where the line holds. Points: where the voltage of a stage's threshold "
+    "lies, ahead of the allowance that is wanted by what the filter is late. Below: what the line reads less what is "
+    "there."
+)
 
 
-def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
+def gauging_account(result: SimulationResult, drawn: bool) -> Account:
     """What is told of simulated gauging: which sizes come out, what other filters would do, how it went."""
     model, done, summary = result.simulated.model, result.simulated.details, result.summary
     wanted_um, tolerance = model.setup.wanted_um, model.values.tolerance
-    capability = None if summary.capability is None else Captioned("Capability", capability_table(summary.capability))
+    drawings = _drawings(result) if drawn else {}
+    capable = summary.capability
     return simulation_account(
         result,
         size_sentences(summary, wanted_um, tolerance, is_ground=done.sizes is not None),
@@ -42,7 +69,7 @@ def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
                 "Finished sizes",
                 *drawings.get("sizes", ()),
                 Captioned("Finished sizes", sizes_table(summary, wanted_um)),
-                capability,
+                captioned("Capability", None if capable is None else capability_table(capable)),
             ),
             section(
                 "filter",
@@ -52,12 +79,7 @@ def gauging_account(result: SimulationResult, drawings: Drawings) -> Account:
                 link="Filter",
             ),
             section("parts", "Parts", *drawings.get("parts", ())),
-            section(
-                "gauge",
-                "Gauge",
-                *drawings.get("gauge", ()),
-                *(Captioned(caption, one) for caption, one in gauge_tables(summary)),
-            ),
+            section("gauge", "Gauge", *drawings.get("gauge", ()), Captioned("Stages", stages_table(summary))),
         ),
         drawings=drawings,
         facts={
@@ -93,10 +115,6 @@ def size_sentences(
                 f"The wanted size, {number_text(wanted_um)} µm, is not the middle of the tolerance, "
                 f"{number_text(middle)} µm: parts that are as wanted are still nearer to one limit."
             )
-    by_name = {one.name: one for one in summary.settings}
-    if UNCORRECTED in by_name:
-        left, without = (number_text(by_name[name].rms_um, 2) for name in (PRESENT, UNCORRECTED))
-        told.append(f"Thresholds follow finished parts that are measured: rms error {left} µm, {without} µm if not.")
     given_up = len(sizes.size_um) - len(sizes.finished_um)
     if given_up:
         told.append(f"Of {len(sizes.size_um)} parts {given_up} never reached a threshold; they are not counted above.")
@@ -132,28 +150,14 @@ def sizes_table(summary: GaugingSummary, wanted_um: float) -> Table:
     heads = [">mean [µm]", ">off wanted [µm]"][: len(zeros)]
     note = (
         "± one standard error. Within: the same part ground again and again; between: what differs from part to part. "
-        "Eq. 25 lets the reading pass its threshold once. It holds where σ of the rate of the smoothed noise is far "
-        f"below the rate at which the voltage rises: it is {number_text(formula.restlessness, 2)} of it."
+        "Eq. 25 lets the reading pass its threshold once."
     )
-    if formula.ripple_rate > 0:
-        note += (
-            f" Grooves and run-out change the smoothed reading {number_text(formula.ripple_rate, 2)} times as fast as "
-            "the allowance falls; from 1 on it reaches the threshold more than once."
-        )
-    if summary.characteristic is not None:
-        note += (
-            f" The curved characteristic moves the mean by {_um(formula.curvature_um, 2)} µm, which eq. 25 does not "
-            "have."
-        )
     return table(["", *heads, ">sd [µm]", ">within [µm]", ">between [µm]"], rows, note)
 
 
 def capability_table(one: Capability) -> Table:
     """Cp and Cpk with intervals, and shares out of tolerance."""
-    level, counted = (
-        f"{100 * CONFIDENCE:.3g} %",
-        " to ".join(map(percent, (one.share_outside_low, one.share_outside_high))),
-    )
+    counted = " to ".join(map(percent, (one.share_outside_low, one.share_outside_high)))
     rows = [
         ("Cp", number_text(one.cp), f"{number_text(one.cp_low)} to {number_text(one.cp_high)}"),
         ("Cpk", number_text(one.cpk), f"{number_text(one.cpk_low)} to {number_text(one.cpk_high)}"),
@@ -167,7 +171,7 @@ def capability_table(one: Capability) -> Table:
         "Intervals: chi-square for Cp, Bissell for Cpk, Clopper and Pearson for the count; they say what a sample of "
         "so many parts leaves open. By quantiles: for sizes that are not normal (ISO 22514-2)."
     )
-    return table(["", f">of {one.count} parts", f">{level} interval"], rows, note)
+    return table(["", f">of {one.count} parts", f">{100 * CONFIDENCE:.3g} % interval"], rows, note)
 
 
 def trade_off_table(summary: GaugingSummary) -> Table:
@@ -186,43 +190,16 @@ def trade_off_table(summary: GaugingSummary) -> Table:
         for one in summary.settings
     ]
     note = (
-        f"Each row: {_counts(summary)} parts ground with just this filter and these thresholds (Monte Carlo, "
-        "± one standard error), all with the same noise, feeds and starts. Off wanted: mean size minus the wanted one."
-        + " A centred threshold is moved until the mean is as wanted."
-        * (not follow)
+        "Each row: parts ground with just this filter and these thresholds (Monte Carlo, ± one standard error), all "
+        "with the same noise, feeds and starts. Off wanted: mean size minus the wanted one."
+        + ("" if follow else " A centred threshold is moved until the mean is as wanted.")
     )
-    if summary.filters:
-        ends = (summary.filters[0], summary.filters[-1])
-        note += (
-            f" The best filter is looked for from {ms_text(ends[0].time_constant_s)} to "
-            f"{ms_text(ends[1].time_constant_s)}, because the last stage has to be long against its filter."
-        )
-    if BEST_CENTRED not in (names := {one.name for one in summary.settings}) or not names & {CENTRED, UNCORRECTED}:
-        note += " What no model file may say, or with which more parts miss a threshold, is left out."
     heads = ["", ">T_Φ [ms]", ">thresholds [V]", ">off wanted [µm]", ">sd [µm]", ">rms error [µm]"]
     return table(heads, rows, note)
 
 
-def _counts(summary: GaugingSummary) -> str:
-    low, high = (end(one.parts for one in summary.settings) for end in (min, max))
-    return str(high) if low == high else f"{low} to {high}"
-
-
-def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
-    """The line of the gauge, and its stages with their thresholds."""
-    gauge = summary.gauge
-    low, high = summary.linear_range_um
-    rows = [
-        ("gain K", number_text(1e3 * gauge.gain_v_per_um, 4), "mV/µm"),
-        ("bias, voltage of the line at 0 µm", number_text(gauge.bias_v, 5), "V"),
-        ("filter T_Φ", number_text(1e3 * gauge.time_constant_s, 4), "ms"),
-        ("line touches the characteristic at", number_text(gauge.allowance_um), "µm"),
-        (f"line holds within {_um(summary.linear_within_um)} µm of size from", number_text(low), "µm"),
-        (f"line holds within {_um(summary.linear_within_um)} µm of size to", number_text(high), "µm"),
-    ]
-    curve = summary.characteristic
-    if curve is None:
-        rows = [row for row in rows if not row[0].startswith("line")]
+def stages_table(summary: GaugingSummary) -> Table:
+    """The stages of the grinding with their thresholds."""
     stages = [
         (str(number), stage.feed_um_per_s, stage.rate_um_per_s, stage.until_um, number_text(stage.threshold_v, 5))
         for number, stage in enumerate(summary.stages, start=1)
@@ -232,12 +209,12 @@ def gauge_tables(summary: GaugingSummary) -> list[tuple[str, Table]]:
         "A threshold is ahead of the allowance at which the stage is to end by what the filter, the relay "
         "and, at the last one, the springs of the machine are late."
     )
-    return [("Line of the gauge", table(["", ">value", "unit"], rows)), ("Stages", table(headings, stages, note))]
+    return table(headings, stages, note)
 
 
-def _um(value: float, digits: int = 3) -> str:
+def _um(value: float) -> str:
     """A length; what is below a tenth of a nanometre is 0."""
-    return number_text(value if abs(value) >= _ROUNDING_UM else 0.0, digits)
+    return number_text(value if abs(value) >= _ROUNDING_UM else 0.0)
 
 
 def percent(share: float) -> str:
@@ -286,6 +263,122 @@ def volts_text(one: Setting, like: Setting | None = None) -> str:
 
 def _thresholds(one: Setting) -> str:
     return f"{'thresholds' if len(one.thresholds_v) > 1 else 'a threshold'} of {volts_text(one)} V"
+
+
+def _drawings(result: SimulationResult) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    return {
+        "sizes": _sizes(result),
+        "filter": _filter(result.summary),
+        "parts": _parts(result),
+        "gauge": _gauge(result),
+    }
+
+
+def _sizes(result: SimulationResult) -> list[Block]:
+    from selector.figures.simulated.gauging import size_histogram, sizes_over_parts
+
+    model, summary, ground = result.simulated.model, result.summary, result.simulated.details.sizes
+    tolerance, wanted_um = model.values.tolerance, model.setup.wanted_um
+    limits = None if tolerance is None else (tolerance.lower_um, tolerance.upper_um)
+    curve = size_density(summary.formula) if summary.formula.sd_um > 0 else None
+    sizes, formula = summary.sizes, summary.formula
+    of_formula = uncertain_text(formula.mean_um + formula.curvature_um, formula.sd_um, least=0)
+    title = f"Simulated: mean size {uncertain_text(sizes.mean_um, sizes.sd_um, least=0)} µm (standard deviation); "
+    histogram = size_histogram(sizes.finished_um, curve, limits, wanted_um, f"{title}by formula {of_formula} µm")
+    drawn: list[Block] = [Drawing(histogram, _HISTOGRAM)]
+    if ground is not None and len(ground.size_um) > 1:
+        grinding = model.values.grinding
+        every = grinding.dress_every if grinding.wheel_wear > 0 else 0
+        dressed = range(every + 1, len(ground.size_um) + 1, every) if every > 0 else ()
+        low, high = number_text(float(ground.size_um.min())), number_text(float(ground.size_um.max()))
+        title = f"Simulated: {len(ground.size_um)} parts of {low} to {high} µm"
+        chart = sizes_over_parts(ground.size_um, limits, wanted_um, dressed, title)
+        drawn.append(Drawing(chart, _CHART_DRESSED if dressed else _CHART))
+    return drawn
+
+
+def _parts(result: SimulationResult) -> list[Block]:
+    """The first part; of recorded runs the first ones."""
+    from selector.figures.simulated.gauging import part_in_time
+
+    done, summary, parts = result.simulated.details, result.summary, _in_time(result)
+    thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
+    shown = dict(list(parts.items())[: MOST_PARTS if done.sizes is not None else MOST_RUNS])
+    drawn: list[Block] = []
+    for run, (courses, ends_s, is_finished) in shown.items():
+        name = run if len(parts) > 1 else ""
+        whole = part_in_time(*courses, thresholds, ends_s, is_finished=is_finished, name=name)
+        drawn.append(Drawing(whole, _PART))
+    more = len(done.recording.runs) - (done.waveform is not None) - len(shown)
+    return [*drawn, Note(f"{more} more parts were recorded; they are in their files.")] if drawn and more else drawn
+
+
+def _gauge(result: SimulationResult) -> list[Block]:
+    from selector.figures.simulated.gauging import gauge_characteristic
+
+    summary, curve = result.summary, result.summary.characteristic
+    if curve is None:
+        return []
+    thresholds = [(stage.until_um, stage.threshold_v) for stage in summary.stages]
+    picture = gauge_characteristic(
+        curve.allowance_um, curve.voltage_v, summary.gauge, summary.linear_range_um, thresholds
+    )
+    return [Drawing(picture, _CURVE)]
+
+
+_InTime = tuple[tuple[Vector, Vector, Vector, Vector, Vector | None], tuple[float, ...], bool]
+
+
+def _in_time(result: SimulationResult) -> dict[str, _InTime]:
+    """Parts that were ground, or recorded runs as the gauge would have seen them.
+
+    Run → time [s], allowance, measured allowance [µm], voltage [V], feed [µm/s] if known; when stages ended [s];
+    whether the gauge stopped it, so that its last allowance is a size.
+    """
+    model, done = result.simulated.model, result.simulated.details
+    if done.courses:
+        return {
+            name: (
+                (one.time_s, one.allowance_um, model.measured_um(one.voltage_v), one.voltage_v, one.feed_um_per_s),
+                one.stage_end_s,
+                one.tripped,
+            )
+            for name, one in done.courses.items()
+        }
+    recording = done.recording
+    # channels stand in the order of `gauging_driving`
+    sizes, voltages = recording.with_role(ALLOWANCE.role), recording.with_role(GAUGE.role)
+    assert MEASURED.role == ALLOWANCE.role
+    found: dict[str, _InTime] = {}
+    for run in recording.runs[:MOST_RUNS]:
+        time_s = recording.time_s(run)
+        allowance, measured, voltage = recording.values(run, [*sizes[:2], *voltages[:1]]).T
+        found[run] = (time_s - time_s[0], allowance, measured, voltage, None), (), False
+    return found
+
+
+def _filter(summary: GaugingSummary) -> list[Block]:
+    from selector.figures.simulated.gauging import filter_trade_off
+
+    if not summary.filters:
+        return []
+    by_name = {one.name: one for one in summary.settings}
+    present = by_name[PRESENT]
+    best = by_name.get(BEST_CENTRED, present)
+    title = f"Simulated: {number_text(present.rms_um)} µm (rms) with the filter of {ms_text(present.time_constant_s)}"
+    if best.rms_um > MATTERS * present.rms_um:
+        title += "; the best one would make little difference"
+    else:
+        title += f", {number_text(best.rms_um)} µm with {ms_text(best.time_constant_s)} and centred thresholds"
+    return [Drawing(filter_trade_off(summary.filters, best, present, title), _FILTER)]
+
+
+def size_density(one: SizesByFormula) -> tuple[Vector, Vector]:
+    """Sizes and the density there, normal about the mean with its curvature [µm], [1/µm]."""
+    at = np.linspace(-_DENSITY_SIGMAS, _DENSITY_SIGMAS, _DENSITY_POINTS)
+    density = np.exp(-0.5 * at**2) / (math.sqrt(2.0 * math.pi) * one.sd_um)
+    return one.mean_um + one.curvature_um + one.sd_um * at, density
 
 
 def _data(model: GaugingModel, simulation: GaugingSimulation, summary: GaugingSummary) -> dict[str, Any]:

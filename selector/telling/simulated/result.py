@@ -20,6 +20,7 @@ from selector.telling.account import (
     Section,
     Table,
     Verdict,
+    captioned,
     remarks_of,
     section,
     sections,
@@ -30,6 +31,7 @@ from selector.telling.simulated.comparison import comparison_data, comparison_se
 
 MOST_PARAMETERS = 200
 SAID = "model file"
+THINNED = "Long courses are drawn with the lowest and highest sample of each of 300 stretches; the file has them all."
 LEFT_OUT = "left out: default"
 _UNITS = {"degC": "°C", "um": "µm", "rpm": "r/min", "1": NONE}
 _SIMULATED = "SIMULATED: all of this comes from a computer model, nothing was measured."
@@ -141,12 +143,10 @@ def channels_table(recording: Recording, inputs: Sequence[str]) -> Table:
 
 
 def _parameters(rows: Origins) -> Captioned | None:
-    if not rows:
-        return None
     cells = [(name, given_text(value), NONE if unit in ("", "1") else unit, said) for name, value, unit, said in rows]
     more = f"{len(cells) - MOST_PARAMETERS} more are in the model file." if len(cells) > MOST_PARAMETERS else ""
     shown = table(["parameter", ">value", "unit", "from"], cells[:MOST_PARAMETERS], more)
-    return Captioned("", shown, on_screen=False)
+    return captioned("", shown, on_screen=False)
 
 
 def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> Captioned | None:
@@ -160,7 +160,7 @@ def _origin(result: SimulationResult, facts: Mapping[str, Any]) -> Captioned | N
             "seed": simulated["seed"],
         }
     )
-    return None if told is None else Captioned("", told, on_screen=False)
+    return captioned("", told, on_screen=False)
 
 
 def simulation_document(

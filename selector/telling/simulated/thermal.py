@@ -1,7 +1,10 @@
 """What is told of a simulated machine that warms: what moved and warmed most, where the heat went, time constants."""
 
-from collections.abc import Mapping
-from typing import Any
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,20 +13,34 @@ from selector.errors import OptionError
 from selector.number_text import number_text
 from selector.physics.model_text import plain_values
 from selector.physics.thermal.drift_quantities import largest_displacement
-from selector.physics.thermal.model_file import FieldFile
+from selector.physics.thermal.model_file import FieldFile, MeshFile
 from selector.physics.thermal.thermal_model import slowest_time_constants
 from selector.recording import Recording
-from selector.telling.account import Account, Block, Captioned, Heading, Note, Table, section, table
+from selector.telling.account import Account, Block, Captioned, Drawing, Heading, Note, Table, captioned, section, table
 from selector.telling.numbers import NONE, span_text
-from selector.telling.simulated.result import SAID, Drawings, Origins, SimulationResult, is_said, simulation_account
+from selector.telling.simulated.result import SAID, Origins, SimulationResult, is_said, simulation_account
+
+if TYPE_CHECKING:
+    # scikit-fem comes in with it
+    from selector.physics.thermal.field_model import FieldMoment
 
 MOST_RUNS = 6
+_COURSES = "Top: what is done to the machine. Bottom: the tool against the table, as the simulated gauges read it."
+_GROUPED = (
+    "Thermometers on one part of the machine stand in one panel; where there are very many, some are drawn, from the "
+    "one that warms least to the one that warms most. The table of channels says where each of them sits."
+)
+_PICTURE = (
+    "Left: temperature; the dots are thermometers. Right: deformation since the start of the run, drawn larger than it "
+    "is. It can be turned with the mouse."
+)
 
 
-def thermal_account(result: SimulationResult, drawings: Drawings) -> Account:
+def thermal_account(result: SimulationResult, drawn: bool) -> Account:
     """What is told of a machine that warms: what moved and warmed most, where the heat went, time constants."""
     done, runs = result.simulated, result.recording.runs
     shown = runs[:MOST_RUNS]
+    drawings = _drawings(result) if drawn else {}
     courses: list[Block] = []
     for one in shown:
         name = f"Run {one}" if len(runs) > 1 else "How it warms and moves"
@@ -40,7 +57,7 @@ def thermal_account(result: SimulationResult, drawings: Drawings) -> Account:
         (
             section("picture", "The machine at one moment", *drawings.get("picture", ()), link="Picture"),
             section("runs", "", *courses, link="Courses"),
-            section("constants", "Time constants", Captioned("", constants_table(constants))) if constants else None,
+            section("constants", "Time constants", captioned("", constants_table(constants))),
         ),
         drawings=drawings,
         facts={
@@ -112,10 +129,9 @@ def _first(result: SimulationResult) -> str:
 
 def constants_table(constants: Mapping[str, NDArray[np.float64]]) -> Table:
     """The slowest time constants of every state in which the machine is held [min]."""
-    count = max(len(values) for values in constants.values())
     rows = [
-        (str(k + 1), *(_minutes(values[k]) if k < len(values) else None for values in constants.values()))
-        for k in range(count)
+        (str(number), *(None if value is None else _minutes(value) for value in values))
+        for number, values in enumerate(zip_longest(*constants.values()), start=1)
     ]
     note = "Slowest first. After one time constant 63 % of the way to the steady state is done, after three 95 %."
     return table([">mode", *(f">{name} [min]" for name in constants)], rows, note)
@@ -133,3 +149,56 @@ def balance_table(balance: Mapping[str, Any]) -> Table:
     missing = f"{balance['missing_share']:.1e}"
     note = f"Heat into the machine, negative: out of it. The sum misses {missing} of the turnover (rounding)."
     return table(["", "", ">heat [kJ]"], rows, note)
+
+
+def _drawings(result: SimulationResult) -> dict[str, list[Block]]:
+    """Section of the account, or a run → its drawings."""
+    found: dict[str, list[Block]] = {"picture": _moment(result)}
+    for run in result.recording.runs[:MOST_RUNS]:
+        found[f"run {run}"] = _run(result, run)
+    return found
+
+
+def _run(result: SimulationResult, run: str) -> list[Block]:
+    from selector.figures.simulated.thermal import inputs_and_displacements, temperatures
+
+    recording, inputs = result.recording, result.simulated.inputs
+    thermometers = [name for name in recording.with_role("temperature") if name not in inputs]
+    drawn: list[Block] = [Drawing(inputs_and_displacements(recording, run, inputs), _COURSES)]
+    if thermometers:
+        drawn.append(Drawing(temperatures(recording, run, inputs), _GROUPED))
+    return drawn
+
+
+def _moment(result: SimulationResult) -> list[Block]:
+    file, inputs, recording = result.simulated.model.file, result.simulated.inputs, result.recording
+    if not isinstance(file, FieldFile | MeshFile):
+        return []
+    from selector.physics.thermal.field_model import field_moment
+
+    at_run, at_s = pictured_at(result)
+    moment = field_moment(file, result.simulated.details(at_run), at_s)
+    return [moment_drawing(recording, inputs, moment, at_run)]
+
+
+def moment_drawing(recording: Recording, inputs: Sequence[str], moment: FieldMoment, at_run: str) -> Drawing:
+    """The machine at one moment of a run, with the thermometers that have a place."""
+    from selector.figures.simulated.field import machine_field
+
+    places = {
+        channel.name: channel.xyz_m
+        for channel in recording.channels
+        if channel.xyz_m is not None and channel.role == "temperature" and channel.name not in inputs
+    }
+    k = int(np.argmin(np.abs(recording.time_s(at_run) - moment.at_s)))
+    speeds = [name for name in recording.with_role("spindle_speed") if name in inputs]
+    speed = f", at {recording.values(at_run, speeds)[k, 0]:g} r/min" if speeds else ""
+    run = f" of run {at_run}" if len(recording.runs) > 1 else ""
+    hottest = float(moment.temperature_degc[np.unique(moment.triangles)].max())
+    title = (
+        f"Simulated: after {span_text(moment.at_s)}{run}{speed}, the surface is up to {number_text(hottest)} °C warm"
+    )
+    drawn = machine_field(
+        moment.nodes_m, moment.triangles, moment.temperature_degc, moment.deformation_um, title, places
+    )
+    return Drawing(drawn, _PICTURE)

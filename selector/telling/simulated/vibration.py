@@ -1,37 +1,66 @@
 """What is told of a simulated vibration: what it leaves behind, from which source and resonance, and the chains."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from selector.errors import InputError
 from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
+from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
 from selector.physics.vibration.motion.periodic_error import KindHeight, PeriodicError
-from selector.physics.vibration.structure.structure import CarryingMode, StructureModes, carrying_mode
-from selector.physics.vibration.vibration_model import FINALS as FINAL_MEMBERS
-from selector.physics.vibration.vibration_model import RELATIVE, VibrationModel
+from selector.physics.vibration.structure.source import Source
+from selector.physics.vibration.structure.structure import (
+    CarryingMode,
+    StructureModes,
+    carrying_mode,
+    receptances,
+    unit_force,
+)
+from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
-from selector.telling.account import Account, Captioned, Table, section, table
+from selector.telling.account import Account, Block, Drawing, Table, captioned, section, table
 from selector.telling.numbers import listed, share_text, span_text
-from selector.telling.simulated.result import Drawings, SimulationResult, simulation_account
+from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 
+if TYPE_CHECKING:
+    from selector.figures.simulated.vibration import Answer
+
 MOST_RUNS = 3
-MOST_LINES = 40
-MOST_ERRORS = 40
-MOST_MODES = 30
-FINALS = {"tool": "tool", "workpiece": "workpiece", RELATIVE: "tool − workpiece"}
+MOST_ROWS = 40
+_MOTIONS = {"tool": "tool", "workpiece": "workpiece", RELATIVE: "tool − workpiece"}
 _PERIODS = 6.0  #: Of the largest line, that a stretch of time shows.
 _WORTH = 1.1  #: Times the depth without chatter from which on another speed is worth a word.
 _FAR = 1.5  #: Amplification below which a line is not said to be near a resonance.
-_MORE_THAN_MOTION = 3.0  #: Times the copied motion from which on a height by the force is said to be none.
-_LEAST_DB = 1e-4  #: Difference below which two solutions are the same, to rounding.
 _ALONG = {"cut": "along the cut", "feed": "along the feed"}
+_FREQUENCIES = 600
+_LOWEST_HZ = 1.0
+#: Answers are drawn up to so many times the highest line or mode, but of modes only up to the other times the line.
+_BEYOND, _BEYOND_LINES = 2.0, 10.0
+_AROUND = np.linspace(-3.0, 3.0, 13)  #: Frequencies about a mode, in widths of its resonance, that a sharp one needs.
+_NOTHING = 1e-9  #: Share of the largest answer below which there is none, but for rounding.
+_MICRO = 1e6
+_ERRORS = (
+    "Filled: what a tip leaves that copies the motion of the tool against the workpiece. Hollow: W, the law of the "
+    "cutting force, which takes inertia forces of tool and workpiece for changes of it. First revolution, without "
+    "regeneration and chatter; grey: several sources."
+)
+_STABILITY = (
+    "Below the line the waves of one turn die out in the next, above it they grow. The tool is taken to swing along "
+    "the thickness of the chip, on the whole structure. Dotted: the speed of the workpiece. What rubs on the flank at "
+    "low speeds, and holds chatter back there, is not in it."
+)
+_RESPONSE = "Amplitude per newton of each source; circles: lines of its spectrum."
+_RESPONSE_OF_CHAINS = " Dashed: by the chains. Dotted: up to here those of the low range, then those of the high one."
+_STRETCH = "Around the largest motion of the tool against the workpiece. Phases of the sources are drawn by the seed."
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,59 +77,45 @@ class Course:
     is_whole: bool  #: Whether this is the whole run
 
 
-def vibration_account(result: SimulationResult, drawings: Drawings) -> Account:
+def vibration_account(result: SimulationResult, drawn: bool) -> Account:
     """What is told of a simulated vibration: what the part keeps, where it comes from, where chains go wrong."""
-    done, model, summary = result.simulated, result.simulated.model, result.summary
-    heights = tuple(summary.heights.values())
-    errors = stability = lines = chains = None
-    if summary.errors:
-        errors = section(
-            "errors",
-            "What the part keeps",
-            *drawings.get("errors", ()),
-            Captioned("Height by kind", kinds_table(heights)),
-            Captioned("Periodic errors, highest first", errors_table(summary.errors)),
-            link="Periodic errors",
-        )
-    if summary.stability is not None:
-        stability = section("stability", "Where it chatters", *drawings.get("stability", ()), link="Chatter")
-    if summary.lines:
-        lines = section(
-            "lines",
-            "Where it comes from",
-            *drawings.get("lines", ()),
-            Captioned("Lines of the sources, largest first", lines_table(summary.lines)),
-            Captioned("Motion", motions_table(summary)),
-            link="Lines",
-        )
-    if summary.accuracy:
-        chains = section(
-            "chains",
-            "Where the chains are off",
-            Captioned("Chains against the coupled structure", chains_table(summary.accuracy)),
-            link="Chains",
-        )
-    modes = Captioned("Modes of the coupled structure", modes_table(summary.modes))
+    model, summary = result.simulated.model, result.summary
+    drawings = _drawings(result) if drawn else {}
     return simulation_account(
         result,
         _sentences(result),
         (
-            errors,
-            stability,
-            lines,
-            section("structure", "Structure and modes", modes),
+            section(
+                "errors",
+                "What the part keeps",
+                *drawings.get("errors", ()),
+                captioned("Height by kind", kinds_table(tuple(summary.heights.values()))),
+                captioned("Periodic errors, highest first", errors_table(summary.errors)),
+                link="Periodic errors",
+            ),
+            section("stability", "Where it chatters", *drawings.get("stability", ()), link="Chatter"),
+            section(
+                "lines",
+                "Where it comes from",
+                captioned("Lines of the sources, largest first", lines_table(summary.lines)),
+                link="Lines",
+            ),
+            section(
+                "structure",
+                "Structure and modes",
+                captioned("Modes of the coupled structure", modes_table(summary.modes)),
+            ),
             section("response", "Response", *drawings.get("response", ())),
             section("course", "Over time", *drawings.get("course", ())),
-            chains,
+            section(
+                "chains",
+                "Where the chains are off",
+                captioned("Chains against the coupled structure", chains_table(summary.accuracy)),
+                link="Chains",
+            ),
         ),
         drawings=drawings,
-        facts={
-            "method": model.file.run.method,
-            "speeds of lines and errors [r/min]": dict(summary.shaft_rpm),
-            "phases of the sources [rad]": {
-                run: dict(phases) for run, phases in list(done.details.phases_rad.items())[:1]
-            },
-        },
+        facts={"method": model.file.run.method, "speeds of lines and errors [r/min]": dict(summary.shaft_rpm)},
         data=_data(model, summary),
     )
 
@@ -123,10 +138,7 @@ def _sentences(result: SimulationResult) -> list[str]:
         said.append(f"What follows is about the mean speeds: {listed(speeds)}.")
     carried = carrying(model, summary)
     if summary.errors:
-        said += [error_sentence(highest(summary.errors), carried)]
-        parts = [f"{one.kind} {number_text(one.kinematic_um)} µm" for one in summary.heights.values()]
-        said += published_sentences(summary.errors)
-        said.append(f"All lines of a kind together, root of the sum of squares: {listed(parts)}.")
+        said.append(error_sentence(highest(summary.errors), carried))
     elif summary.lines:
         line = max(summary.lines, key=lambda one: one.motion_um[RELATIVE])
         said.append(
@@ -145,33 +157,32 @@ def _sentences(result: SimulationResult) -> list[str]:
 
 
 def motion_courses(result: SimulationResult) -> list[Course]:
-    """Of the first runs some periods about the largest motion, and the whole run where a speed changes in it."""
-    return [course for run in result.recording.runs[:MOST_RUNS] for course in _courses(result, run)]
+    """Of the first runs some periods about the largest motion, or the whole run where a speed changes in it."""
+    return [_motion_course(result, run) for run in result.recording.runs[:MOST_RUNS]]
 
 
-def _courses(result: SimulationResult, run: str) -> list[Course]:
+def _motion_course(result: SimulationResult, run: str) -> Course:
     model, recording, summary = result.simulated.model, result.recording, result.summary
     time_s = recording.time_s(run)
     # channels stand as the model gives them, also where they are called as the recorded ones
-    names = (*FINAL_MEMBERS, RELATIVE), tuple(source.name for source in model.sources), tuple(model.file.shafts)
+    names = (*FINALS, RELATIVE), tuple(source.name for source in model.sources), tuple(model.file.shafts)
     columns = iter(recording.values(run, list(recording.names)).T)
     motions, forces, speeds = ({name: next(columns) for name in group} for group in names)
     largest = max(summary.lines, key=lambda one: one.motion_um[RELATIVE], default=None)
     whole = slice(0, len(time_s))
-    part = whole if largest is None else _stretch(time_s, motions[RELATIVE], _PERIODS / largest.frequency_hz)
-    parts = [whole, part] if part != whole and any(np.ptp(rpm) > 0 for rpm in speeds.values()) else [part]
-    return [
-        Course(
-            run=run,
-            from_s=float(time_s[one.start] - time_s[0]),
-            time_s=time_s[one] - time_s[one.start],
-            motions_um={name: values[one] for name, values in motions.items()},
-            forces_n={name: values[one] for name, values in forces.items()},
-            speeds_rpm={name: values[one] for name, values in speeds.items()} if one == whole else {},
-            is_whole=one == whole,
-        )
-        for one in parts
-    ]
+    turns = any(np.ptp(rpm) > 0 for rpm in speeds.values())
+    part = whole
+    if largest is not None and not turns:
+        part = _stretch(time_s, motions[RELATIVE], _PERIODS / largest.frequency_hz)
+    return Course(
+        run=run,
+        from_s=float(time_s[part.start] - time_s[0]),
+        time_s=time_s[part] - time_s[part.start],
+        motions_um={name: values[part] for name, values in motions.items()},
+        forces_n={name: values[part] for name, values in forces.items()},
+        speeds_rpm={name: values[part] for name, values in speeds.items()} if part == whole else {},
+        is_whole=part == whole,
+    )
 
 
 def _stretch(time_s: Vector, motion: Vector, duration_s: float) -> slice:
@@ -187,7 +198,7 @@ def _stretch(time_s: Vector, motion: Vector, duration_s: float) -> slice:
 def carrying(model: VibrationModel, summary: VibrationSummary) -> CarryingMode | None:
     """The mode that carries what the page begins with: the highest error, or the largest line."""
     if summary.errors:
-        worst = max(summary.errors, key=lambda one: one.kinematic_um)
+        worst = highest(summary.errors)
         names, frequency_hz = worst.sources, worst.frequency_hz
     elif summary.lines:
         line = max(summary.lines, key=lambda one: one.motion_um[RELATIVE])
@@ -195,19 +206,8 @@ def carrying(model: VibrationModel, summary: VibrationSummary) -> CarryingMode |
     else:
         return None
     source = next(one for one in model.sources if one.name == names[0])
-    tool, workpiece = (model.finals[name] for name in FINAL_MEMBERS)
+    tool, workpiece = (model.finals[name] for name in FINALS)
     return carrying_mode(model.structure, summary.modes, source, frequency_hz, tool=tool, workpiece=workpiece)
-
-
-def motions_table(summary: VibrationSummary) -> Table:
-    """How far tool and workpiece move, over the combinations of phases that were tried."""
-    counts = summary.amplitudes[RELATIVE].realisations
-    rows = []
-    for final, name in FINALS.items():
-        one = summary.amplitudes[final]
-        rows.append((name, one.expected_um, one.rms_um, one.largest_um))
-    note = f"Over {counts} combinations of phases."
-    return table(["motion [µm]", ">expected amplitude", ">rms", ">largest amplitude"], rows, note)
 
 
 def highest(errors: Sequence[PeriodicError]) -> PeriodicError:
@@ -222,20 +222,6 @@ def error_sentence(one: PeriodicError, carried: CarryingMode | None) -> str:
         f"{number_text(one.wavelength_mm)} mm {_ALONG[one.direction]}. It comes from {listed(one.sources)} at "
         f"{one.frequency_hz:.4g} Hz{carried_text(carried, one.frequency_hz)}."
     )
-
-
-def published_sentences(errors: Sequence[PeriodicError]) -> list[str]:
-    """The highest error by the law of the cutting force (V eq. 2), and how much of a motion there is behind it."""
-    one = max(errors, key=lambda error: error.published_um)
-    said = (
-        f"That is what a tip leaves which copies the motion of the tool against the workpiece. By the law of the "
-        f"cutting force, with the inertia forces of both as its changes, the highest is {one.kind} of "
-        f"{number_text(one.published_um)} µm by {listed(one.sources)} at {one.frequency_hz:.4g} Hz"
-    )
-    if one.published_um > _MORE_THAN_MOTION * one.kinematic_um:
-        times = number_text(one.published_um / one.kinematic_um) if one.kinematic_um > 0 else "many"
-        return [f"{said}: {times} times what the motion there can cut, so do not take it for a height."]
-    return [f"{said}."]
 
 
 def carried_text(carried: CarryingMode | None, frequency_hz: float) -> str:
@@ -306,14 +292,13 @@ def stability_sentence(limit: StabilityLimit) -> str:
 
 def kinds_table(heights: Sequence[KindHeight]) -> Table:
     """Height of every kind."""
-    rows = [(one.kind, str(one.lines), one.kinematic_um, one.rms_um, one.published_um) for one in heights]
+    rows = [(one.kind, str(one.lines), one.kinematic_um, one.rms_um) for one in heights]
     note = (
         "Copied: root of the sum of squares of 2·|motion of tool against workpiece|, of lines that know nothing of "
-        "each other. W: the same root of the heights by the law of the cutting force; largest: W of all inertia "
-        "forces added up, when all crests meet. First revolution, without regeneration and chatter."
+        "each other. W: the same root of the heights by the law of the cutting force. First revolution, without "
+        "regeneration and chatter."
     )
-    heads = ["kind", ">frequencies", ">copied motion [µm]", ">W [µm]", ">W, largest [µm]"]
-    return table(heads, rows, note)
+    return table(["kind", ">frequencies", ">copied motion [µm]", ">W [µm]"], rows, note)
 
 
 def errors_table(errors: Sequence[PeriodicError]) -> Table:
@@ -327,49 +312,40 @@ def errors_table(errors: Sequence[PeriodicError]) -> Table:
             one.wavelength_mm,
             one.direction,
             f"{one.waves_per_revolution:.4g}",
-            one.axial_wavelength_mm or "straight",
             one.kinematic_um,
             one.published_um,
         )
-        for one in ranked[:MOST_ERRORS]
+        for one in ranked[:MOST_ROWS]
     ]
-    more = f"{len(errors) - MOST_ERRORS} more are in the JSON. " if len(errors) > MOST_ERRORS else ""
-    note = (
-        f"{more}W: by the law of the cutting force, tool and workpiece added up. Along the axis: what a stylus meets "
-        "that runs along the part; straight where the waves of all turns lie side by side."
-    )
-    heads = ["kind", "source", ">Hz", ">wavelength [mm]", "along", ">waves per turn", ">along the axis [mm]"]
+    more = f"{len(errors) - MOST_ROWS} more are in the JSON. " if len(errors) > MOST_ROWS else ""
+    note = f"{more}W: by the law of the cutting force, tool and workpiece added up."
+    heads = ["kind", "source", ">Hz", ">wavelength [mm]", "along", ">waves per turn"]
     return table([*heads, ">copied [µm]", ">W [µm]"], rows, note)
 
 
 def lines_table(lines: Sequence[LineSummary]) -> Table:
-    """Every line with the amplitudes of both methods, the largest first."""
+    """Every line with its amplitudes, the largest first."""
     ranked = sorted(lines, key=lambda one: -one.motion_um[RELATIVE])
-    has_chains = any(value is not None for one in lines for value in one.chains_um.values())
     rows = [
         (
             one.source,
             f"{one.frequency_hz:.5g}",
             None if one.order is None else f"{one.order:.4g} × {one.shaft}",
             one.force_n,
-            *(one.coupled_um[final] for final in FINALS),
-            *(one.chains_um[final] for final in FINALS if has_chains),
+            *(one.coupled_um[final] for final in _MOTIONS),
         )
-        for one in ranked[:MOST_LINES]
+        for one in ranked[:MOST_ROWS]
     ]
-    more = f"{len(lines) - MOST_LINES} more are in the JSON. " if len(lines) > MOST_LINES else ""
-    note = f"{more}Amplitudes in µm." + (" A dash: no chain of that range leads there." if has_chains else "")
-    heads = [f">{name}" for name in FINALS.values()]
-    return table(
-        ["source", ">Hz", "order", ">N", *heads, *(f"{head}, chains" for head in heads if has_chains)], rows, note
-    )
+    more = f"{len(lines) - MOST_ROWS} more are in the JSON. " if len(lines) > MOST_ROWS else ""
+    heads = ["source", ">Hz", "order", ">N", *(f">{name}" for name in _MOTIONS.values())]
+    return table(heads, rows, f"{more}Amplitudes in µm.")
 
 
 def modes_table(modes: StructureModes) -> Table:
     """Frequency, dissipation and shape of every mode."""
     count = len(modes.frequency_hz)
     rows = []
-    for k in range(min(count, MOST_MODES)):
+    for k in range(min(count, MOST_ROWS)):
         shape = modes.shapes[:, k] / modes.shapes[int(np.argmax(np.abs(modes.shapes[:, k]))), k]
         order = [int(place) for place in np.argsort(-np.abs(shape), kind="stable")[:4] if abs(shape[place]) >= 0.1]
         moving = [
@@ -378,7 +354,7 @@ def modes_table(modes: StructureModes) -> Table:
         ]
         psi = 2.0 * math.pi * float(modes.loss_factor[k])
         rows.append((str(k + 1), f"{float(modes.frequency_hz[k]):.4g}", psi, ", ".join(moving)))
-    more = f"{count - MOST_MODES} more are in the JSON. " if count > MOST_MODES else ""
+    more = f"{count - MOST_ROWS} more are in the JSON. " if count > MOST_ROWS else ""
     note = f"{more}ψ: share of the energy that is lost in a cycle. Motions relative to the member that moves most."
     return table([">mode", ">Hz", ">ψ", "what moves"], rows, note)
 
@@ -391,32 +367,168 @@ def chains_table(accuracy: Sequence[ChainAccuracy]) -> Table:
             one.source or None,
             one.final,
             "< 1 %" if 0 < one.published.share_within < 0.005 else share_text(one.published.share_within),
-            _bands(one.published.bands_hz),
-            _decibel_text(one.published.rms_db),
-            _decibel_text(one.one_way.rms_db),
-            _decibel_text(one.cut_out.rms_db),
+            number_text(round(one.published.rms_db, 4)),
+            number_text(round(one.one_way.rms_db, 4)),
+            number_text(round(one.cut_out.rms_db, 4)),
         )
         for one in accuracy
     ]
-    lowest = min(float(one.frequency_hz[0]) for one in accuracy)
-    highest = max(float(one.frequency_hz[-1]) for one in accuracy)
     note = (
-        "Against the coupled solution of the whole structure with the same force, from "
-        f"{number_text(lowest)} to {number_text(highest)} Hz, evenly over the logarithm, in the chain's range, phase "
-        "counted. One way: published against the coupled solution of the chain alone. Cut out: the chain "
-        "alone, coupled, against the whole structure."
+        "Against the coupled solution of the whole structure with the same force, in the chain's range, evenly over "
+        "the logarithm of the frequency, phase counted. One way: published against the coupled solution of the chain "
+        "alone. Cut out: the chain alone, coupled, against the whole structure."
     )
-    heads = ["chain", "source", "final", ">within 10 %", "widest bands within 10 % [Hz]", ">rms [dB]"]
+    heads = ["chain", "source", "final", ">within 10 %", ">rms [dB]"]
     return table([*heads, ">one way [dB]", ">cut out [dB]"], rows, note)
 
 
-def _decibel_text(value: float) -> str:
-    return number_text(value) if value >= _LEAST_DB else "0"
+def _drawings(result: SimulationResult) -> dict[str, list[Block]]:
+    """Section of the account → its drawings."""
+    from selector.figures.simulated.vibration import MOST_SOURCES, source_colours
+
+    model, summary = result.simulated.model, result.summary
+    names = [source.name for source in model.sources]
+    if len(names) > MOST_SOURCES:
+        # those first that move the tool most against the workpiece
+        shares = source_shares(summary.lines)
+        names.sort(key=lambda name: -shares.get(name, 0.0))
+    colours = source_colours(names)
+    several = len(result.recording.runs) > 1
+    return {
+        "errors": _errors(model, summary, colours),
+        "stability": _stability(summary),
+        "response": _response(model, summary, colours),
+        "course": [_course(one, colours, several) for one in motion_courses(result)],
+    }
 
 
-def _bands(bands_hz: Sequence[tuple[float, float]]) -> str:
-    widest = sorted(bands_hz, key=lambda band: math.log(max(band[0], 1e-9) / band[1]))[:3]
-    return ", ".join(f"{number_text(a)} to {number_text(b)}" for a, b in sorted(widest)) or "nowhere"
+def _errors(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
+    from selector.figures.simulated.vibration import errors_over_wavelength
+
+    cutting = model.cutting(summary.shaft_rpm)
+    if not summary.errors or cutting is None:
+        return []
+    worst = highest(summary.errors)
+    title = (
+        f"Computed: the highest error of copied motion, {number_text(worst.kinematic_um)} µm, is {worst.kind} with "
+        f"{number_text(worst.wavelength_mm)} mm from one crest to the next"
+    )
+    drawn = errors_over_wavelength(summary.errors, cutting, model.surface, colours, title)
+    return [Drawing(drawn, _ERRORS)]
+
+
+def _stability(summary: VibrationSummary) -> list[Block]:
+    from selector.figures.simulated.vibration import stability_lobes
+
+    limit = summary.stability
+    if limit is None:
+        return []
+    rpm = limit.cutting.workpiece_rpm
+    depth, _ = limit.at_speed(rpm)
+    allowed = f"up to a depth of {number_text(depth)} mm" if np.isfinite(depth) else "at any depth"
+    drawn = stability_lobes(limit, f"Computed: at {rpm:.4g} r/min the cut does not chatter {allowed}")
+    return [Drawing(drawn, _STABILITY)]
+
+
+def _response(model: VibrationModel, summary: VibrationSummary, colours: Mapping[str, str]) -> list[Block]:
+    from selector.figures import style
+    from selector.figures.simulated.vibration import MOST_SOURCES, response_over_frequency
+
+    shown = list(colours)[:MOST_SOURCES]
+    frequency_hz, of_finals = _answers(model, summary, shown)
+    answers = {final: ones for final, ones in of_finals.items() if ones}
+    if not answers:
+        return []
+    final, one, k = max(
+        ((final, one, int(np.argmax(one.coupled_um_per_n))) for final, ones in answers.items() for one in ones),
+        key=lambda case: float(case[1].coupled_um_per_n[case[2]]),
+    )
+    title = (
+        f"Computed: the {style.label(final)} answers most to {style.label(one.source)} at "
+        f"{float(frequency_hz[k]):.4g} Hz, "
+        f"{number_text(float(one.coupled_um_per_n[k]))} µm per newton"
+    )
+    drawn = response_over_frequency(frequency_hz, answers, colours, title, summary.split_hz)
+    has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
+    text = _RESPONSE + (_RESPONSE_OF_CHAINS if has_chains else "")
+    if len(colours) > len(shown):
+        text += f" Drawn are the {len(shown)} of {len(colours)} sources that move the tool most against the workpiece."
+    return [Drawing(drawn, text)]
+
+
+def _course(one: Course, colours: Mapping[str, str], several: bool) -> Drawing:
+    from selector.figures import style
+    from selector.figures.simulated.vibration import motion_course
+
+    motion = one.motions_um[RELATIVE]
+    k = int(np.argmax(np.abs(motion)))
+    unit, seconds = style.time_unit(one.from_s + float(one.time_s[-1]))
+    of = f" of run {style.label(one.run)}" if several else ""
+    what = (
+        f"the whole run{of}"
+        if one.is_whole
+        else f"{1e3 * float(one.time_s[-1]):.3g} ms{of} from {one.from_s / seconds:.4g} {unit} on"
+    )
+    title = f"Simulated: {what}; the tool is up to {number_text(float(abs(motion[k])))} µm off the workpiece's motion"
+    drawn = motion_course(one.time_s, one.motions_um, one.forces_n, one.speeds_rpm, colours, title)
+    return Drawing(drawn, THINNED if one.is_whole else _STRETCH)
+
+
+def _answers(
+    model: VibrationModel, summary: VibrationSummary, shown: Sequence[str]
+) -> tuple[Vector, Mapping[str, tuple[Answer, ...]]]:
+    """Motion per newton of sources over frequency; nothing where a frequency meets an undamped resonance."""
+    from selector.figures.simulated.vibration import Answer
+
+    modes = summary.modes
+    slowest, fastest = float(modes.frequency_hz[0]), float(modes.frequency_hz[-1])
+    last = max((one.frequency_hz for one in summary.lines), default=slowest)
+    last_hz = max(_BEYOND * last, min(_BEYOND * fastest, _BEYOND_LINES * last))
+    first_hz = min([_LOWEST_HZ, last_hz / 100.0, *(0.7 * one.frequency_hz for one in summary.lines)])
+    near = modes.frequency_hz[:, None] * (1.0 + modes.loss_factor[:, None] / 2.0 * _AROUND)
+    frequency_hz = np.unique(np.concatenate([np.geomspace(first_hz, last_hz, _FREQUENCIES), near.ravel()]))
+    frequency_hz = frequency_hz[(frequency_hz >= first_hz) & (frequency_hz <= last_hz)]
+    sources = [source for source in model.sources if source.name in shown]
+    coupled = _coupled_um(model, sources, frequency_hz)
+    largest = max((float(answer.max()) for answer in coupled.values()), default=0.0)
+    found: dict[str, list[Answer]] = {final: [] for final in FINALS}
+    method = model.chain_method(summary.shaft_rpm)
+    for source in sources:
+        chains = None if method is None else _chains_um(model, source, frequency_hz, method)
+        lines_hz = np.array([one.frequency_hz for one in summary.lines if one.source == source.name])
+        for row, final in enumerate(FINALS):
+            answer = coupled.get((source.name, final))
+            if answer is None or answer.max() <= _NOTHING * largest:
+                continue
+            by_chains = None if chains is None or np.isnan(chains[row]).all() else chains[row]
+            found[final].append(Answer(source.name, np.maximum(answer, _NOTHING * largest), by_chains, lines_hz))
+    return frequency_hz, {final: tuple(answers) for final, answers in found.items()}
+
+
+def _coupled_um(
+    model: VibrationModel, sources: Sequence[Source], frequency_hz: Vector
+) -> Mapping[tuple[str, str], Vector]:
+    """Source and final → |X/F| [µm/N]."""
+    structure = model.structure
+    forces = np.array([unit_force(structure, source.member, source.against) for source in sources])
+    try:
+        motion = receptances(structure, frequency_hz, forces)
+    except InputError:
+        return {}
+    return {
+        (source.name, final): _MICRO * np.abs(motion[row][:, structure.position(model.finals[final])])
+        for row, source in enumerate(sources)
+        for final in FINALS
+    }
+
+
+def _chains_um(model: VibrationModel, source: Source, frequency_hz: Vector, chains: ChainMethod) -> Vector | None:
+    """|X/F| of the finals [µm/N] by the chains; NaN where none leads there from the source."""
+    try:
+        found = final_receptance(model.structure, source, frequency_hz, model.finals, chains)
+    except InputError:
+        return None
+    return np.where(found.carried, _MICRO * np.abs(found.motion_m_per_n), np.nan)
 
 
 def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:

@@ -75,10 +75,4 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
 
 def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
-    if stamp == "0":
-        return None
-    return parts.section(
-        "The answer",
-        parts.saved(bench, BALL_BAR, _FILES),
-        parts.framed(f"{BALL_BAR}/report.html", "Report of the ball-bar test", stamp),
-    )
+    return None if stamp == "0" else parts.answer(bench, BALL_BAR, _FILES, "Report of the ball-bar test", stamp)

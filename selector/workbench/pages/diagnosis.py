@@ -127,10 +127,6 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
         "Where they differ, how much better it gets and the evidence: the report. Drag across one of its pictures, and "
         "the same stretch of time is marked in all of them."
     )
-    return parts.section(
-        "The answer",
-        *parts.told(diagnosis_account(diagnosis_of(result), is_alone=True), ["effects"]),
-        parts.saved(bench, DIAGNOSIS, _FILES),
-        html.P(about, className="about"),
-        parts.framed(f"{DIAGNOSIS}/report.html", "Report of the diagnosis", stamp),
-    )
+    told = parts.told(diagnosis_account(diagnosis_of(result), is_alone=True), ["effects"])
+    note = html.P(about, className="about")
+    return parts.answer(bench, DIAGNOSIS, _FILES, "Report of the diagnosis", stamp, *told, note)

@@ -136,9 +136,5 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     result = bench.result(f"{PREDICTION}/prediction.json")
     if result is None:
         return None
-    return parts.section(
-        "The answer",
-        *parts.told(prediction_account(prediction_of(result), drawn=True), ("cycle", "program")),
-        parts.saved(bench, PREDICTION, _FILES),
-        parts.framed(f"{PREDICTION}/report.html", "Report of the prediction", stamp),
-    )
+    told = parts.told(prediction_account(prediction_of(result), drawn=True), ("cycle", "program"))
+    return parts.answer(bench, PREDICTION, _FILES, "Report of the prediction", stamp, *told)

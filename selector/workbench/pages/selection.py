@@ -127,12 +127,7 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
         html.P(in_words_of_fields(chosen["because"])),
         html.P(["Next: ", html.A("the program for your control", href="#export"), "."]),
     ]
-    return parts.section(
-        "The answer",
-        html.Div(kept, className="advice"),
-        parts.saved(bench, SELECTION, _FILES),
-        parts.framed(f"{SELECTION}/report.html", "Report of the selection", stamp),
-    )
+    return parts.answer(bench, SELECTION, _FILES, "Report of the selection", stamp, html.Div(kept, className="advice"))
 
 
 def _level_text(level: float | tuple[float, ...] | None) -> str:
