@@ -9,7 +9,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import write_answer, written_folder
+from selector.cli.shared.files import out_folder, write_answer
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 
@@ -57,15 +57,7 @@ def prove(
             help="Answer nothing: write the cases as folders for `selector diagnose`, and the answers apart.",
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            parser=written_folder,
-            help="Write score.json, cases.csv and report.html, all or none.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_folder(help="Write score.json, cases.csv and report.html, all or none.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Proves blind that what a simulation left out is found: cases with sealed answers, scores beside their goals.
