@@ -9,9 +9,9 @@ import pytest
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes import driven_model as fits
-from selector.physics.thermal.modes._drift import _whitened_loop, evidence
 from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.driven import _evidence, _whitened_loop
 from selector.physics.thermal.modes.driven_model import driven_model
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
@@ -230,7 +230,7 @@ def test_the_evidence_is_the_density_of_the_last_column_with_coefficients_about_
     first = np.isin(np.arange(40), [0, 17])
     arguments = (np.arange(40.0) * 300.0, np.full(40, 0.1), 1e-4, 0.3, 900.0, first)
     rows, logs = _whitened_loop(values, *arguments)
-    found, root, half = evidence(rows, logs, gain)
+    found, root, half = _evidence(rows, logs, gain)
     scaled, aim = rows[:, :-1] * gain, rows[:, -1]
     covariance = scaled @ scaled.T + np.eye(40)
     wanted = logs + 0.5 * (np.linalg.slogdet(covariance)[1] + aim @ np.linalg.solve(covariance, aim))

@@ -165,9 +165,3 @@ def test_unusable_tests_are_refused():
         choose_modes([idle], ("Z",))
     with pytest.raises(InputError, match="no test"):
         choose_modes([], ("Z",))
-    short = replace(idle, time_s=time[:5], speed_rpm=np.full(5, 1000.0), displacement_um=np.zeros((5, 1)))
-    with pytest.raises(InputError, match="5 samples"):
-        choose_modes([short], ("Z",))
-    turning = replace(idle, speed_rpm=np.full(100, 1000.0))
-    with pytest.raises(InputError, match="fewer than 10 readings"):
-        choose_modes([replace(turning, displacement_um=np.full((100, 1), np.nan))], ("Z",))

@@ -125,12 +125,6 @@ def test_speeds_that_were_not_tested_are_refused(speed):
         running(model(), speed, TIME)
 
 
-@pytest.mark.parametrize("time", [-1.0, 1201.0, float("nan")])
-def test_times_outside_the_cycle_are_refused(time):
-    with pytest.raises(InputError, match="1200 s"):
-        model().displacement_um(Cyclogram.of_segments((20, 800.0)), np.array([time]))
-
-
 def test_standing_machine_stays_where_it_is():
     assert (running(model(), 0.0, TIME) == 0.0).all()
 
