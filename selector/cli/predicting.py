@@ -130,7 +130,11 @@ class Asked:
                 where="--order", advice="say how long the operations are, e.g. --operations 60,45,90",
             )  # fmt: skip
         self.tolerances_um()
-        _require_positive(self.resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
+        if self.resolution is not None and not 0.0 < self.resolution < math.inf:
+            raise OptionError(
+                f"{self.resolution:g}", expected="minutes above 0", where="--resolution",
+                advice="e.g. --resolution 1, or leave it out",
+            )  # fmt: skip
 
     def tolerances_um(self) -> Tolerance | None:
         """Tolerances in µm: one for all, or those of each response, one for all operations or one for each.
@@ -173,11 +177,6 @@ def _above_zero(part: str, option: str, where: str, expected: str) -> float:
 
 
 _EXAMPLES = {"--operations": "60,60,45.5", "--tolerance": "10 or --tolerance 10,5,10"}
-
-
-def _require_positive(value: float | None, where: str, expected: str, advice: str) -> None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise OptionError(f"{value:g}", expected=expected, where=where, advice=advice)
 
 
 @with_source

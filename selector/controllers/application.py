@@ -47,8 +47,11 @@ def usable_readings(
     findings: list[Finding] = []
     for item in model.inputs:
         values = np.where(np.isfinite(readings[item.name]), readings[item.name], np.nan)
-        codes = _is_break_code(item, values, model.guard.break_codes)
-        beyond = _is_beyond_limits(item, values) & ~codes
+        low, high = item.reading_limits
+        codes = np.zeros(len(values), dtype=np.bool_)
+        for code in model.guard.break_codes if item.unit == "degC" else ():
+            codes |= np.abs(values - code) <= CODE_SLACK * abs(code)
+        beyond = ((values < low) | (values > high)) & ~codes
         findings.extend(_broken(item, run, time_s, values, np.isnan(values), "missing"))
         findings.extend(_broken(item, run, time_s, values, codes, "break-code"))
         findings.extend(_broken(item, run, time_s, values, beyond, "out-of-limits"))
@@ -106,19 +109,6 @@ def time_share(time_s: Array, where: Mask) -> float:
 def unit_of_difference(item: Input) -> str:
     """The unit of a difference of readings, for people."""
     return "K" if item.unit == "degC" else item.unit
-
-
-def _is_break_code(item: Input, values: Array, codes: tuple[float, ...]) -> Mask:
-    found = np.zeros(len(values), dtype=np.bool_)
-    if item.unit == "degC":
-        for code in codes:
-            found |= np.abs(values - code) <= CODE_SLACK * abs(code)
-    return found
-
-
-def _is_beyond_limits(item: Input, values: Array) -> Mask:
-    low, high = item.reading_limits
-    return (values < low) | (values > high)
 
 
 def _broken(item: Input, run: str, time_s: Array, values: Array, where: Mask, kind: str) -> Iterator[Finding]:

@@ -160,7 +160,10 @@ def with_source(command: Callable[..., None], runs: Any = None) -> Callable[...,
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
     needed = [part for part in own if runs is not None and part.default is inspect.Parameter.empty]
-    leading = [part for part in own if _is_argument(part.annotation) or part in needed]
+    argument = type(typer.Argument())
+    leading = [
+        part for part in own if part in needed or any(isinstance(note, argument) for note in get_args(part.annotation))
+    ]
     parameters = [*leading, named, shared[0], *(part for part in own if part not in leading), *shared[1:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
@@ -179,10 +182,6 @@ def _one_by_one(kind: Any) -> list[inspect.Parameter]:
         )
         for field in fields(kind)
     ]
-
-
-def _is_argument(annotation: Any) -> bool:
-    return any(isinstance(note, type(typer.Argument())) for note in get_args(annotation))
 
 
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:
