@@ -13,7 +13,7 @@ import typer
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -25,20 +25,6 @@ if TYPE_CHECKING:
     from selector.controllers.model_file import ModelFile
     from selector.recording import Recording
 
-Every = Annotated[
-    str | None,
-    typer.Option("--every", metavar="TIME", help="See the recorded displacement only so often, e.g. 2h, 90min, 3600s."),
-]
-TouchOffs = Annotated[
-    Path | None,
-    typer.Option(
-        "--touch-offs", metavar="FILE.csv", help="Touch-offs as measured: run,time_s and a column a response."
-    ),
-]
-Within = Annotated[
-    float | None,
-    typer.Option("--within", metavar="µm", help="How often to probe so that ± µm is held in 95 % of the time."),
-]
 
 _TIME = re.compile(r"\s*(\d+(?:[.]\d*)?|[.]\d+)\s*(s|min|h|d)\s*")
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -48,9 +34,22 @@ _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 class Asked:
     """The options of `adapt`, one field an option."""
 
-    every: Every = None
-    touch_offs: TouchOffs = None
-    within: Within = None
+    every: Annotated[
+        str | None,
+        typer.Option(
+            "--every", metavar="TIME", help="See the recorded displacement only so often, e.g. 2h, 90min, 3600s."
+        ),
+    ] = None
+    touch_offs: Annotated[
+        Path | None,
+        typer.Option(
+            "--touch-offs", metavar="FILE.csv", help="Touch-offs as measured: run,time_s and a column a response."
+        ),
+    ] = None
+    within: Annotated[
+        float | None,
+        typer.Option("--within", metavar="µm", help="How often to probe so that ± µm is held in 95 % of the time."),
+    ] = None
 
     def every_s(self) -> float | None:
         """The period of --every [s].
@@ -84,20 +83,16 @@ class Asked:
         return seconds
 
 
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        parser=written_folder,
-        help="Write adaptation.json, model.json with what was learnt, and report.html.",
-    ),
-]
-
-
 @with_source
 def adapt(
-    source: Source, model: Model, asked: Asked, out: Out = None, everything: Everything = False, as_json: AsJson = False
+    source: Source,
+    model: Model,
+    asked: Asked,
+    out: Annotated[
+        Path | None, out_folder(help="Write adaptation.json, model.json with what was learnt, and report.html.")
+    ] = None,
+    everything: Everything = False,
+    as_json: AsJson = False,
 ) -> None:
     """Keeps a model true with touch-offs: readings of the true displacement now and then, while the machine runs.
 

@@ -7,7 +7,7 @@ import typer
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.errors import OptionError
@@ -32,10 +32,7 @@ def ballbar(
         list[str] | None,
         typer.Option("--lead", metavar="X=10", help="Lead of an axis' screw in mm: wavelength of its pitch error."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="DIR", parser=written_folder, help="Write ballbar.json and report.html."),
-    ] = None,
+    out: Annotated[Path | None, out_folder(help="Write ballbar.json and report.html.")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

@@ -10,19 +10,14 @@ import typer
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.selecting import study, write_results
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source
 
 
 def demo(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", parser=written_folder, help="Where to write; the report is DIR/report.html."
-        ),
-    ] = Path("selector-demo"),
+    out: Annotated[Path, out_folder(help="Where to write; the report is DIR/report.html.")] = Path("selector-demo"),
     everything: Everything = False,
 ) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.

@@ -7,23 +7,11 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import diagnosed, showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.cli.shared.studying import AcceptChanges, StudyPath, hashes, opened_study, repeated_words, told_if_no_text
-
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        help="Write diagnosis.json, report.html and study.toml; with --model improved.toml; where physics is named "
-        "that is not in that, correction.json, and model.json if it is thermal. Those of an earlier answer there are "
-        "replaced or removed.",
-        parser=written_folder,
-    ),
-]
 
 
 @with_source
@@ -34,7 +22,14 @@ def diagnose(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: diagnosed.Asked,
-    out: Out = None,
+    out: Annotated[
+        Path | None,
+        out_folder(
+            help="Write diagnosis.json, report.html and study.toml; with --model improved.toml; where physics is named "
+            "that is not in that, correction.json, and model.json if it is thermal. Those of an earlier answer there "
+            "are replaced or removed."
+        ),
+    ] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

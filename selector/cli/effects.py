@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 
     from selector.diagnosis.effects.effect import Effect
 
-Id = Annotated[
-    str | None, typer.Argument(metavar="[ID]", help="Effect to explain, e.g. thermal.memory. Default: list all.")
-]
 
-
-def effects(id: Id = None, as_json: AsJson = False) -> None:  # noqa: A002 - the word of the contract
+def effects(
+    id: Annotated[  # noqa: A002 - the word of the contract
+        str | None, typer.Argument(metavar="[ID]", help="Effect to explain, e.g. thermal.memory. Default: list all.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Lists what a diagnosis can name, by family with a line each, or explains one effect: its physics, where it
     enters, what it needs, what resembles it, what would refute it, and the run that shows it.
 

@@ -9,47 +9,14 @@ import typer
 
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
 
-For = Annotated[
-    str,
-    typer.Option(
-        "--for", metavar="TARGET", help="c, st, tcpou, linuxcnc, sinumerik, beckhoff, fanuc, rexroth, python."
-    ),
-]
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Folder for the files.")]
 ReplayOf = Annotated[
     list[Path] | None,
     typer.Option("--replay", metavar="PATH", help="Run recordings through the generated program; repeat."),
-]
-Inverts = Annotated[
-    list[str] | None,
-    typer.Option("--invert", metavar="OUTPUT", help="The control counts this output's axis the other way; repeat."),
-]
-SignVerified = Annotated[
-    bool, typer.Option("--sign-verified", metavar="", help="You have done the sign test of the commissioning sheet.")
-]
-Tested = Annotated[
-    str | None,
-    typer.Option(
-        "--tested",
-        metavar="TARGET:SHA-256",
-        help="With --sign-verified: target and equations SHA-256 of the program that passed (its head has it), "
-        "e.g. st:1a2b3c4d; another program is refused.",
-    ),
-]
-Clamps = Annotated[
-    list[str] | None, typer.Option("--clamp", metavar="OUTPUT=µm", help="Largest correction of an output; repeat.")
-]
-Slews = Annotated[
-    list[str] | None, typer.Option("--slew", metavar="OUTPUT=µm/s", help="Largest change of a correction; repeat.")
-]
-Margin = Annotated[
-    float,
-    typer.Option("--margin", metavar="%", help="Follow sensors so far beyond their recorded range, in % of its width."),
 ]
 
 
@@ -57,14 +24,42 @@ Margin = Annotated[
 def export(
     source: Source,
     model: Model,
-    target: For,
-    out: Out,
-    clamp: Clamps = None,
-    slew: Slews = None,
-    margin: Margin = 0.0,
-    invert: Inverts = None,
-    sign_verified: SignVerified = False,
-    tested: Tested = None,
+    target: Annotated[
+        str,
+        typer.Option(
+            "--for", metavar="TARGET", help="c, st, tcpou, linuxcnc, sinumerik, beckhoff, fanuc, rexroth, python."
+        ),
+    ],
+    out: Annotated[Path, out_folder(help="Folder for the files.")],
+    clamp: Annotated[
+        list[str] | None, typer.Option("--clamp", metavar="OUTPUT=µm", help="Largest correction of an output; repeat.")
+    ] = None,
+    slew: Annotated[
+        list[str] | None, typer.Option("--slew", metavar="OUTPUT=µm/s", help="Largest change of a correction; repeat.")
+    ] = None,
+    margin: Annotated[
+        float,
+        typer.Option(
+            "--margin", metavar="%", help="Follow sensors so far beyond their recorded range, in % of its width."
+        ),
+    ] = 0.0,
+    invert: Annotated[
+        list[str] | None,
+        typer.Option("--invert", metavar="OUTPUT", help="The control counts this output's axis the other way; repeat."),
+    ] = None,
+    sign_verified: Annotated[
+        bool,
+        typer.Option("--sign-verified", metavar="", help="You have done the sign test of the commissioning sheet."),
+    ] = False,
+    tested: Annotated[
+        str | None,
+        typer.Option(
+            "--tested",
+            metavar="TARGET:SHA-256",
+            help="With --sign-verified: target and equations SHA-256 of the program that passed (its head has it), "
+            "e.g. st:1a2b3c4d; another program is refused.",
+        ),
+    ] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

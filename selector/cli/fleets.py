@@ -15,7 +15,7 @@ from selector.cli.shared.showing import AsJson
 from selector.errors import CancelledError, OptionError
 
 if TYPE_CHECKING:
-    from selector.fleet import Fleet, Workers
+    from selector.fleet import Fleet
     from selector.telling.account import Account
 
 FleetPath = Annotated[
@@ -46,7 +46,7 @@ def run(
     What was done before of the same recordings, options and version is not done again, so a run that was stopped or
     killed goes on where it was. A machine that fails is told with its reason, and the others go on.
     """
-    from selector.fleet import read_fleet, run_fleet
+    from selector.fleet import Cluster, Processes, read_fleet, run_fleet
     from selector.telling.fleet import fleet_account
 
     if jobs is not None and dask is not None:
@@ -57,9 +57,10 @@ def run(
             advice="leave one of the two out",
         )
     asked = read_fleet(fleet)
+    workers = Cluster(dask) if dask is not None else Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))
     try:
         with fleet_progress() as tell:
-            answer = run_fleet(asked, _workers(asked, jobs, dask), tell, refit=refit)
+            answer = run_fleet(asked, workers, tell, refit=refit)
     except KeyboardInterrupt:
         raise CancelledError(
             f"stopped. What is done is kept in {asked.results}; the same command goes on from there."
@@ -161,11 +162,3 @@ def _show(account: Account, *, as_json: bool) -> None:
 
 def _title(asked: Fleet) -> str:
     return f"Fleet: {asked.place.absolute().parent.name}"
-
-
-def _workers(asked: Fleet, jobs: int | None, dask: str | None) -> Workers:
-    from selector.fleet import Cluster, Processes
-
-    if dask is not None:
-        return Cluster(dask)
-    return Processes(min(jobs or os.cpu_count() or 1, len(asked.studies)))

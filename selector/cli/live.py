@@ -14,7 +14,7 @@ import typer
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder, written_folder
 from selector.cli.shared.showing import AsJson
 from selector.errors import CancelledError, OptionError
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from selector.live.collecting import Collection
     from selector.live.compensating import Compensation
 
-Io = Annotated[Path, typer.Option("--io", metavar="IO.toml", help="Servers, channels, outputs, heartbeats.")]
 Cycles = Annotated[int | None, typer.Option("--cycles", metavar="N", min=1, help="Stop after so many periods.")]
 
 
@@ -54,10 +53,8 @@ def collect(
 
 def compensate(
     model: Model,
-    io: Io,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Journal, status page, start readings.")
-    ] = Path("live"),
+    io: Annotated[Path, typer.Option("--io", metavar="IO.toml", help="Servers, channels, outputs, heartbeats.")],
+    out: Annotated[Path, out_folder(help="Journal, status page, start readings.")] = Path("live"),
     cycles: Cycles = None,
     fast: Annotated[
         bool, typer.Option("--fast", metavar="", help="A rehearsal with files only: as fast as it can be computed.")

@@ -13,7 +13,7 @@ import typer
 from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import OptionError
@@ -25,89 +25,85 @@ if TYPE_CHECKING:
 _of_program = partial(typer.Option, rich_help_panel="Correction program")
 _of_day = partial(typer.Option, rich_help_panel="The day as it was")
 
-Cycle = Annotated[
-    Path,
-    typer.Option(
-        "--cycle",
-        metavar="CYCLE.csv",
-        help="Duty cycle: time_s,spindle_speed, one row a change; beside them columns named as ambient channels.",
-    ),
-]
-MethodName = Annotated[
-    Literal["modal", "piecewise"],
-    typer.Option(
-        "--method", metavar="modal|piecewise", help="Thermal modes, or pieces of the measured characteristics."
-    ),
-]
-Operations = Annotated[
-    str | None, _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.")
-]
-Tolerances = Annotated[
-    list[str] | None,
-    _of_program(
-        "--tolerance",
-        metavar="[NAME=]µm[,µm...]",
-        help="Drift that is allowed between corrections: one for all, one an operation (10,5,10), or by response "
-        "(Z=10); repeat.",
-    ),
-]
-StartName = Annotated[
-    Literal["cold", "tests"] | None,
-    typer.Option(
-        "--start",
-        metavar="cold|tests",
-        help="How the duty cycle begins: cold, or where the tests end. Default: where they end if they are one long "
-        "record, else cold.",
-    ),
-]
-FindOrder = Annotated[
-    bool,
-    _of_program("--order", metavar="", help="Also find the order of the operations that needs the fewest corrections."),
-]
-Resolution = Annotated[
-    float | None,
-    _of_program(
-        "--resolution",
-        metavar="MIN",
-        help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
-    ),
-]
-NcProgram = Annotated[
-    str | None,
-    _of_program(
-        "--nc", metavar="fanuc|sinumerik", help="Write the program as an NC subprogram too, with a sheet (needs --out)."
-    ),
-]
-Inverted = Annotated[
-    list[str] | None,
-    _of_program("--invert", metavar="NAME", help="Response whose axis the control counts the other way; repeat."),
-]
-Readings = Annotated[
-    Path | None,
-    _of_day("--readings", metavar="DAY", help="Thermometers recorded on the day: finds stops that were not planned."),
-]
-Observe = Annotated[
-    list[str] | None,
-    _of_day("--observe", metavar="NAME", help="Thermometer of DAY and of the tests to go by; repeat. Default: all."),
-]
-
 
 @dataclass(frozen=True)
 class Asked:
     """The options of `predict`, one field an option."""
 
-    cycle: Cycle
+    cycle: Annotated[
+        Path,
+        typer.Option(
+            "--cycle",
+            metavar="CYCLE.csv",
+            help="Duty cycle: time_s,spindle_speed, one row a change; beside them columns named as ambient channels.",
+        ),
+    ]
     response: Responses = None
-    method: MethodName = "modal"
-    operations: Operations = None
-    tolerance: Tolerances = None
-    resolution: Resolution = None
-    order: FindOrder = False
-    start: StartName = None
-    nc: NcProgram = None
-    invert: Inverted = None
-    readings: Readings = None
-    observe: Observe = None
+    method: Annotated[
+        Literal["modal", "piecewise"],
+        typer.Option(
+            "--method", metavar="modal|piecewise", help="Thermal modes, or pieces of the measured characteristics."
+        ),
+    ] = "modal"
+    operations: Annotated[
+        str | None, _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.")
+    ] = None
+    tolerance: Annotated[
+        list[str] | None,
+        _of_program(
+            "--tolerance",
+            metavar="[NAME=]µm[,µm...]",
+            help="Drift that is allowed between corrections: one for all, one an operation (10,5,10), or by response "
+            "(Z=10); repeat.",
+        ),
+    ] = None
+    resolution: Annotated[
+        float | None,
+        _of_program(
+            "--resolution",
+            metavar="MIN",
+            help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
+        ),
+    ] = None
+    order: Annotated[
+        bool,
+        _of_program(
+            "--order", metavar="", help="Also find the order of the operations that needs the fewest corrections."
+        ),
+    ] = False
+    start: Annotated[
+        Literal["cold", "tests"] | None,
+        typer.Option(
+            "--start",
+            metavar="cold|tests",
+            help="How the duty cycle begins: cold, or where the tests end. Default: where they end if they are one "
+            "long record, else cold.",
+        ),
+    ] = None
+    nc: Annotated[
+        str | None,
+        _of_program(
+            "--nc",
+            metavar="fanuc|sinumerik",
+            help="Write the program as an NC subprogram too, with a sheet (needs --out).",
+        ),
+    ] = None
+    invert: Annotated[
+        list[str] | None,
+        _of_program("--invert", metavar="NAME", help="Response whose axis the control counts the other way; repeat."),
+    ] = None
+    readings: Annotated[
+        Path | None,
+        _of_day(
+            "--readings", metavar="DAY", help="Thermometers recorded on the day: finds stops that were not planned."
+        ),
+    ] = None
+    observe: Annotated[
+        list[str] | None,
+        _of_day(
+            "--observe", metavar="NAME", help="Thermometer of DAY and of the tests to go by; repeat. Default: all."
+        ),
+    ] = None
 
     def require_usable(self, out: Path | None) -> None:
         """Ends with an error when a number is out of its limits, or an NC subprogram has nothing to say or to go to."""
@@ -133,7 +129,11 @@ class Asked:
                 where="--order", advice="say how long the operations are, e.g. --operations 60,45,90",
             )  # fmt: skip
         self.tolerances_um()
-        _require_positive(self.resolution, "--resolution", "minutes above 0", "e.g. --resolution 1, or leave it out")
+        if self.resolution is not None and not 0.0 < self.resolution < math.inf:
+            raise OptionError(
+                f"{self.resolution:g}", expected="minutes above 0", where="--resolution",
+                advice="e.g. --resolution 1, or leave it out",
+            )  # fmt: skip
 
     def tolerances_um(self) -> Tolerance | None:
         """Tolerances in µm: one for all, or those of each response, one for all operations or one for each.
@@ -178,25 +178,16 @@ def _above_zero(part: str, option: str, where: str, expected: str) -> float:
 _EXAMPLES = {"--operations": "60,60,45.5", "--tolerance": "10 or --tolerance 10,5,10"}
 
 
-def _require_positive(value: float | None, where: str, expected: str, advice: str) -> None:
-    if value is not None and not (math.isfinite(value) and value > 0):
-        raise OptionError(f"{value:g}", expected=expected, where=where, advice=advice)
-
-
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        parser=written_folder,
-        help="Write prediction.json, report.html, and program.csv and program.txt if there is a program.",
-    ),
-]
-
-
 @with_source
 def predict(
-    source: Source, asked: Asked, out: Out = None, everything: Everything = False, as_json: AsJson = False
+    source: Source,
+    asked: Asked,
+    out: Annotated[
+        Path | None,
+        out_folder(help="Write prediction.json, report.html, and program.csv and program.txt if there is a program."),
+    ] = None,
+    everything: Everything = False,
+    as_json: AsJson = False,
 ) -> None:
     """Predicts the displacement in a duty cycle from heating and cooling tests, and how to correct it.
 

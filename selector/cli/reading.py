@@ -13,7 +13,7 @@ from selector.atomic_file import (
     require_writable_folder,
 )
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -76,9 +76,7 @@ def describe(
 @with_source
 def convert(
     source: Source,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", parser=written_folder, help="Folder that receives the recordings.")
-    ],
+    out: Annotated[Path, out_folder(help="Folder that receives the recordings.")],
     table_format: Annotated[
         Literal["csv", "parquet"], typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
     ] = "csv",

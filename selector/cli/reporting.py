@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -67,6 +67,8 @@ def report(
 
 def _page(result: Result, say: Say) -> str:
     from selector.controllers.model_file import read_model
+    from selector.telling.diagnosed.account import diagnosis_account
+    from selector.telling.diagnosed.document import diagnosis_of
     from selector.telling.model_card import model_card_account
     from selector.telling.page import account_page
     from selector.telling.predicted.account import prediction_account
@@ -79,15 +81,9 @@ def _page(result: Result, say: Say) -> str:
         return account_page(model_card_account(read_model(result.path)))
     if result.kind == "prediction":
         return made_of(result, lambda told: account_page(prediction_account(prediction_of(told), drawn=True)))
-    return _diagnosis_again(result, say) or made_of(result, _diagnosis_alone)
-
-
-def _diagnosis_alone(document: dict[str, Any]) -> str:
-    from selector.telling.diagnosed.account import diagnosis_account
-    from selector.telling.diagnosed.document import diagnosis_of
-    from selector.telling.page import account_page
-
-    return account_page(diagnosis_account(diagnosis_of(document), is_alone=True))
+    return _diagnosis_again(result, say) or made_of(
+        result, lambda told: account_page(diagnosis_account(diagnosis_of(told), is_alone=True))
+    )
 
 
 def _selection_page(result: Result, say: Say) -> str:

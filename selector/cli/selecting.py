@@ -15,7 +15,7 @@ import typer
 
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import written_folder
+from selector.cli.shared.files import out_folder
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
@@ -44,86 +44,6 @@ Responses = Annotated[
     list[str] | None,
     typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
 ]
-Levels = Annotated[
-    list[str] | None,
-    _of_sensors("--lambda", metavar="λ|auto", help="Level of the cut, 0 to 1; repeat for one a round. Default: auto."),
-]
-Rounds = Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")]
-MaxSensors = Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")]
-Grouping = Annotated[
-    str,
-    _of_sensors(
-        "--grouping",
-        metavar="closure|cmeans",
-        help="Groups by cuts of the closure, or by fuzzy c-means: a sensor between two groups is seen as such.",
-    ),
-]
-Absolute = Annotated[
-    bool,
-    _of_sensors(
-        "--absolute-similarity", help="Group by |r|: a sensor and its mirror image stand together.", metavar=""
-    ),
-]
-Must = Annotated[list[str] | None, _of_sensors("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.")]
-Never = Annotated[
-    list[str] | None, _of_sensors("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.")
-]
-Cost = Annotated[
-    list[str] | None, _of_sensors("--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.")
-]
-Tolerance = Annotated[
-    float | None,
-    _of_sensors(
-        "--tolerance",
-        metavar="ΔR²",
-        help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest that "
-        "predicts unseen runs as well as the best, within one standard error.",
-    ),
-]
-Within = Annotated[
-    float | None,
-    _of_sensors(
-        "--within",
-        metavar="µm",
-        help="Sets whose unseen error is within this of the best are equal, and the cheapest is taken. Default: one "
-        "standard error, or the noise of the gauge up to a tenth of the error.",
-    ),
-]
-Target = Annotated[
-    float | None,
-    _of_sensors("--target", metavar="µm", help="Take the cheapest set whose error on unseen runs is at most this."),
-]
-Degree = Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")]
-Interactions = Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")]
-Memory = Annotated[bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")]
-Formula = Annotated[
-    str | None,
-    _of_model(
-        "--formula",
-        metavar="TEXT",
-        help='This model and no other, proved like any: "Z ~ T1 + T3 + T1:T3"; I(T1**2) is a square.',
-    ),
-]
-Reference = Annotated[
-    str,
-    _of_model(
-        "--reference", metavar="rise|absolute", help="Readings as differences to the start of the run, or as they are."
-    ),
-]
-Ridge = Annotated[
-    bool, _of_model("--ridge", help="Shrink coefficients as far as unseen runs profit; shows the cost.", metavar="")
-]
-Conditions = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")]
-Date = Annotated[
-    str | None,
-    typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
-]
 
 
 @dataclass(frozen=True)
@@ -131,25 +51,90 @@ class Asked:
     """The options of `select`, one field an option, named as in `selector.selection.Options`."""
 
     responses: Responses = None
-    level: Levels = None
-    rounds: Rounds = 1
-    max_sensors: MaxSensors = 5
-    grouping: Grouping = "closure"
-    absolute_similarity: Absolute = False
-    must: Must = None
-    never: Never = None
-    cost: Cost = None
-    tolerance: Tolerance = None
-    degree: Degree = 1
-    interactions: Interactions = False
-    memory: Memory = False
-    reference: Reference = "rise"
-    ridge: Ridge = False
-    conditions: Conditions = None
-    seed: Seed = 0
-    formula: Formula = None
-    within: Within = None
-    target: Target = None
+    level: Annotated[
+        list[str] | None,
+        _of_sensors(
+            "--lambda", metavar="λ|auto", help="Level of the cut, 0 to 1; repeat for one a round. Default: auto."
+        ),
+    ] = None
+    rounds: Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")] = 1
+    max_sensors: Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")] = 5
+    grouping: Annotated[
+        str,
+        _of_sensors(
+            "--grouping",
+            metavar="closure|cmeans",
+            help="Groups by cuts of the closure, or by fuzzy c-means: a sensor between two groups is seen as such.",
+        ),
+    ] = "closure"
+    absolute_similarity: Annotated[
+        bool,
+        _of_sensors(
+            "--absolute-similarity", help="Group by |r|: a sensor and its mirror image stand together.", metavar=""
+        ),
+    ] = False
+    must: Annotated[
+        list[str] | None, _of_sensors("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.")
+    ] = None
+    never: Annotated[
+        list[str] | None, _of_sensors("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.")
+    ] = None
+    cost: Annotated[
+        list[str] | None, _of_sensors("--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.")
+    ] = None
+    tolerance: Annotated[
+        float | None,
+        _of_sensors(
+            "--tolerance",
+            metavar="ΔR²",
+            help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest "
+            "that predicts unseen runs as well as the best, within one standard error.",
+        ),
+    ] = None
+    degree: Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")] = 1
+    interactions: Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")] = False
+    memory: Annotated[
+        bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")
+    ] = False
+    reference: Annotated[
+        str,
+        _of_model(
+            "--reference",
+            metavar="rise|absolute",
+            help="Readings as differences to the start of the run, or as they are.",
+        ),
+    ] = "rise"
+    ridge: Annotated[
+        bool, _of_model("--ridge", help="Shrink coefficients as far as unseen runs profit; shows the cost.", metavar="")
+    ] = False
+    conditions: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
+        ),
+    ] = None
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")] = 0
+    formula: Annotated[
+        str | None,
+        _of_model(
+            "--formula",
+            metavar="TEXT",
+            help='This model and no other, proved like any: "Z ~ T1 + T3 + T1:T3"; I(T1**2) is a square.',
+        ),
+    ] = None
+    within: Annotated[
+        float | None,
+        _of_sensors(
+            "--within",
+            metavar="µm",
+            help="Sets whose unseen error is within this of the best are equal, and the cheapest is taken. Default: "
+            "one standard error, or the noise of the gauge up to a tenth of the error.",
+        ),
+    ] = None
+    target: Annotated[
+        float | None,
+        _of_sensors("--target", metavar="µm", help="Take the cheapest set whose error on unseen runs is at most this."),
+    ] = None
 
     def options(self) -> Options:
         """The same as options of a selection. Raises OptionError: one cannot be used."""
@@ -200,17 +185,6 @@ def _number(text: str, where: str) -> float:
         ) from None
 
 
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        "--out",
-        metavar="DIR",
-        parser=written_folder,
-        help="Write selection.json, model.json, report.html and study.toml, all or none.",
-    ),
-]
-
-
 @with_source
 def select(
     source: Source,
@@ -219,8 +193,13 @@ def select(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: Asked,
-    out: Out = None,
-    date: Date = None,
+    out: Annotated[
+        Path | None, out_folder(help="Write selection.json, model.json, report.html and study.toml, all or none.")
+    ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
+    ] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

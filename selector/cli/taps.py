@@ -7,7 +7,7 @@ import typer
 
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
-from selector.cli.shared.files import refuse_folder_of_inputs, written_folder
+from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.simulation_files import named
@@ -48,12 +48,7 @@ def taps(
             "--free", metavar="NAME", help="Number to fit, e.g. joints.3.dissipation; repeat. Default: all joints."
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out", metavar="DIR", parser=written_folder, help="Write taps.json, report.html and model.toml."
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_folder(help="Write taps.json, report.html and model.toml.")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
@@ -62,8 +57,8 @@ def taps(
     The model file says which masses there are and what joins them. Intervals of 95 % come from how taps differ and from
     what the model leaves; what the taps cannot tell is said to be so.
     """
+    from selector.physics.model_fields import model_file_text
     from selector.physics.model_text import plain_values
-    from selector.physics.model_values import model_file_text
     from selector.physics.vibration.model_file import read_model_file
     from selector.physics.vibration.taps.tap_fit import tap_fit
     from selector.physics.vibration.vibration_model import vibration_model

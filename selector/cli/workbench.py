@@ -8,28 +8,24 @@ import typer
 
 from selector.cli.shared.source import MachineFile
 
-Files = Annotated[
-    list[Path] | None, typer.Argument(metavar="FILE...", help="Recordings to begin with; they are read where they are.")
-]
-Folder = Annotated[
-    Path | None,
-    typer.Option(
-        "--folder",
-        metavar="DIR",
-        help="Study folder: recordings, corrections and results. One that exists is taken up. Default: a new "
-        "`selector-study` in the current folder.",
-    ),
-]
-Port = Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0: any that is free.")]
-NoBrowser = Annotated[bool, typer.Option("--no-browser", metavar="", help="Print the address only.")]
-
 
 def workbench(
-    files: Files = None,
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="FILE...", help="Recordings to begin with; they are read where they are."),
+    ] = None,
     machine: MachineFile = None,
-    folder: Folder = None,
-    port: Port = 0,
-    no_browser: NoBrowser = False,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder",
+            metavar="DIR",
+            help="Study folder: recordings, corrections and results. One that exists is taken up. Default: a new "
+            "`selector-study` in the current folder.",
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0: any that is free.")] = 0,
+    no_browser: Annotated[bool, typer.Option("--no-browser", metavar="", help="Print the address only.")] = False,
 ) -> None:
     """Opens the workbench in the browser: load recordings, correct what was guessed, select, diagnose, export.
 

@@ -1,17 +1,8 @@
 """From the model to the control: the model file, what it means, how it reads, what it does on other recordings."""
 
-from selector.controllers.application import Accuracy, Application, apply_model, write_predictions
-from selector.controllers.closed_values import CheckVector, GuardVector
-from selector.controllers.evaluator import (
-    Evaluator,
-    evaluate,
-    formula_text,
-    legend_text,
-    output_bound_um,
-    physical_coefficients,
-    physical_slopes,
-)
-from selector.controllers.guard.decided import DecidedLimits, Mode, SensorCode, decided_limits
+from selector.controllers.application import Accuracy, Application, apply_model
+from selector.controllers.evaluator import Evaluator, evaluate, formula_text
+from selector.controllers.guard.decided import DecidedLimits, Mode, decided_limits
 from selector.controllers.guard.guarded_model import Corrected, GuardedModel
 from selector.controllers.model_file import (
     Fallback,
@@ -21,29 +12,24 @@ from selector.controllers.model_file import (
     Output,
     OutputLimits,
     PositionPart,
-    Provenance,
     State,
     Term,
-    Validation,
     model_json_schema,
-    model_sha256,
     model_text,
     parsed_model,
     read_model,
     write_model,
 )
-from selector.controllers.self_check import check_vectors, model_findings, sealed, usable_model
+from selector.controllers.self_check import model_findings, sealed
 
 __all__ = [
     "Accuracy",
     "Application",
-    "CheckVector",
     "Corrected",
     "DecidedLimits",
     "Evaluator",
     "Fallback",
     "Guard",
-    "GuardVector",
     "GuardedModel",
     "Input",
     "Mode",
@@ -51,28 +37,17 @@ __all__ = [
     "Output",
     "OutputLimits",
     "PositionPart",
-    "Provenance",
-    "SensorCode",
     "State",
     "Term",
-    "Validation",
     "apply_model",
-    "check_vectors",
     "decided_limits",
     "evaluate",
     "formula_text",
-    "legend_text",
     "model_findings",
     "model_json_schema",
-    "model_sha256",
     "model_text",
-    "output_bound_um",
     "parsed_model",
-    "physical_coefficients",
-    "physical_slopes",
     "read_model",
     "sealed",
-    "usable_model",
     "write_model",
-    "write_predictions",
 ]

@@ -47,8 +47,11 @@ def usable_readings(
     findings: list[Finding] = []
     for item in model.inputs:
         values = np.where(np.isfinite(readings[item.name]), readings[item.name], np.nan)
-        codes = _is_break_code(item, values, model.guard.break_codes)
-        beyond = _is_beyond_limits(item, values) & ~codes
+        low, high = item.reading_limits
+        codes = np.zeros(len(values), dtype=np.bool_)
+        for code in model.guard.break_codes if item.unit == "degC" else ():
+            codes |= np.abs(values - code) <= CODE_SLACK * abs(code)
+        beyond = ((values < low) | (values > high)) & ~codes
         findings.extend(_broken(item, run, time_s, values, np.isnan(values), "missing"))
         findings.extend(_broken(item, run, time_s, values, codes, "break-code"))
         findings.extend(_broken(item, run, time_s, values, beyond, "out-of-limits"))
@@ -106,19 +109,6 @@ def time_share(time_s: Array, where: Mask) -> float:
 def unit_of_difference(item: Input) -> str:
     """The unit of a difference of readings, for people."""
     return "K" if item.unit == "degC" else item.unit
-
-
-def _is_break_code(item: Input, values: Array, codes: tuple[float, ...]) -> Mask:
-    found = np.zeros(len(values), dtype=np.bool_)
-    if item.unit == "degC":
-        for code in codes:
-            found |= np.abs(values - code) <= CODE_SLACK * abs(code)
-    return found
-
-
-def _is_beyond_limits(item: Input, values: Array) -> Mask:
-    low, high = item.reading_limits
-    return (values < low) | (values > high)
 
 
 def _broken(item: Input, run: str, time_s: Array, values: Array, where: Mask, kind: str) -> Iterator[Finding]:
@@ -309,26 +299,19 @@ class Application:
         }
 
 
-def apply_model(
-    model: ModelFile,
-    recording: Recording,
-    start_readings: PerRun | None = None,
-    displacement_start: PerRun | None = None,
-) -> Application:
+def apply_model(model: ModelFile, recording: Recording, start_readings: PerRun | None = None) -> Application:
     """Predictions of a model for every run of a recording, compared with the recorded displacement where there is one.
 
     Readings that mean a broken sensor (break codes, limits of the model file) count as missing, with a finding.
     `start_readings`: per run and input, for inputs that are rises; default: the first finite reading.
-    `displacement_start`: per run and output, what counts as zero [µm]; default: 0, or `displacement_starts` if the
-    output is a rise.
+    A displacement counts from 0, from `displacement_starts` if the output is a rise.
 
     Raises RecordingError: an input (or an axis position that the model needs) is missing in every run. Raises
     UnitError: a channel has a role that does not fit the input or output of its name. Raises OptionError: a start
     value names a run or a channel that does not exist, or is not a finite number.
     """
     require_channels(model, recording)
-    _require_starts(start_readings, recording.runs, [item.name for item in model.inputs], "start_readings")
-    _require_starts(displacement_start, recording.runs, [item.name for item in model.outputs], "displacement_start")
+    _require_starts(start_readings or {}, recording.runs, [item.name for item in model.inputs])
     findings = list(other_sampling(model, recording))
     zeros = displacement_starts(model, recording)
     follows = runs_before(recording, recording.runs) if model.states else {}
@@ -338,12 +321,11 @@ def apply_model(
     recorded: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     modelled: dict[str, list[Array]] = {output.name: [] for output in model.outputs}
     for run in recording.runs:
-        start, given = (start_readings or {}).get(run, {}), (displacement_start or {}).get(run, {})
-        predicted, about_run = _predictions(model, recording, run, start, follows)
+        predicted, about_run = _predictions(model, recording, run, (start_readings or {}).get(run, {}), follows)
         findings.extend(about_run)
         per_run[run] = {}
         for output in model.outputs:
-            zero = added[run][output.name] = given.get(output.name, zeros[run].get(output.name, 0.0))
+            zero = added[run][output.name] = zeros[run].get(output.name, 0.0)
             recorded[output.name].append(displacement_of(output, recording, run) - zero)
             modelled[output.name].append(predicted[output.name])
             per_run[run][output.name] = Accuracy.of(predicted[output.name], recorded[output.name][-1])
@@ -467,8 +449,8 @@ def position_channels(model: ModelFile, recording: Recording) -> dict[str, str]:
     return channels
 
 
-def _require_starts(given: PerRun | None, runs: tuple[str, ...], names: list[str], where: str) -> None:
-    for run, values in (given or {}).items():
+def _require_starts(given: PerRun, runs: tuple[str, ...], names: list[str]) -> None:
+    for run, values in given.items():
         wrong = f"run {run!r}" if run not in runs else None
         expected = "one of the runs " + ", ".join(runs)
         for name, value in values.items():
@@ -477,7 +459,7 @@ def _require_starts(given: PerRun | None, runs: tuple[str, ...], names: list[str
             elif wrong is None and not math.isfinite(value):
                 wrong, expected = f"{name} = {value}", "a finite number"
         if wrong is not None:
-            raise OptionError(wrong, expected=expected, where=where, advice="correct the start values")
+            raise OptionError(wrong, expected=expected, where="start_readings", advice="correct the start values")
 
 
 def _without_displacement(runs: tuple[str, ...], recorded: Mapping[str, list[Array]]) -> Iterator[Finding]:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from selector.controllers.closed_values import CheckVector, GuardVector
 from selector.controllers.evaluator import Equations, Evaluator, output_bound_um
@@ -105,7 +104,6 @@ TOLERANCE = 1e-9
 STEP_S = 60.0
 CORNERS_OF_ALL_UP_TO = 5
 RAMP_SAMPLES = 25
-RECORDED_SAMPLES = 50
 
 _READING_DECIMALS = 6
 
@@ -154,41 +152,26 @@ def model_findings(model: ModelFile) -> tuple[Finding, ...]:
     )
 
 
-def sealed(
-    model: ModelFile, recorded: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None, *, is_kept: bool = False
-) -> ModelFile:
+def sealed(model: ModelFile, *, is_kept: bool = False) -> ModelFile:
     """The model with test vectors, those of its guard, and a digest; `is_kept`: with the test vectors that it has."""
-    vectors = model.test_vectors if is_kept else check_vectors(model, recorded)
+    vectors = model.test_vectors if is_kept else check_vectors(model)
     return with_digest(model.model_copy(update={"test_vectors": vectors, "guard_vectors": guard_vectors(model)}))
 
 
-def check_vectors(
-    model: ModelFile, recorded: tuple[ArrayLike, Mapping[str, ArrayLike]] | None = None
-) -> tuple[CheckVector, ...]:
+def check_vectors(model: ModelFile) -> tuple[CheckVector, ...]:
     """Test vectors with the outputs of the reference evaluator.
 
     ``start`` (start readings not given), ``corners`` of the valid ranges (all of them for up to five inputs, else each
-    input alone and all together), ``ramp`` (up, hold, back at uneven steps as long as the slowest memory), and, if
-    `recorded` (times [s] and readings per input) is given, up to 50 of its samples that miss no reading.
+    input alone and all together), and ``ramp`` (up, hold, back at uneven steps as long as the slowest memory).
     """
     start = {item.name: START_DEGC for item in model.inputs if item.reference == "rise"}
     corners = list(_corners(model.inputs))
     ramp_s, ramp = _ramp(model)
-    vectors = [
+    return (
         _vector(model, "start", [0.0, STEP_S], [{item.name: _at(item, 0.0) for item in model.inputs}] * 2, None),
         _vector(model, "corners", [STEP_S * k for k in range(len(corners))], corners, start),
         _vector(model, "ramp", ramp_s, ramp, start),
-    ]
-    if recorded is not None:
-        time = np.asarray(recorded[0], dtype=np.float64)
-        table = np.column_stack([np.asarray(recorded[1][item.name], dtype=np.float64) for item in model.inputs])
-        whole = np.flatnonzero(np.isfinite(table).all(axis=1))
-        if len(whole):
-            chosen = whole[np.unique(np.linspace(0, len(whole) - 1, RECORDED_SAMPLES).round().astype(np.int64))]
-            names = [item.name for item in model.inputs]
-            rows = [dict(zip(names, row, strict=True)) for row in table[chosen].tolist()]
-            vectors.append(_vector(model, "recorded", time[chosen].tolist(), rows, None))
-    return tuple(vectors)
+    )
 
 
 def _vector(

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from selector.atomic_file import write_whole
+from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
-from selector.physics.model_values import model_file_text
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
 from selector.study import DiagnoseSection, diagnose_section
 from selector.telling.account import Account

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.cli import exit_status
-from selector.physics.model_values import model_file_text
+from selector.physics.model_fields import model_file_text
 from tests.diagnosis.ablated import AXIS, axis_recording, axis_without
 
 MACHINE = """

@@ -12,7 +12,7 @@ import pytest
 from selector.controllers.application import apply_model, write_predictions
 from selector.controllers.evaluator import evaluate
 from selector.controllers.model_file import Guard, ModelFile
-from selector.errors import InputError, OptionError, RecordingError, UnitError
+from selector.errors import OptionError, RecordingError, UnitError
 from tests.controllers.model_builders import recording_of, rich_model, rise_model, run_table, warm_up
 
 
@@ -79,13 +79,6 @@ def test_the_start_can_be_given():
     assert untold.overall["Z"].rmse_um > 1.0
     partly = apply_model(rise_model(), recording, {"warm": {"T1": 20.0}})
     assert 0.0 < partly.overall["Z"].rmse_um != untold.overall["Z"].rmse_um
-
-
-def test_the_zero_of_the_displacement_can_be_given():
-    recording = recording_of({"r": perfect_run(50.0)})
-    assert apply_model(rise_model(), recording).overall["Z"].rmse_um == pytest.approx(50.0, rel=1e-13)
-    shifted = apply_model(rise_model(), recording, displacement_start={"r": {"Z": 50.0}})
-    assert shifted.overall["Z"].rmse_um == pytest.approx(0.0, abs=1e-13)  # one rounding at 50 µm
 
 
 def test_an_output_that_is_a_rise_starts_at_the_first_displacement():
@@ -262,8 +255,6 @@ def test_a_position_dependent_model_needs_the_position():
 def test_start_values_that_fit_nothing_are_refused(start):
     with pytest.raises(OptionError):
         apply_model(rise_model(), recording_of({"r": perfect_run()}), start)
-    with pytest.raises(InputError):
-        apply_model(rise_model(), recording_of({"r": perfect_run()}), None, start)
 
 
 def test_predictions_on_disk_read_back_to_the_same_bits(tmp_path):

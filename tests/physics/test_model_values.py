@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from selector.errors import InputError
-from selector.physics.model_values import entry_of, refused, value_of
+from selector.physics.model_fields import entry_of, refused, value_of
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from proving_ground.scenarios import scenarios
 from selector.diagnosis.open_model.modelled import diagnosis_of_model
 from selector.diagnosis.open_model.refitting import refitted
 from selector.diagnosis.open_model.switches import switches, through_model
-from selector.physics.model_values import model_file_text
+from selector.physics.model_fields import model_file_text
 from selector.physics.simulation_kind import simulation_kinds
 
 SCENARIOS = scenarios(("open_model",))

@@ -9,7 +9,6 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.thermal.field_model import FieldMoment
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import Method, Prediction, predict
@@ -17,10 +16,11 @@ from selector.telling.account import Account, Section
 from selector.telling.simulated import account_of
 from selector.telling.simulated.result import SimulationResult
 from selector.telling.simulated.thermal import moment_drawing
+from tests.physics.thermal.segments import of_segments
 from tests.report.simulated import result
 from tests.report.studies import HOSTILE
 
-CYCLE = Cyclogram.of_segments((60, 1000.0), (60, 2000.0), (60, 1600.0))
+CYCLE = of_segments((60, 1000.0), (60, 2000.0), (60, 1600.0))
 OPERATIONS_S = (3600.0, 3600.0, 3600.0)
 
 
@@ -31,7 +31,7 @@ def spindle_tests() -> list[ThermalTest]:
     time_s = np.arange(0.0, 6 * 3600.0 + 1, 120.0)
     found = []
     for k, speed in enumerate((800.0, 1200.0, 1600.0, 2000.0)):
-        held = Cyclogram.of_segments((180, speed), (180, 0.0))
+        held = of_segments((180, speed), (180, 0.0))
         noise = np.random.default_rng(k).normal(0.0, 0.1, (len(time_s), 2))
         displacement = machine.displacement_um(held, time_s) + noise
         found.append(ThermalTest(f"<i>{speed:g}</i> & {k}", time_s, held.speed_at(time_s), displacement))

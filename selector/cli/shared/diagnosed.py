@@ -31,57 +31,54 @@ if TYPE_CHECKING:
 
 _of_simulation = partial(typer.Option, rich_help_panel="What it is compared with")
 
-Simulation = Annotated[
-    list[Path] | None,
-    _of_simulation(
-        "--simulation", metavar="PATH", help="Simulated runs, named as the recorded ones: a folder, or a file; repeat."
-    ),
-]
-Model = Annotated[
-    Path | None,
-    _of_simulation(
-        "--model",
-        metavar="MODEL.toml|UNIT.fmu",
-        help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is refitted.",
-    ),
-]
-SimulationTimeUnit = Annotated[
-    str | None,
-    _of_simulation(
-        "--simulation-time-unit",
-        metavar="UNIT",
-        help="Unit of the time in the simulated files, if it is another one and not written there.",
-    ),
-]
-Responses = Annotated[
-    list[str] | None,
-    typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
-]
-HoldOut = Annotated[
-    str,
-    typer.Option(
-        "--holdout",
-        metavar="last|RUN|SHARE",
-        help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every run.",
-    ),
-]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")]
-FalseAlarm = Annotated[
-    float, typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is.")
-]
-
 
 @dataclass(frozen=True)
 class Asked:
     """The options of `diagnose`, one field an option."""
 
-    simulation: Simulation = None
-    model: Model = None
-    simulation_time_unit: SimulationTimeUnit = None
-    responses: Responses = None
-    holdout: HoldOut = "last"
-    seed: Seed = 0
-    false_alarm: FalseAlarm = 0.02
+    simulation: Annotated[
+        list[Path] | None,
+        _of_simulation(
+            "--simulation",
+            metavar="PATH",
+            help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
+        ),
+    ] = None
+    model: Annotated[
+        Path | None,
+        _of_simulation(
+            "--model",
+            metavar="MODEL.toml|UNIT.fmu",
+            help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is "
+            "refitted.",
+        ),
+    ] = None
+    simulation_time_unit: Annotated[
+        str | None,
+        _of_simulation(
+            "--simulation-time-unit",
+            metavar="UNIT",
+            help="Unit of the time in the simulated files, if it is another one and not written there.",
+        ),
+    ] = None
+    responses: Annotated[
+        list[str] | None,
+        typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
+    ] = None
+    holdout: Annotated[
+        str,
+        typer.Option(
+            "--holdout",
+            metavar="last|RUN|SHARE",
+            help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every "
+            "run.",
+        ),
+    ] = "last"
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")] = 0
+    false_alarm: Annotated[
+        float,
+        typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
+    ] = 0.02
 
 
 def asked_of(opened: OpenedStudy) -> Asked:
@@ -216,6 +213,8 @@ class Answer:
 
 def answered(source: Source, asked: Asked, progress: Callable[[str, float], None]) -> Answer:
     """Read, compare and diagnose. Raises InputError: a file cannot be read, or what is asked cannot be answered."""
+    from selector.study.material import without_folders
+
     progress("reading", 0.0)
     improved, simulated = None, None
 
@@ -228,7 +227,9 @@ def answered(source: Source, asked: Asked, progress: Callable[[str, float], None
     )  # fmt: skip
     recorded = source.reading()
     if asked.model is not None:
-        found, improved = _of_model(recorded, asked.model, asked, say)
+        done = diagnosed_model(asked.model, recorded.recording, asked, say)
+        findings, improved = without_folders((*recorded.findings, *done.answer.findings)), done.improved
+        found = dataclasses.replace(done.answer, findings=findings)
     else:
         from selector.diagnosis.workflow import diagnosis
 
@@ -267,15 +268,6 @@ def _compared(source: Source, recorded: Reading, asked: Asked) -> tuple[Comparis
         said += not_simulated(recorded.recording, simulated.recording, comparison.responses)
     findings = without_folders((*recorded.findings, *said, *comparison.findings))
     return dataclasses.replace(comparison, findings=findings), simulated
-
-
-def _of_model(reading: Reading, model: Path, asked: Asked, say: Progress) -> tuple[Diagnosis, Improved | None]:
-    """The diagnosis of a model that can be run again, and the improved one."""
-    from selector.study.material import without_folders
-
-    done = diagnosed_model(model, reading.recording, asked, say)
-    answer = dataclasses.replace(done.answer, findings=without_folders((*reading.findings, *done.answer.findings)))
-    return answer, done.improved
 
 
 def _provenance(

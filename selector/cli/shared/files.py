@@ -1,7 +1,10 @@
 """Where do files go: into a folder that is named, and that holds nothing which is read."""
 
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
+
+import typer
 
 from selector.atomic_file import folder_written_whole
 from selector.errors import OptionError
@@ -46,3 +49,7 @@ def written_folder(text: str | Path) -> Path:
             advice="e.g. --out results; a variable of your script may be empty",
         )
     return Path(text)
+
+
+#: The option --out of a command that writes into a folder, but for its help.
+out_folder = partial(typer.Option, "--out", metavar="DIR", parser=written_folder)

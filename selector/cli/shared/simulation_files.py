@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from selector.atomic_file import refuse_to_replace_input, require_writable_folder, written_together
+from selector.atomic_file import begins_with, refuse_to_replace_input, require_writable_folder, written_together
 from selector.cli.shared.running import last_step
 from selector.errors import InputError, OptionError
 
@@ -204,7 +204,7 @@ def require_places(
             where=f"--out {there[0]}",
             advice="choose another name, or move the files that are there",
         )
-    if report is not None and report.exists() and b"<title>Simulation: " not in _beginning(report):
+    if report is not None and report.exists() and not begins_with(report, "<title>Simulation: "):
         raise OptionError(
             f"{report.name} exists already, and is not the page of a simulation",
             expected="a name that is free, or that of an earlier page", where=f"--report {report}",
@@ -264,10 +264,3 @@ def _is_simulated(machine_path: Path) -> bool:
     except InputError:
         return False
     return name is not None and name.endswith(LABEL.strip())
-
-
-def _beginning(path: Path) -> bytes:
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        return file.read(4096)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from selector.cli.shared.finding_table import FINDINGS
 from selector.errors import InputError, ModelFileError, ReadError, UnitError
@@ -16,6 +16,7 @@ from selector.readers.finding_table import UNIT_CONFLICT
 from selector.readers.window import WINDOW
 
 if TYPE_CHECKING:
+    from selector.physics.model_text import Column
     from selector.physics.simulation_kind import SimulationKind
     from selector.readers import Machine, Overrides, Reading
     from selector.recording import Recording
@@ -203,20 +204,8 @@ def _nothing_in_common(paths: Sequence[Path], recorded: Reading, names: Sequence
     )
 
 
-class ColumnOfFile(Protocol):
-    """A column of a recording beside the model file, as its sections name it."""
-
-    @property
-    def file(self) -> str:
-        """Name of the file."""
-
-    @property
-    def column(self) -> str:
-        """Name of the column or channel in it."""
-
-
 def columns_beside(
-    model: Path, needed: Mapping[str, ColumnOfFile], roles: Mapping[str, str], section: str = ""
+    model: Path, needed: Mapping[str, Column], roles: Mapping[str, str], section: str = ""
 ) -> tuple[dict[str, tuple[Vector, Vector]], list[Path]]:
     """Key → (time_s, values in the unit of its role) of the columns that a model file refers to; and the files.
 
@@ -228,7 +217,7 @@ def columns_beside(
     return {key: values for key, (_, values) in both.items()}, [path for path, _ in both.values()]
 
 
-def _column_beside(model: Path, course: ColumnOfFile, key: str, role: str | None) -> tuple[Path, tuple[Vector, Vector]]:
+def _column_beside(model: Path, course: Column, key: str, role: str | None) -> tuple[Path, tuple[Vector, Vector]]:
     from selector.readers import Overrides
     from selector.readers import read as read_recordings
 

@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 READING_PANEL = "How the files are read (what is not said is inferred and shown)"
 _of_reading = functools.partial(typer.Option, rich_help_panel=READING_PANEL)
 
-Runs = Annotated[
-    list[Path],
-    typer.Argument(metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it."),
-]
 RunsOrStudy = Annotated[
     list[Path] | None,
     typer.Argument(
@@ -33,53 +29,59 @@ MachineFile = Annotated[
     Path | None,
     typer.Option("--machine", metavar="M.toml", help="Machine file: columns, roles and units of the channels."),
 ]
-Encoding = Annotated[str | None, _of_reading("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.")]
-Separator = Annotated[str | None, _of_reading("--separator", metavar="CHAR", help="Column separator, or `tab`.")]
-Decimal = Annotated[str | None, _of_reading("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.")]
-TimeColumn = Annotated[str | None, _of_reading("--time-column", metavar="NAME", help="Column of the time.")]
-TimeUnit = Annotated[str | None, _of_reading("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.")]
-HeaderRow = Annotated[
-    int | None,
-    _of_reading(
-        "--header-row", metavar="N", min=0, help="Line with the channels' names, counted from 1; 0 if there is none."
-    ),
-]
-DateOrder = Annotated[str | None, _of_reading("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.")]
-Period = Annotated[
-    float | None, _of_reading("--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.")
-]
-Sheet = Annotated[str | None, _of_reading("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.")]
-Since = Annotated[
-    str | None, _of_reading("--since", metavar="DATE", help="Only samples from then on, e.g. 2026-03-01T06:00.")
-]
-Until = Annotated[str | None, _of_reading("--until", metavar="DATE", help="Only samples before then.")]
-Mean = Annotated[
-    float | None, _of_reading("--mean-s", metavar="SECONDS", help="Means over so many seconds in place of samples.")
-]
-Units = Annotated[list[str] | None, _of_reading("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.")]
-Roles = Annotated[list[str] | None, _of_reading("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.")]
 
 
 @dataclass(frozen=True)
 class Source:
     """What the command line says about the recordings; one field an option."""
 
-    runs: Runs
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it."),
+    ]
     machine: MachineFile = None
-    encoding: Encoding = None
-    separator: Separator = None
-    decimal: Decimal = None
-    header_row: HeaderRow = None
-    sheet: Sheet = None
-    time_column: TimeColumn = None
-    time_unit: TimeUnit = None
-    date_order: DateOrder = None
-    period_s: Period = None
-    since: Since = None
-    until: Until = None
-    mean_s: Mean = None
-    units: Units = None
-    roles: Roles = None
+    encoding: Annotated[str | None, _of_reading("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.")] = (
+        None
+    )
+    separator: Annotated[str | None, _of_reading("--separator", metavar="CHAR", help="Column separator, or `tab`.")] = (
+        None
+    )
+    decimal: Annotated[str | None, _of_reading("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.")] = None
+    header_row: Annotated[
+        int | None,
+        _of_reading(
+            "--header-row",
+            metavar="N",
+            min=0,
+            help="Line with the channels' names, counted from 1; 0 if there is none.",
+        ),
+    ] = None
+    sheet: Annotated[
+        str | None, _of_reading("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.")
+    ] = None
+    time_column: Annotated[str | None, _of_reading("--time-column", metavar="NAME", help="Column of the time.")] = None
+    time_unit: Annotated[
+        str | None, _of_reading("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.")
+    ] = None
+    date_order: Annotated[str | None, _of_reading("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.")] = (
+        None
+    )
+    period_s: Annotated[
+        float | None, _of_reading("--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.")
+    ] = None
+    since: Annotated[
+        str | None, _of_reading("--since", metavar="DATE", help="Only samples from then on, e.g. 2026-03-01T06:00.")
+    ] = None
+    until: Annotated[str | None, _of_reading("--until", metavar="DATE", help="Only samples before then.")] = None
+    mean_s: Annotated[
+        float | None, _of_reading("--mean-s", metavar="SECONDS", help="Means over so many seconds in place of samples.")
+    ] = None
+    units: Annotated[
+        list[str] | None, _of_reading("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.")
+    ] = None
+    roles: Annotated[
+        list[str] | None, _of_reading("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.")
+    ] = None
 
     @property
     def machine_files(self) -> tuple[Path, ...]:
@@ -158,7 +160,10 @@ def with_source(command: Callable[..., None], runs: Any = None) -> Callable[...,
     # RUN... takes all words that are left, so what a command itself takes by position stands before it;
     # how files are read comes last on the help page
     needed = [part for part in own if runs is not None and part.default is inspect.Parameter.empty]
-    leading = [part for part in own if _is_argument(part.annotation) or part in needed]
+    argument = type(typer.Argument())
+    leading = [
+        part for part in own if part in needed or any(isinstance(note, argument) for note in get_args(part.annotation))
+    ]
     parameters = [*leading, named, shared[0], *(part for part in own if part not in leading), *shared[1:]]
     spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     spread.__annotations__ = {part.name: part.annotation for part in parameters}
@@ -177,10 +182,6 @@ def _one_by_one(kind: Any) -> list[inspect.Parameter]:
         )
         for field in fields(kind)
     ]
-
-
-def _is_argument(annotation: Any) -> bool:
-    return any(isinstance(note, type(typer.Argument())) for note in get_args(annotation))
 
 
 def pairs(values: list[str] | None, option: str) -> dict[str, str]:

@@ -1,11 +1,11 @@
 """Test vectors of what runs when something fails: every path of the guard, as calls with what they must give."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from selector.controllers.closed_values import GuardVector
-from selector.controllers.guard.decided import DecidedLimits, decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Input, ModelFile
 
@@ -181,17 +181,13 @@ def _fallbacks(calls: _Calls, model: ModelFile) -> None:
 
 def _sign_test(calls: _Calls, model: ModelFile) -> None:
     """Beyond the clamp, so that slew and clamp are seen."""
-    for name, um, n in _commanded(decided_limits(model)[0]):
-        for _ in range(n):
-            calls.call(0.3, 10.0, test_um={name: um})
-        for _ in range(2):
-            calls.call(0.3, 10.0)
-
-
-def _commanded(limits: Mapping[str, DecidedLimits]) -> Iterator[tuple[str, float, int]]:
+    limits, _ = decided_limits(model)
     for name, of in limits.items():
         n = min(math.ceil(of.clamp_um / of.own_slew_um_per_s / 10.0) + 2, MOST_TESTS // len(limits) + 2)
-        yield name, round(2.0 * of.clamp_um, _DECIMALS), n
+        for _ in range(n):
+            calls.call(0.3, 10.0, test_um={name: round(2.0 * of.clamp_um, _DECIMALS)})
+        for _ in range(2):
+            calls.call(0.3, 10.0)
 
 
 def _restarts(calls: _Calls, model: ModelFile) -> None:

@@ -17,9 +17,8 @@ import pandas as pd
 
 from selector.errors import InputError, OptionError, ReadError
 from selector.findings import Finding
-from selector.physics.model_fields import Parameter
+from selector.physics.model_fields import Parameter, model_file_text
 from selector.physics.model_text import Key, plain_values
-from selector.physics.model_values import model_file_text
 from selector.physics.simulation_kind import Columns, RunSettings, SimulationKind, simulation_kinds
 from selector.recording import Recording
 

@@ -24,8 +24,7 @@ from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.drive.trajectory import Motion, Reference
-from selector.physics.model_fields import Parameter
-from selector.physics.model_values import value_of
+from selector.physics.model_fields import Parameter, value_of
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS

@@ -264,7 +264,14 @@ def _axis_run(
     if added is None:
         return run_along(reference)
     if not _takes_force(axis):
-        raise _cannot_be_added(name, found["added"])
+        raise OptionError(
+            f"{found['added']!r}, added to the output of the control of {name}: it has a screw, or ripple by the "
+            "current",
+            expected="one mass without ripple by the current, on which more output is the same as a force",
+            where=f"key axes.{name}.recorded.added",
+            advice="simulate it with --open-loop, where output and addition act together, or describe the axis as one "
+            "mass",
+        )
     return _with_added(run_along, axis, reference, added)
 
 
@@ -355,15 +362,6 @@ def _nothing_drives(
         else f"one channel of its role, or a name as {lacks} under [axes.{name}.recorded]",
         where=f"model {model.name!r}",
         advice=f'give the channel its role in the machine file, or add {lacks} = "CHANNEL" to [axes.{name}.recorded]',
-    )
-
-
-def _cannot_be_added(name: str, channel: str) -> OptionError:
-    return OptionError(
-        f"{channel!r}, added to the output of the control of {name}: it has a screw, or ripple by the current",
-        expected="one mass without ripple by the current, on which more output is the same as a force",
-        where=f"key axes.{name}.recorded.added",
-        advice="simulate it with --open-loop, where output and addition act together, or describe the axis as one mass",
     )
 
 

@@ -204,36 +204,35 @@ def moves(
     targets_m: Sequence[float],
     period_s: float,
     *,
-    speed_m_per_s: float | Sequence[float],
+    speed_m_per_s: float,
     acceleration_m_per_s2: float,
     jerk_m_per_s3: float = math.inf,
     start_m: float = 0.0,
-    dwell_s: float | Sequence[float] = 0.0,
+    dwell_s: float = 0.0,
     repeat: int = 1,
 ) -> Reference:
     """Moves from rest to rest, one after the other, each as fast as its limits allow; exact at every sample.
 
     The `targets_m` [m] are gone to in turn, `repeat` times, from `start_m` [m] on; moves may begin and end between the
-    samples, every `period_s` [s]. Largest speed and rest after the move, `dwell_s` [s], are one number, or one a
-    target; an infinite jerk lets the acceleration jump.
+    samples, every `period_s` [s], and each is followed by a rest of `dwell_s` [s]. An infinite jerk lets the
+    acceleration jump.
 
-    InputError: no target, a limit or period that is not above 0, a dwell below 0, or lists of different lengths.
+    InputError: no target, a limit or period that is not above 0, or a dwell below 0.
     """
     _require(period_s=period_s)
     count = len(targets_m)
     if count == 0 or repeat < 1:
         raise _unfit("targets_m" if count == 0 else "repeat", count or repeat, "at least one")
-    speeds, dwells = _one_each("speed_m_per_s", speed_m_per_s, count), _one_each("dwell_s", dwell_s, count)
+    if not (math.isfinite(dwell_s) and dwell_s >= 0):
+        raise _unfit("dwell_s", dwell_s, "0 or more")
+    limits = {"acceleration_m_per_s2": acceleration_m_per_s2, "jerk_m_per_s3": jerk_m_per_s3}
     begin, here, begins_s = 0.0, start_m, []
     stretches = []
-    for target, speed, dwell in list(zip(targets_m, speeds, dwells, strict=True)) * repeat:
-        if not (math.isfinite(dwell) and dwell >= 0):
-            raise _unfit("dwell_s", dwell, "0 or more")
-        limits = {"acceleration_m_per_s2": acceleration_m_per_s2, "jerk_m_per_s3": jerk_m_per_s3}
-        phases = move_phases(target - here, speed_m_per_s=speed, **limits)
+    for target in [*targets_m] * repeat:
+        phases = move_phases(target - here, speed_m_per_s=speed_m_per_s, **limits)
         begins_s.append(begin)
         stretches.append((here, target, phases))
-        begin, here = begin + phases.duration_s + dwell, target
+        begin, here = begin + phases.duration_s + dwell_s, target
     time_s = np.arange(math.ceil(begin / period_s * (1.0 - 1e-12)) + 1, dtype=np.float64) * period_s
     if len(time_s) < 2:
         raise _unfit("targets_m", 0, "a target away from the start, or a dwell")
@@ -350,13 +349,6 @@ def _checked(time_s: ArrayLike, position_m: ArrayLike) -> tuple[Vector, Vector]:
 
 def _no_course(found: str, expected: str, advice: str) -> InputError:
     return InputError(found, expected=expected, where="recorded course", advice=advice)
-
-
-def _one_each(name: str, given: float | Sequence[float], count: int) -> list[float]:
-    values = [float(given)] * count if isinstance(given, int | float) else [float(value) for value in given]
-    if len(values) != count:
-        raise _unfit(name, len(values), f"one number, or one for each of the {count} targets")
-    return values
 
 
 def _require(**values: float) -> None:

@@ -33,9 +33,8 @@ from selector.physics.gauging.model_file import (
     sampling_s,
     with_parameters,
 )
-from selector.physics.model_fields import Parameter, unlikely_values
+from selector.physics.model_fields import Parameter, refused, unlikely_values
 from selector.physics.model_text import key_text
-from selector.physics.model_values import refused
 from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
 from selector.types import Vector

@@ -12,7 +12,19 @@ from selector.number_text import round_below
 from selector.physics.gauging.gauge.transducer import LinearGauge, Relay, Transducer, wear_share
 from selector.physics.gauging.grinding.gauged_grinding import feeds_s
 from selector.physics.gauging.process import Correction, Grinding, Noise, Stage, Surface, Tolerance
-from selector.physics.model_fields import Fit, Number, Parameter, Unit, file_with, numbers_of, parameters_of
+from selector.physics.model_fields import (
+    Fit,
+    Number,
+    Parameter,
+    Unit,
+    entry_of,
+    file_with,
+    given,
+    numbers_of,
+    parameters_of,
+    refusals,
+    value_of,
+)
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Bounds,
@@ -27,7 +39,6 @@ from selector.physics.model_text import (
     bound_contradictions,
     limited,
 )
-from selector.physics.model_values import entry_of, given, refusals, value_of
 
 MOST_ALLOWANCE_UM = 1e6  #: In recordings: allowances and sizes [µm].
 MOST_STAGES = 20

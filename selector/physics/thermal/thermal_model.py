@@ -186,8 +186,12 @@ class FileModel:
     @property
     def outputs(self) -> tuple[Channel, ...]:
         """Thermometers, then displacements."""
+        xyz, unit = (
+            {} if isinstance(self.machine, ModalModel) else self.machine.xyz_of_probe,
+            CANONICAL_UNITS["temperature"],
+        )
         thermometers = [
-            Channel(s.name, "temperature", CANONICAL_UNITS["temperature"], self._place(s), xyz_m=self._xyz(s))
+            Channel(s.name, "temperature", unit, self._place(s), xyz_m=s.xyz or xyz.get(s.at or s.name))
             for s in self._sensors
         ]
         gauges = [Channel(g.name, "displacement", CANONICAL_UNITS["displacement"], axis=_axis(g)) for g in self._gauges]
@@ -307,10 +311,6 @@ class FileModel:
         probe = sensor.at or sensor.name
         known = {} if isinstance(self.machine, ModalModel) else self.machine.place_of_probe
         return sensor.place or known.get(probe, probe)
-
-    def _xyz(self, sensor: Sensor) -> tuple[float, float, float] | None:
-        known = {} if isinstance(self.machine, ModalModel) else self.machine.xyz_of_probe
-        return sensor.xyz or known.get(sensor.at or sensor.name)
 
 
 def thermal_model(file: ModelFile) -> FileModel:

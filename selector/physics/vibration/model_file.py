@@ -11,7 +11,17 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from selector.errors import InputError
-from selector.physics.model_fields import Fit, Number, Parameter, Unit, Usual, file_with, numbers_of, parameters_of
+from selector.physics.model_fields import (
+    Fit,
+    Number,
+    Parameter,
+    Unit,
+    Usual,
+    file_with,
+    numbers_of,
+    parameters_of,
+    refusals,
+)
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Contradiction,
@@ -27,7 +37,6 @@ from selector.physics.model_text import (
     limited,
     unknown_name,
 )
-from selector.physics.model_values import refusals
 from selector.physics.vibration.chains import Chain, chain_links, force_sign
 from selector.physics.vibration.structure.source import Line, ShaftCourse, Source
 from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure

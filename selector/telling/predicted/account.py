@@ -8,9 +8,13 @@ from typing import Any
 import numpy as np
 
 from selector.number_text import number_text
-from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation, program_blocks
+from selector.physics.thermal.prediction.correction_program import (
+    BestOrder,
+    CorrectionProgram,
+    Operation,
+    program_blocks,
+)
 from selector.physics.thermal.prediction.observer import Observed
-from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Prediction
 from selector.telling import origin
 from selector.telling.account import (

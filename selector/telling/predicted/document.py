@@ -8,9 +8,8 @@ from pydantic import Field
 
 from selector.findings import Finding
 from selector.physics.thermal.prediction.answer import Mode, Start
-from selector.physics.thermal.prediction.correction_program import CorrectionProgram, Operation
+from selector.physics.thermal.prediction.correction_program import BestOrder, CorrectionProgram, Operation
 from selector.physics.thermal.prediction.observer import Observed, Stop
-from selector.physics.thermal.prediction.order import BestOrder
 from selector.physics.thermal.prediction.prediction import Method, Prediction
 from selector.selection.result_file import Number, Part
 from selector.types import Vector

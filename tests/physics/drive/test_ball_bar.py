@@ -203,12 +203,6 @@ EVEN = np.linspace(0, 2 * np.pi, 400, endpoint=False)
         (lambda: BallBarTrace(EVEN, EVEN, 1, -5.0), "feed_mm_per_min"),
         (lambda: positions_trace([0, 1, 2], [0, 1, 2], [0, 1, 2], radius_m=0.1), "100 or more"),
         (lambda: positions_trace(EVEN[::-1], np.cos(EVEN), np.sin(EVEN), radius_m=1), "increas"),
-        (lambda: PairGeometry(scale_um_per_m=(1.0,)), "scale_um_per_m"),
-        (lambda: PairGeometry(squareness_um_per_m=math.inf), "squareness_um_per_m"),
-        (lambda: ball_bar_test({"X": STIFF}), "1 axes"),
-        (lambda: ball_bar_test({**PAIR, "B": Axis(THREE, CONTINUOUS)}), "screw drive"),
-        (lambda: ball_bar_test({**PAIR, "B": STIFF}), "3 axes"),
-        (lambda: ball_bar_test(PAIR, courses={"Z": lambda reference: None}), "courses of Z"),
     ],
 )
 def test_what_cannot_be_is_refused(make, named):

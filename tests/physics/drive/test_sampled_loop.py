@@ -92,9 +92,7 @@ def test_fast_sampling_tends_to_the_continuous_loop():
     assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.2)
 
 
-def test_a_continuous_servo_has_no_samples():
-    with pytest.raises(InputError, match="sample_s"):
-        sampled_closed_loop(Axis(MECHANICS, thc6350_servo()))
+def test_an_axis_without_a_servo_has_no_loop():
     with pytest.raises(InputError, match="servo"):
         sampled_closed_loop(Axis(MECHANICS))
 

@@ -120,16 +120,6 @@ def test_a_sequence_rests_at_every_target(targets, limit, dwell, repeat):
     assert course.position_m[-1] == targets[-1]
 
 
-def test_speeds_and_dwells_may_differ_from_move_to_move():
-    course = moves([0.1, 0.0], 1e-3, speed_m_per_s=[0.1, 0.05], acceleration_m_per_s2=1.0, dwell_s=[0.2, 0.0])
-    assert course.speed_m_per_s.max() == pytest.approx(0.1, rel=1e-12)
-    assert course.speed_m_per_s.min() == pytest.approx(-0.05, rel=1e-12)
-    # 1.1 s, a rest of 0.2 s, 2.05 s
-    assert course.time_s[-1] == pytest.approx(3.35, abs=1e-9)
-    with pytest.raises(InputError, match=r"dwell_s.* 2 "):
-        moves([0.1, 0.0], 1e-3, speed_m_per_s=0.1, acceleration_m_per_s2=1.0, dwell_s=[0.2])
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -154,6 +154,7 @@ def test_impacts_that_do_not_repeat_are_told():
 
 def test_a_workpiece_that_the_swing_does_not_reach_shows_nothing():
     far = replace(TRANSDUCER, rest_gap_m=1e-3)
-    flat = characteristic(far, np.linspace(-50.0, 50.0, 5))
+    allowance = np.linspace(-50.0, 50.0, 5)
+    flat = Characteristic(allowance, np.array([steady_swing(far, at_um).voltage_v for at_um in allowance.tolist()]))
     with pytest.raises(InputError, match="rest_gap_m"):
         linear_gauge(flat, 0.0, 0.1)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.cyclogram import AmbientCourse
 from selector.physics.thermal.modes.thermal_test import ThermalTest
+from tests.physics.thermal.segments import of_segments
 
 TAU_S = np.array([900.0, 9000.0])
 SPEED_UM = np.array([[12.0, 4.0], [25.0, -9.0]])  # (n_modes, n_responses) at the fastest speed
 HALL_UM_PER_K = np.array([[0.5, -1.0], [2.0, -3.0]])
 FASTEST_RPM = 5000.0
-DAY = Cyclogram.of_segments(
+DAY = of_segments(
     *[part for n in (2000, 3500, 1000, 5000, 2800) for part in ((10.0, 0.0), (240.0, float(n)), (230.0, 0.0))]
 )
 
@@ -45,7 +46,7 @@ def long_record(rng, *, noise_um=0.1, walk_um=0.0, hall=HALL_UM_PER_K, start_um=
     return ThermalTest("days", time, DAY.speed_at(time), read, measured, ("hall",)), end
 
 
-CYCLE = Cyclogram.of_segments((60, 1500), (60, 3000), (30, 0), (90, 4500), (60, 700))
+CYCLE = of_segments((60, 1500), (60, 3000), (30, 0), (90, 4500), (60, 700))
 
 
 def truth_after(end, *, hall=HALL_UM_PER_K):

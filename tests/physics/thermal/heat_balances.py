@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.physics.thermal.network.heat_system import HeatSystem, solver_of
 from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, fluid_degc, heat_parts
-from selector.physics.thermal.network.stepping import Body, Interval
+from selector.physics.thermal.network.transient import _Body, _Interval
 
 
 def rates(system: HeatSystem, laws: Laws, conditions: Conditions, x):
@@ -27,8 +27,8 @@ def steady_state(system: HeatSystem, laws: Laws, conditions: Conditions):
     columns = (film_coefficients(laws, conditions), fluid_degc(laws, conditions), *heat_parts(laws, conditions))
     films, fluids, firm, lubricant = (values[0] for values in columns)
     datum = float(np.mean(fluids))
-    body = Body(system, laws, datum)
-    held = Interval(0.0, films, fluids - datum, firm, lubricant)
+    body = _Body(system, laws, datum)
+    held = _Interval(0.0, films, fluids - datum, firm, lubricant)
     solve = solver_of(body.conductance(held)).solve
     soft = body.soft
     rise = solve(body.film_loads @ (films * held.fluid_rise) + body.heat_loads @ body.steady_heat_w(held))

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.linalg import expm
 from threadpoolctl import threadpool_limits
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.fit import Fit, Law, ModeSpec, block_weights, grown
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
+from tests.physics.thermal.segments import of_segments
 
 RESPONSES = ("Z", "Y", "X")
 SPEEDS = (800.0, 1000.0, 1250.0, 1600.0, 2000.0)
@@ -129,7 +129,7 @@ def random_bar(rng, film=0.0):
 
 def heat_and_cool(speeds=SPEEDS, heat_min=240, cool_min=420, only_heating=()):
     return {
-        f"n{speed:g}": Cyclogram.of_segments((heat_min, speed), *([] if speed in only_heating else [(cool_min, 0.0)]))
+        f"n{speed:g}": of_segments((heat_min, speed), *([] if speed in only_heating else [(cool_min, 0.0)]))
         for speed in speeds
     }
 
@@ -144,16 +144,16 @@ def duty_cycles(rng, fastest=2000.0, count=13):
     speeds = np.array([200, 400, 500, 700, 800, 900, 1000, 1100, 1250, 1400, 1600, 1800, 2000.0])
     for _ in range(count):
         some = np.sort(rng.choice(speeds, 4, replace=False))
-        cycles.append(("rising", Cyclogram.of_segments(*[(60.0, n) for n in some])))
-        cycles.append(("falling", Cyclogram.of_segments(*[(60.0, n) for n in some[::-1]], (60.0, 0.0))))
+        cycles.append(("rising", of_segments(*[(60.0, n) for n in some])))
+        cycles.append(("falling", of_segments(*[(60.0, n) for n in some[::-1]], (60.0, 0.0))))
         on, off = rng.choice([(30, 15), (20, 10), (60, 30)])
         n = float(rng.choice(speeds[2:]))
         pairs = [(float(on), n), (float(off), 0.0)] * int(315 // (on + off))
-        cycles.append(("intermittent", Cyclogram.of_segments(*pairs)))
+        cycles.append(("intermittent", of_segments(*pairs)))
         lengths = rng.dirichlet(np.ones(7)) * 280 + 20 / 7
         course = [(float(np.ceil(m)), float(rng.choice([0.0, *speeds]))) for m in lengths]
         course[int(rng.integers(0, 3))] = (45.0, float(rng.choice(speeds[4:])))
-        cycles.append(("random", Cyclogram.of_segments(*course)))
+        cycles.append(("random", of_segments(*course)))
     return cycles
 
 

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.cyclogram import cyclogram_kind
 from selector.physics.thermal.modes.thermal_test import ThermalTest, coolings, heating_from_rest, mode_data
 from selector.physics.thermal.prediction.characteristics import characteristics
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
+from tests.physics.thermal.segments import of_segments
 
 TAU_S = np.array([400.0, 2400.0, 9000.0])
 # 60, 30 and 20 µm at 2000 r/min; Y turns back: its fast mode goes the other way
@@ -31,7 +32,7 @@ def curves(machine):
 
 def test_tested_speeds_are_followed_within_a_fraction_of_the_noise(machine, curves):
     for speed in (800.0, 1250.0, 2000.0):
-        time, _, true = machine.course(Cyclogram.of_segments((240, speed)), 30.0)
+        time, _, true = machine.course(of_segments((240, speed)), 30.0)
         got = np.column_stack([curve.heating_um(speed, time) for curve in curves])
         # 480 samples and 4 to 5 numbers a curve, the zero among them, of which blocks of up to 20 samples are averages:
         # some tenths of the noise, nowhere as much as a single sample has
@@ -41,7 +42,7 @@ def test_tested_speeds_are_followed_within_a_fraction_of_the_noise(machine, curv
 
 @pytest.mark.parametrize("speed", [400.0, 900.0, 1450.0, 1800.0])
 def test_speeds_between_follow_the_power_of_the_speed(machine, curves, speed):
-    time, _, true = machine.course(Cyclogram.of_segments((240, speed)), 30.0)
+    time, _, true = machine.course(of_segments((240, speed)), 30.0)
     got = np.column_stack([curve.heating_um(speed, time) for curve in curves])
     # the gains grow with n^1.3 exactly, which is what is taken off before interpolating: only noise is left
     assert np.abs(got - true).max() < 1.2 * NOISE_UM
@@ -91,8 +92,8 @@ def test_a_gauge_that_was_not_zeroed_makes_no_difference(machine, curves):
 def test_which_stretches_are_used(machine):
     rng = np.random.default_rng(2)
     schedule = {
-        "two_speeds": Cyclogram.of_segments((60, 1000), (60, 2000), (90, 0), (60, 1600), (60, 0)),
-        "waits_first": Cyclogram.of_segments((30, 0), (120, 1600), (120, 0)),
+        "two_speeds": of_segments((60, 1000), (60, 2000), (90, 0), (60, 1600), (60, 0)),
+        "waits_first": of_segments((30, 0), (120, 1600), (120, 0)),
     }
     tests = recorded(machine, rng, 0.1, 30.0, schedule)
     # 20 s of another reading in the midst of a stretch do not end it
@@ -100,7 +101,7 @@ def test_which_stretches_are_used(machine):
     speed[150] = 0.0
     tests[1] = ThermalTest("waits_first", tests[1].time_s, speed, tests[1].displacement_um)
     cold = machine.states(schedule["two_speeds"], 30.0)[2][-240]
-    tests.append(machine.test("cools_only", Cyclogram.of_segments((200, 0)), 30.0, 0.1, rng, start=cold))
+    tests.append(machine.test("cools_only", of_segments((200, 0)), 30.0, 0.1, rng, start=cold))
     data = mode_data(tests)
     heating = heating_from_rest(data)
     assert [(part.run, round(part.speed_rpm), round(part.duration_s / 60)) for part in heating] == [
@@ -117,8 +118,8 @@ def test_which_stretches_are_used(machine):
 
 
 def test_no_heating_from_rest_is_refused(machine):
-    warm = machine.states(Cyclogram.of_segments((240, 2000)), 60.0)[2][-1]
-    test = machine.test("r", Cyclogram.of_segments((60, 0), (240, 1000)), 60.0, 0.3, np.random.default_rng(3), warm)
+    warm = machine.states(of_segments((240, 2000)), 60.0)[2][-1]
+    test = machine.test("r", of_segments((60, 0), (240, 1000)), 60.0, 0.3, np.random.default_rng(3), warm)
     with pytest.raises(InputError, match="cold"):
         characteristics([test], RESPONSES)
 
@@ -137,12 +138,12 @@ def test_no_heating_from_rest_is_refused(machine):
     ],
 )
 def test_kinds_of_duty_cycles(kind, speeds):
-    assert cyclogram_kind(Cyclogram.of_segments(*[(10, speed) for speed in speeds])) == kind
+    assert cyclogram_kind(of_segments(*[(10, speed) for speed in speeds])) == kind
 
 
 @settings(max_examples=25)
 @given(st.lists(st.sampled_from([0.0, 500.0, 1000.0, 2000.0]), min_size=1, max_size=6))
 def test_kind_does_not_depend_on_how_segments_are_cut(speeds):
-    whole = Cyclogram.of_segments(*[(10.0, speed) for speed in speeds])
-    cut = Cyclogram.of_segments(*[(5.0, speed) for speed in speeds for _ in range(2)])
+    whole = of_segments(*[(10.0, speed) for speed in speeds])
+    cut = of_segments(*[(5.0, speed) for speed in speeds for _ in range(2)])
     assert cyclogram_kind(whole) == cyclogram_kind(cut)

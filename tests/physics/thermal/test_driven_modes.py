@@ -9,9 +9,9 @@ import pytest
 
 from selector.errors import InputError, OptionError
 from selector.physics.thermal.modes import driven_model as fits
-from selector.physics.thermal.modes._drift import _whitened_loop, evidence
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
+from selector.physics.thermal.modes.cyclogram import AmbientCourse
+from selector.physics.thermal.modes.driven import _evidence, _whitened_loop
 from selector.physics.thermal.modes.driven_model import driven_model
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
@@ -26,6 +26,7 @@ from tests.physics.thermal.driven_machines import (
     truth_after,
 )
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, random_bar, recorded
+from tests.physics.thermal.segments import of_segments
 
 PAIR = ("Z", "X")
 
@@ -78,7 +79,7 @@ def test_a_long_record_is_cut_where_the_spindle_turns_after_a_rest(model):
 def test_breaks_of_an_intermittent_run_do_not_cut_it():
     rng = np.random.default_rng(0)
     machine = modal_machine((600, 5400), [[20, 10, 5], [30, -10, 15]], (1.2, 1.2))
-    breaks = Cyclogram.of_segments(*[(40.0, 2000.0), (20.0, 0.0)] * 6)
+    breaks = of_segments(*[(40.0, 2000.0), (20.0, 0.0)] * 6)
     assert driven_model(recorded(machine, rng, 0.1, 60.0, {"a": breaks}), RESPONSES) is None
 
 
@@ -88,7 +89,7 @@ def test_time_constants_and_the_law_of_the_hall_are_recovered(model):
     spread = np.log(model.tau_high_s / model.tau_low_s)
     assert (np.abs(np.log(model.fit.tau_s / TAU_S)) < spread).all()
     steady = AmbientCourse(np.array([0.0, 1.0]), np.array([[20.0], [21.0]]), ("hall",))
-    long = Cyclogram.of_segments((3000.0, 0.0))
+    long = of_segments((3000.0, 0.0))
     moved = model.displacement_um(long, np.array([long.end_s]), steady, follows=False)[0]
     # a kelvin for 50 h; gauges of 0.1 µm and 2400 samples under 4 K of hall leave below 1 % of 3 µm
     np.testing.assert_allclose(moved, HALL_UM_PER_K.sum(axis=0), atol=0.05)
@@ -156,7 +157,7 @@ def test_without_a_hall_and_long_runs_nothing_changes():
     still = [replace(test, ambient_degc=np.full(len(test.time_s), 21.0), ambients=("hall",)) for test in tests]
     assert driven_model(still, RESPONSES) is None
     foreseen = AmbientCourse(np.zeros(1), np.array([[25.0]]), ("hall",))
-    cycle = Cyclogram.of_segments((60, 1000.0))
+    cycle = of_segments((60, 1000.0))
     prediction = predict(still, RESPONSES, cycle, hall=foreseen)
     model = choose_modes(still, RESPONSES).model
     np.testing.assert_array_equal(prediction.displacement_um, model.displacement_um(cycle, prediction.time_s))
@@ -167,7 +168,7 @@ def test_one_test_claims_nothing():
     test, _ = long_record(np.random.default_rng(3))
     first = test.time_s < 480 * 60
     one = ThermalTest("one", test.time_s[first], test.speed_rpm[first], test.displacement_um[first], None)
-    prediction = predict([one], PAIR, Cyclogram.of_segments((60, 1500.0)), start="tests")
+    prediction = predict([one], PAIR, of_segments((60, 1500.0)), start="tests")
     assert "claimed-error-unknown" in ids(prediction)
     assert not np.isfinite(prediction.claimed_um).any()
     assert prediction.as_dict()["accuracy"]["Z"]["claimed_um"] is None
@@ -186,7 +187,7 @@ def test_temperatures_are_told_in_kelvin(record):
 
 def test_what_cannot_be_used_is_refused(record):
     with pytest.raises(InputError, match="fastest tested"):
-        predict([record[0]], PAIR, Cyclogram.of_segments((60, 1.1 * FASTEST_RPM)))
+        predict([record[0]], PAIR, of_segments((60, 1.1 * FASTEST_RPM)))
     with pytest.raises(OptionError, match="begin warm"):
         predict([record[0]], PAIR, CYCLE, method="piecewise", start="tests")
 
@@ -195,12 +196,12 @@ def test_convection_that_grows_with_the_speed_is_followed():
     rng = np.random.default_rng(6)
     machine = random_bar(rng, film=1.0)
     speeds = (800.0, 2000.0, 1250.0, 1600.0)
-    record = Cyclogram.of_segments(*[part for n in speeds for part in ((10.0, 0.0), (200.0, n), (300.0, 0.0))])
+    record = of_segments(*[part for n in speeds for part in ((10.0, 0.0), (200.0, n), (300.0, 0.0))])
     time, speed, states = machine.states(record, 60.0)
     read = states @ machine.output.T + rng.normal(0.0, 0.1, (len(time), 3))
     model = driven_model([ThermalTest("bar", time, speed, read)], RESPONSES)
     assert model.fit.spec.film == "growing"
-    cycle = Cyclogram.of_segments((40, 1800.0), (20, 0.0), (60, 1000.0), (30, 0.0), (40, 2000.0))
+    cycle = of_segments((40, 1800.0), (20, 0.0), (60, 1000.0), (30, 0.0), (40, 2000.0))
     time, _, true = machine.course(cycle, 60.0, states[-1])
     found = model.displacement_um(cycle, np.minimum(time, cycle.end_s), None, follows=True)
     # a continuum of modes by four at most: 2 % of 60 µm are asked for
@@ -230,7 +231,7 @@ def test_the_evidence_is_the_density_of_the_last_column_with_coefficients_about_
     first = np.isin(np.arange(40), [0, 17])
     arguments = (np.arange(40.0) * 300.0, np.full(40, 0.1), 1e-4, 0.3, 900.0, first)
     rows, logs = _whitened_loop(values, *arguments)
-    found, root, half = evidence(rows, logs, gain)
+    found, root, half = _evidence(rows, logs, gain)
     scaled, aim = rows[:, :-1] * gain, rows[:, -1]
     covariance = scaled @ scaled.T + np.eye(40)
     wanted = logs + 0.5 * (np.linalg.slogdet(covariance)[1] + aim @ np.linalg.solve(covariance, aim))
@@ -261,7 +262,7 @@ def test_runs_with_zeros_of_their_own_are_as_one_zero():
     # one response is enough
     tests = [replace(one, displacement_um=one.displacement_um[:, :1]) for one in tests]
     moved = [replace(one, displacement_um=one.displacement_um + 100.0 * k) for k, one in enumerate(tests)]
-    cycle = Cyclogram.of_segments((60, 1000.0), (30, 0.0))
+    cycle = of_segments((60, 1000.0), (30, 0.0))
     time = np.linspace(0.0, cycle.end_s, 50)
     one, other = (driven_model(runs, RESPONSES[:1], whatever=True) for runs in (tests, moved))
     here, there = (model.displacement_um(cycle, time, None, follows=False) for model in (one, other))
@@ -272,7 +273,7 @@ def separate_tests(rng, *, warm):
     """Tests in runs of their own; warm ones begin where the one before ended."""
     tests, end = [], None
     for k, speed in enumerate((2000.0, 5000.0, 1000.0, 3500.0)):
-        day = Cyclogram.of_segments((10.0, 0.0), (150.0, speed), (120.0, 0.0))
+        day = of_segments((10.0, 0.0), (150.0, speed), (120.0, 0.0))
         time = np.arange(0.0, day.end_s, 60.0)
         degc = hall_at(time + (day.end_s if warm else 3e4) * k)
         # the states count from the equilibrium with the hall at the start of the run

@@ -14,8 +14,8 @@ from scipy.spatial import KDTree
 
 from selector.cli import exit_status
 from selector.errors import ModelFileError
+from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
-from selector.physics.model_values import model_file_text
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import FOOT_N_PER_M, film_sets

@@ -9,7 +9,6 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.thermal.modes.choice import choose_modes
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.heldout import tau_intervals
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from tests.physics.thermal.mode_machines import (
@@ -23,6 +22,7 @@ from tests.physics.thermal.mode_machines import (
     recorded,
     relative_errors,
 )
+from tests.physics.thermal.segments import of_segments
 
 TWO = heat_and_cool((1000.0, 2000.0))
 
@@ -40,7 +40,7 @@ def ids(fit):
 
 
 @pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("schedule", [TWO, heat_and_cool((2000.0,)), {"a": Cyclogram.of_segments((400, 2000.0))}])
+@pytest.mark.parametrize("schedule", [TWO, heat_and_cool((2000.0,)), {"a": of_segments((400, 2000.0))}])
 def test_time_constants_of_three_modes(seed, schedule):
     rng = np.random.default_rng(seed)
     fit = choose_modes(recorded(three_modes(rng), rng, 0.1, 10.0, schedule), RESPONSES)
@@ -99,8 +99,8 @@ def test_convection_that_grows_with_the_speed_is_seen_and_used():
 def test_a_run_that_only_cools_is_used():
     rng = np.random.default_rng(3)
     machine = two_modes(rng)
-    hot = machine.states(Cyclogram.of_segments((300, 2000.0)), 10.0)[2][-1]
-    cold = machine.test("cool", Cyclogram.of_segments((420, 0.0)), 10.0, 0.1, rng, start=hot)
+    hot = machine.states(of_segments((300, 2000.0)), 10.0)[2][-1]
+    cold = machine.test("cool", of_segments((420, 0.0)), 10.0, 0.1, rng, start=hot)
     fit = choose_modes([*recorded(machine, rng, 0.1, 10.0, TWO), cold], RESPONSES)
     assert "start-not-at-rest" in ids(fit)
     np.testing.assert_allclose(fit.model.tau_s, (600, 5400), rtol=0.02)  # as above
@@ -109,8 +109,8 @@ def test_a_run_that_only_cools_is_used():
 def test_a_run_that_begins_warm_is_found():
     rng = np.random.default_rng(4)
     machine = two_modes(rng)
-    warm = machine.states(Cyclogram.of_segments((60, 2000.0)), 10.0)[2][-1]
-    late = machine.test("late", Cyclogram.of_segments((240, 1500.0), (420, 0.0)), 10.0, 0.1, rng, start=warm)
+    warm = machine.states(of_segments((60, 2000.0)), 10.0)[2][-1]
+    late = machine.test("late", of_segments((240, 1500.0), (420, 0.0)), 10.0, 0.1, rng, start=warm)
     fit = choose_modes([*recorded(machine, rng, 0.1, 10.0, TWO), late], RESPONSES)
     assert [f.where.run for f in fit.findings if f.id == "start-not-at-rest"] == ["late"]
     np.testing.assert_allclose(fit.model.tau_s, (600, 5400), rtol=0.02)  # as above
@@ -140,7 +140,7 @@ def test_one_tested_speed_is_said():
 def test_a_record_too_short_for_its_slow_mode_has_no_bound():
     rng = np.random.default_rng(9)
     machine = modal_machine((300, 40000), [[10, 10, 10], [40, 40, 40]], (1.2, 1.2))
-    fit = choose_modes(recorded(machine, rng, 0.5, 10.0, {"a": Cyclogram.of_segments((40, 2000.0))}), RESPONSES)
+    fit = choose_modes(recorded(machine, rng, 0.5, 10.0, {"a": of_segments((40, 2000.0))}), RESPONSES)
     slow = fit.model.tau_s[-1]
     assert not (fit.tau_high_s[-1] < 30000), (slow, fit.tau_high_s)
 
@@ -165,9 +165,3 @@ def test_unusable_tests_are_refused():
         choose_modes([idle], ("Z",))
     with pytest.raises(InputError, match="no test"):
         choose_modes([], ("Z",))
-    short = replace(idle, time_s=time[:5], speed_rpm=np.full(5, 1000.0), displacement_um=np.zeros((5, 1)))
-    with pytest.raises(InputError, match="5 samples"):
-        choose_modes([short], ("Z",))
-    turning = replace(idle, speed_rpm=np.full(100, 1000.0))
-    with pytest.raises(InputError, match="fewer than 10 readings"):
-        choose_modes([replace(turning, displacement_um=np.full((100, 1), np.nan))], ("Z",))

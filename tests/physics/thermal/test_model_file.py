@@ -41,6 +41,7 @@ from selector.physics.thermal.schedule import (
 )
 from selector.physics.thermal.thermal_model import driven_runs, model_findings, simulation_findings, thermal_model
 from selector.recording import Channel, Recording
+from tests.physics.thermal.segments import of_segments
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "thermal"
 HEADSTOCK = (EXAMPLES / "headstock.toml").read_text(encoding="utf-8")
@@ -253,7 +254,7 @@ def test_parameters_have_units_values_and_bounds():
 def test_every_parameter_does_something(example):
     file = read_model_file(EXAMPLES / example)
     model = thermal_model(file)
-    speeds = Cyclogram.of_segments((15, 800), (15, 1250), (15, 1600), (15, 2000), (15, 0))
+    speeds = of_segments((15, 800), (15, 1250), (15, 1600), (15, 2000), (15, 0))
     conditions = own_conditions(file, cyclogram=speeds)
     if example == "headstock.toml":
         # the file has coolant and torque from the second hour on only

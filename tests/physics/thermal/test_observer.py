@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.prediction.observer import FAR_OFF, DayReadings, Stop, as_run, observed
+from tests.physics.thermal.segments import of_segments
 
 NAMES = ("Z", "nose", "motor")
 #: Two modes: the nose follows the fast one, the motor both, Z mostly the slow one.
@@ -17,7 +17,7 @@ MODEL = ModalModel(
     NAMES, np.array([600.0, 4800.0]), np.array([[[12.0, 5.0, 4.0], [30.0, 2.0, 6.0]]]), SpeedLaw((1.2,), 2000.0),
     2000.0, np.zeros(2),
 )  # fmt: skip
-PLAN = Cyclogram.of_segments((60, 1000), (60, 2000), (30, 0), (90, 1500))
+PLAN = of_segments((60, 1000), (60, 2000), (30, 0), (90, 1500))
 NOISE_K = np.array([0.05, 0.05])
 
 

@@ -7,9 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.physics.thermal.prediction.correction_program import correction_program
-from selector.physics.thermal.prediction.order import MOST_TRIED_ALL, best_order, reordered
+from selector.physics.thermal.prediction.correction_program import (
+    MOST_TRIED_ALL,
+    best_order,
+    correction_program,
+    reordered,
+)
+from tests.physics.thermal.segments import of_segments
 
 TAU_S = 2400.0
 
@@ -30,11 +34,11 @@ def course(cyclogram, time_s):
 #: Minutes and speeds of operations; the first has two.
 OPERATIONS = (((20, 2500), (20, 0)), ((60, 500),), ((30, 2000),), ((45, 0),))
 LENGTHS = [60.0 * sum(minutes for minutes, _ in one) for one in OPERATIONS]
-CYCLE = Cyclogram.of_segments(*[part for one in OPERATIONS for part in one])
+CYCLE = of_segments(*[part for one in OPERATIONS for part in one])
 
 
 def corrections(order, tolerances):
-    cycle = Cyclogram.of_segments(*[part for k in order for part in OPERATIONS[k]])
+    cycle = of_segments(*[part for k in order for part in OPERATIONS[k]])
     time = np.union1d(np.arange(0.0, cycle.end_s + 1.0, 60.0), cycle.start_s)
     lengths = [LENGTHS[k] for k in order]
     program = correction_program(time, course(cycle, time)[:, 0], lengths, [tolerances[k] for k in order])
@@ -57,7 +61,7 @@ def test_the_given_order_stays_where_none_is_better():
 
 def test_of_many_operations_two_change_places_while_that_helps():
     parts = [(20.0, speed) for speed in (0, 2500, 0, 2500, 0, 2500, 0, 2500)]
-    cycle = Cyclogram.of_segments(*parts)
+    cycle = of_segments(*parts)
     assert len(parts) > MOST_TRIED_ALL
     found = best_order(course, cycle, [1200.0] * len(parts), {0: 8.0})
     assert not found.is_exact
@@ -66,7 +70,7 @@ def test_of_many_operations_two_change_places_while_that_helps():
 
 
 def test_operations_move_with_their_speeds_and_what_follows_stays():
-    longer = Cyclogram.of_segments(*[part for one in OPERATIONS for part in one], (15, 700))
+    longer = of_segments(*[part for one in OPERATIONS for part in one], (15, 700))
     same = reordered(longer, LENGTHS, [0, 1, 2, 3])
     np.testing.assert_array_equal(same.start_s, longer.start_s)
     np.testing.assert_array_equal(same.speed_rpm, longer.speed_rpm)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.prediction.characteristics import Characteristics, characteristics
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from tests.physics.thermal.mode_machines import RESPONSES, modal_machine, random_network, recorded
+from tests.physics.thermal.segments import of_segments
 
 SEED_SCHEDULES = {
     "two speeds": [(20, 2000), (280, 1000)],
@@ -32,7 +32,7 @@ def one_mode():
 @pytest.mark.parametrize("name", SEED_SCHEDULES)
 def test_exact_for_a_machine_with_one_mode(one_mode, name):
     machine, curves = one_mode
-    cycle = Cyclogram.of_segments(*SEED_SCHEDULES[name])
+    cycle = of_segments(*SEED_SCHEDULES[name])
     time, _, true = machine.course(cycle, 60.0)
     got, _ = piecewise_displacement_um(curves, cycle, np.minimum(time, cycle.end_s))
     # block averages put the fitted curve off by up to 8e-5 of its amplitude, for each of at most 14 segments
@@ -49,7 +49,7 @@ def network():
 @pytest.mark.parametrize("name", SEED_SCHEDULES)
 def test_along_the_spindle_within_what_the_source_claims(network, name):
     machine, curves = network
-    cycle = Cyclogram.of_segments(*SEED_SCHEDULES[name])
+    cycle = of_segments(*SEED_SCHEDULES[name])
     time, _, true = machine.course(cycle, 60.0)
     got, _ = piecewise_displacement_um(curves[:1], cycle, np.minimum(time, cycle.end_s))
     # C: at most 10 % of the peak along the spindle
@@ -66,7 +66,7 @@ def test_along_the_spindle_within_what_the_source_claims(network, name):
 )
 def test_continuous_bounded_and_zero_at_the_start(network, segments):
     _, curves = network
-    cycle = Cyclogram.of_segments(*segments)
+    cycle = of_segments(*segments)
     time = np.unique(np.r_[np.linspace(0, cycle.end_s, 400), cycle.start_s, cycle.start_s + 1e-6])
     got, _ = piecewise_displacement_um(curves, cycle, time)
     assert np.abs(got[0]).max() == 0.0
@@ -96,7 +96,7 @@ def curve(**changes):
 
 
 def told(one, *segments):
-    cycle = Cyclogram.of_segments(*segments)
+    cycle = of_segments(*segments)
     time = np.linspace(0, cycle.end_s, 200)
     got, findings = piecewise_displacement_um([one], cycle, time)
     return got[:, 0], {finding.id: finding for finding in findings}

@@ -8,12 +8,12 @@ import pytest
 from selector.errors import InputError
 from selector.findings import Finding
 from selector.physics.thermal.modes import choice
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import cyclogram_of_rows, predict
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
+from tests.physics.thermal.segments import of_segments
 
-CYCLE = Cyclogram.of_segments((40, 1250), (50, 500), (30, 2000), (20, 0), (60, 900), (40, 1800))
+CYCLE = of_segments((40, 1250), (50, 500), (30, 2000), (20, 0), (60, 900), (40, 1800))
 OPERATIONS_S = [3000.0, 4200.0, 7200.0]
 
 
@@ -151,6 +151,6 @@ def test_runs_without_readings_are_left_out_and_told(tests):
 
 
 def test_a_machine_that_stands_stays_at_zero(tests):
-    idle = Cyclogram.of_segments((60, 0.0))
+    idle = of_segments((60, 0.0))
     for method in ("modal", "piecewise"):
         assert np.abs(predict(tests, RESPONSES, idle, method=method).displacement_um).max() == 0.0

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.tests_judged import modal_repeats, piecewise_repeats
+from tests.physics.thermal.segments import of_segments
 
 NOISE_UM = 0.2
 TIME_S = np.arange(0.0, 8 * 3600.0 + 1, 60.0)
-TURNS = Cyclogram.of_segments((240, 2000.0), (240, 0.0))
+TURNS = of_segments((240, 2000.0), (240, 0.0))
 
 
 def machine() -> ModalModel:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
-from selector.physics.thermal.modes.cyclogram import Cyclogram
 from selector.physics.thermal.modes.modes import ModalModel, SpeedLaw
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
@@ -20,6 +19,7 @@ from selector.physics.thermal.prediction.tests_judged import (
     warm_start_findings,
 )
 from tests.physics.thermal.mode_machines import RESPONSES, heat_and_cool, modal_machine, recorded
+from tests.physics.thermal.segments import of_segments
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def test_nothing_is_told_of_good_tests(tests):
     assert list(movement_findings(tests, RESPONSES)) == []
     assert list(warm_start_findings(tests, RESPONSES)) == []
     assert list(contradiction_findings(tests, repeats(tests, [0.2, 0.3, 0.2]), RESPONSES)) == []
-    assert list(speed_findings(tests, Cyclogram.of_segments((60, 1000), (60, 0)))) == []
+    assert list(speed_findings(tests, of_segments((60, 1000), (60, 0)))) == []
 
 
 @pytest.mark.parametrize("level", [0.0, 5.3])
@@ -56,7 +56,7 @@ def test_a_dead_gauge_is_refused(tests, level, method):
         displacement[:, 1] = level
         dead.append(replace(test, displacement_um=displacement))
     with pytest.raises(InputError) as refused:
-        predict(dead, RESPONSES, Cyclogram.of_segments((60, 1000)), method=method)
+        predict(dead, RESPONSES, of_segments((60, 1000)), method=method)
     assert refused.value.found.startswith("Y ")
     assert " 0 µm " in refused.value.found
 
@@ -85,10 +85,10 @@ def test_a_run_far_beyond_the_others_is_named(tests):
 
 
 def test_speeds_that_the_tests_say_little_about(tests):
-    other = Cyclogram.of_segments((60, 1000), (60, 2000))
+    other = of_segments((60, 1000), (60, 2000))
     assert [f.id for f in speed_findings(tests[2:], other)] == ["one-speed-tested"]
-    assert list(speed_findings(tests[2:], Cyclogram.of_segments((60, 2000), (60, 0)))) == []
-    slow = list(speed_findings(tests, Cyclogram.of_segments((60, 1.5))))
+    assert list(speed_findings(tests[2:], of_segments((60, 2000), (60, 0)))) == []
+    slow = list(speed_findings(tests, of_segments((60, 1.5))))
     assert [f.id for f in slow] == ["slower-than-tests"]
     assert "1.5 r/min" in slow[0].statement
     assert "800 r/min" in slow[0].statement
@@ -96,22 +96,20 @@ def test_speeds_that_the_tests_say_little_about(tests):
 
 def test_tests_without_any_cooling(tests):
     heating = [cut(test, test.speed_rpm > 0) for test in tests]
-    found = predict(heating, RESPONSES, Cyclogram.of_segments((60, 1000), (30, 0)), method="piecewise").findings
+    found = predict(heating, RESPONSES, of_segments((60, 1000), (30, 0)), method="piecewise").findings
     assert "cooling-assumed" in {finding.id for finding in found}
 
 
 @pytest.mark.parametrize("method", ["modal", "piecewise"])
 def test_twelve_samples(tests, method):
     short = [cut(test, slice(0, 12)) for test in tests]
-    found = predict(short, RESPONSES, Cyclogram.of_segments((10, 1000)), method=method).findings
+    found = predict(short, RESPONSES, of_segments((10, 1000)), method=method).findings
     assert not any("nan" in finding.statement for finding in found)
 
 
 def test_the_end_of_a_duty_cycle_may_be_off_by_rounding():
     law = SpeedLaw((1.2,), 2000.0)
     model = ModalModel(("Z",), np.array([600.0]), np.array([[[30.0]]]), law, 2000.0, np.zeros(1))
-    cycle = Cyclogram.of_segments((60, 1000))
+    cycle = of_segments((60, 1000))
     beyond, end = model.displacement_um(cycle, cycle.end_s * np.array([1.0 + 5e-10, 1.0]))
     assert beyond == pytest.approx(end, rel=1e-6)  # 1e-9 of an hour is no time for modes of minutes
-    with pytest.raises(InputError, match="a prediction at"):
-        model.displacement_um(cycle, np.array([cycle.end_s * 1.001]))

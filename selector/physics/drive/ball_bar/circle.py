@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays, told_of
-from selector.physics.drive.parts.axis import Axis, RigidMechanics
+from selector.physics.drive.parts.axis import Axis
 from selector.physics.drive.simulation import AxisRun, circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import ParameterCourse, Reference
 from selector.physics.model_fields import Limits, Unit
@@ -52,13 +52,6 @@ class Circle(Checked):
     overshoot_rad: _Above0 = math.pi / 4  #: Arc before and after the measured one [rad]
     table_ball: TableBall | None = None  #: The third, rotary axis
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.direction not in (1, -1):
-            raise _wrong(f"direction {self.direction}", "1 (counter-clockwise) or -1 (clockwise)", "give 1 or -1")
-        if len(self.centre_m) != 2 or not np.isfinite(self.centre_m).all():
-            raise _wrong(f"centre {self.centre_m}", "two finite coordinates in m", "give the centre of the circle")
-
     @property
     def speed_rad_per_s(self) -> float:
         """Steady angular speed of the bar [rad/s], not negative."""
@@ -91,21 +84,18 @@ class Circle(Checked):
 def circle_references(circle: Circle, axes: Sequence[str] = ("X", "Y"), *, period_s: float) -> dict[str, Reference]:
     """Axis → what it is asked to do, from rest to rest, sampled every `period_s` [s].
 
-    InputError if the names are not two (three with a rotary axis), or the run has too many samples.
+    `axes` are first, second and, if the circle has a `table_ball`, the rotary one.
+
+    InputError if the run has too many samples.
     """
     names = tuple(axes)
-    if len(set(names)) != len(names) or len(names) != (2 if circle.table_ball is None else 3):
-        raise _wrong(
-            f"{len(set(names))} axes ({', '.join(names)})",
-            "two linear axes" if circle.table_ball is None else "two linear axes and a rotary one",
-            "name the axes in the order first, second, rotary",
-        )
     count = math.ceil(circle.duration_s / period_s - 1e-9) + 1 if period_s > 0 else 0
     if not 2 <= count <= MOST_SAMPLES:
-        raise _wrong(
+        raise InputError(
             f"{circle.duration_s:.6g} s sampled every {period_s:g} s",
-            f"2 to {MOST_SAMPLES} samples",
-            "choose another feed or period",
+            expected=f"2 to {MOST_SAMPLES} samples",
+            where="circular test",
+            advice="choose another feed or period",
         )
     angle, speed, change = circle.travelled_rad(np.arange(count, dtype=np.float64) * period_s)
     courses = _arm(circle.radius_m, circle.start_angle_rad + angle, speed, change)
@@ -147,10 +137,6 @@ def _share(time: Vector, ramp: float) -> Vector:
     return np.asarray((1.0 - np.cos(np.pi * time / ramp)) / 2.0)
 
 
-def _wrong(found: str, expected: str, advice: str) -> InputError:
-    return InputError(found, expected=expected, where="circular test", advice=advice)
-
-
 Pair = tuple[float, float]
 _PerMetre = Annotated[float, Unit("µm/m"), Limits(0.0, 1e4)]
 _Micrometres = Annotated[float, Unit("µm")]
@@ -179,18 +165,6 @@ class PairGeometry:
     length_error_um: _Micrometres = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
     #: Where the centre of the rotary table is against its commanded place [µm]
     rotary_centre_offset_um: _MicrometresOfBoth = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name, values in vars(self).items():
-            if np.size(values) != (1 if name in ("squareness_um_per_m", "length_error_um") else 2) or not np.all(
-                np.isfinite(values)
-            ):
-                raise InputError(
-                    f"{values}",
-                    expected="a finite number for each of the two axes" if np.size(values) != 1 else "a finite number",
-                    where=name,
-                    advice="correct this error of the geometry",
-                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,19 +227,9 @@ def ball_bar_run(
     reading of the bar [µm]. `step_s` is the longest step [s], by default `circle_step_s` of each axis; `number` parts
     the noise of the runs of a test.
 
-    InputError if axes, courses and circle do not fit together, or an axis cannot be simulated.
+    InputError if an axis cannot be simulated.
     """
     names = tuple(axes)
-    if len(names) == 3 and not isinstance(axes[names[2]].mechanics, RigidMechanics):
-        raise _misfit(
-            f"{names[2]} as a screw drive",
-            "a rigid axis with kg·m², rad and N·m for the rotary table",
-            "describe the rotary axis with its moment of inertia as mass",
-        )
-    if not set(courses or {}) <= set(names):
-        raise _misfit(
-            f"courses of {', '.join(courses or {})}", f"of {', '.join(names)} at most", "give courses of these axes"
-        )
     period = period_s or _period_s(circle, [axis.servo.sample_s if axis.servo else 0.0 for axis in axes.values()])
     references = circle_references(circle, names, period_s=period)
     seeds = np.random.SeedSequence([seed, number]).generate_state(len(names) + 1)
@@ -366,7 +330,3 @@ def _unusable(found: str, expected: str) -> InputError:
         where="ball-bar trace",
         advice="give the measured circle of one run, in its order of time",
     )
-
-
-def _misfit(found: str, expected: str, advice: str) -> InputError:
-    return InputError(found, expected=expected, where="ball-bar test", advice=advice)

@@ -12,7 +12,7 @@ import numpy as np
 
 from selector.errors import ModelFileError
 from selector.physics.checks import require_within, told_of
-from selector.physics.drive.ball_bar.circle import Circle, PairGeometry, TableBall
+from selector.physics.drive.ball_bar.circle import Circle, TableBall
 from selector.physics.drive.file.model_schema import (
     KINDS,
     MOST_ACTING,
@@ -31,7 +31,7 @@ from selector.physics.drive.file.model_schema import (
 )
 from selector.physics.drive.parts.axis import RigidMechanics
 from selector.physics.drive.trajectory import Reference, move_phases, moves, recorded, sine
-from selector.physics.model_fields import Fit, Number, Parameter, file_with, numbers_of, parameters_of
+from selector.physics.model_fields import Fit, Number, Parameter, file_with, numbers_of, parameters_of, refusals
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Column,
@@ -41,7 +41,6 @@ from selector.physics.model_text import (
     bound_contradictions,
     unknown_name,
 )
-from selector.physics.model_values import refusals, value_of
 from selector.types import Vector
 
 #: Key of `model_file.columns_needed` → (time_s, values in the unit of its role).
@@ -266,8 +265,6 @@ def _of_circle(file: DriveFile, motion: CircleMotion) -> Iterator[Contradiction]
         yield ("motion", "table_ball"), "a rotary axis without a ball on it", "its place", advice
     if len(motion.axes) == 2 and motion.table_ball is not None:
         yield ("motion", "table_ball"), "a ball on no rotary axis", "three axes", "name the rotary axis in motion.axes"
-    if file.ball_bar is not None:
-        yield from refusals(partial(value_of, PairGeometry, file.ball_bar), ("ball_bar",), file.ball_bar)
 
 
 def _of_few_samples(file: DriveFile) -> Iterator[Contradiction]:

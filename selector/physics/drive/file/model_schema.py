@@ -40,7 +40,7 @@ from selector.physics.drive.parts.stiffness import (
     three_mass_mechanics,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
-from selector.physics.model_fields import Unit, Usual
+from selector.physics.model_fields import Unit, Usual, entry_of, given, refusals, value_of
 from selector.physics.model_text import (
     Bounds,
     Column,
@@ -55,7 +55,6 @@ from selector.physics.model_text import (
     choice_tag,
     limited,
 )
-from selector.physics.model_values import entry_of, given, refusals, value_of
 
 #: In recordings and columns: positions [m; rad], and what acts on an axis [N; unit of the control].
 MOST_POSITION_M, MOST_ACTING = 1e4, 1e9

@@ -153,16 +153,9 @@ def sampled_closed_loop(axis: Axis) -> StateSpace:
     States: those of the mechanics, commands that wait, past motor positions if the speed is a difference of two, the
     integral of the speed error.
 
-    InputError if the axis has no servo, or one that is not sampled.
+    For a sampled servo only; InputError if the axis has none.
     """
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
-    if servo.sample_s <= 0:
-        raise InputError(
-            "a continuous servo",
-            expected="sample_s above 0",
-            where="servo",
-            advice="give the sample time, or look at the continuous loop",
-        )
     system, radius, step_s = plant(mechanics), mechanics.travel_per_motion, servo.sample_s
     position, speed = measurement(axis)
     order = len(system.A)

@@ -108,18 +108,20 @@ class Characteristic:
         return np.asarray(self.allowance_um[piece] + 0.5 * (below + above), dtype=np.float64)
 
 
-def characteristic(transducer: Transducer, allowances_um: Vector | None = None) -> Characteristic:
+def characteristic(transducer: Transducer) -> Characteristic:
     """Steady swings at allowances, come to from larger ones as in grinding; once more upwards, to find other swings.
 
-    Without increasing `allowances_um`: `POINTS` of them, from a little below the first touch to where the probe's rest
-    position or the end of A = A0 − x is; they are closer where the swing begins to touch.
+    They are `POINTS`, from a little below the first touch to where the probe's rest position or the end of A = A0 − x
+    is, closer where the swing begins to touch.
 
     Raises InputError if the free swing reaches a core.
     """
     free = steady_swing(transducer, None)
     rest_um, amplitude_um = 1e6 * transducer.rest_gap_m, 0.5 * free.stroke_um
     touch_um = rest_um - free.highest_um
-    allowance = _usual_allowances(touch_um, amplitude_um, rest_um) if allowances_um is None else allowances_um
+    end = max(rest_um, touch_um + amplitude_um) + 0.01 * amplitude_um
+    before = [touch_um - 0.05 * amplitude_um, touch_um]
+    allowance = np.r_[before, touch_um + (end - touch_um) * np.linspace(0.0, 1.0, POINTS - 1)[1:] ** 1.5]
     fallen: list[SteadySwing] = []
     risen: list[SteadySwing] = []
     for swings, order in ((fallen, allowance[::-1]), (risen, allowance)):
@@ -138,12 +140,6 @@ def characteristic(transducer: Transducer, allowances_um: Vector | None = None) 
         touch_um=touch_um,
         findings=tuple(_findings(fallen, risen, free.voltage_v)),
     )
-
-
-def _usual_allowances(touch_um: float, amplitude_um: float, rest_um: float) -> Vector:
-    end = max(rest_um, touch_um + amplitude_um) + 0.01 * amplitude_um
-    before = [touch_um - 0.05 * amplitude_um, touch_um]
-    return np.concatenate([before, touch_um + (end - touch_um) * np.linspace(0.0, 1.0, POINTS - 1)[1:] ** 1.5])
 
 
 def linear_gauge(characteristic: Characteristic, at_um: float, time_constant_s: float) -> LinearGauge:

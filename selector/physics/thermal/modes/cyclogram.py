@@ -21,12 +21,6 @@ class Cyclogram:
     def __post_init__(self) -> None:
         keep_arrays(self, "start_s", "speed_rpm")
 
-    @classmethod
-    def of_segments(cls, *segments: tuple[float, float]) -> "Cyclogram":
-        """From (minutes, r/min) pairs, as a process plan is written."""
-        ends = np.cumsum([minutes * 60.0 for minutes, _ in segments])
-        return cls(np.r_[0.0, ends[:-1]], np.array([speed for _, speed in segments], dtype=np.float64), float(ends[-1]))
-
     def within(self, fastest_rpm: float) -> "Cyclogram":
         """The duty cycle with what is faster held there."""
         return Cyclogram(self.start_s, np.minimum(self.speed_rpm, fastest_rpm), self.end_s)

@@ -141,13 +141,16 @@ class ModeData:
 def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
     """Block averages of the tests, with their speed levels.
 
-    Raises InputError if there is no test, none in which the spindle turns, or one without enough readings.
+    Raises InputError if there is no test, or none in which the spindle turns.
     """
     fastest = max((float(np.max(test.speed_rpm, initial=0.0)) for test in tests), default=0.0)
     if not np.isfinite(fastest) or fastest <= 0.0:
-        raise _unusable("no test in which the spindle turns", "at least one heating test", "the tests")
-    for test in tests:
-        _check(test)
+        raise InputError(
+            "no test in which the spindle turns",
+            expected="at least one heating test",
+            where="the tests",
+            advice="record heating and cooling",
+        )
     jitter = max(_roughness(test.speed_rpm) for test in tests)
     same_rpm = float(np.clip(6.0 * jitter, SAME_SPEED * fastest, MOST_JITTER * fastest))
     pieces = [_blocks(test, same_rpm) for test in tests]
@@ -168,18 +171,6 @@ def mode_data(tests: Sequence[ThermalTest]) -> ModeData:
         period_s=float(np.median(np.concatenate([np.diff(test.time_s) for test in tests]))),
         longest_s=max(float(test.time_s[-1] - test.time_s[0]) for test in tests),
     )
-
-
-def _check(test: ThermalTest) -> None:
-    where = f"run {test.run!r}"
-    if len(test.time_s) < 10:
-        raise _unusable(f"{len(test.time_s)} samples", "at least 10", where)
-    if (np.isfinite(test.displacement_um).sum(axis=0) < 10).any():
-        raise _unusable("a response with fewer than 10 readings", "readings of every response", where)
-
-
-def _unusable(found: str, expected: str, where: str) -> InputError:
-    return InputError(found, expected=expected, where=where, advice="record heating and cooling, or leave this run out")
 
 
 def _first(values: Vector) -> Vector:

@@ -1,17 +1,28 @@
 """How the temperatures and displacements of a machine follow what it does."""
 
+from __future__ import annotations
+
+from collections import OrderedDict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy import sparse
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg, sparse
 
 from selector.errors import InputError
-from selector.physics.thermal.network.heat_system import HeatSystem
-from selector.physics.thermal.network.laws import Conditions, Laws, film_coefficients, fluid_degc, heat_parts, summed
-from selector.physics.thermal.network.stepping import Body, ExactStepper, ImplicitStepper, Interval
+from selector.physics.thermal.network.heat_system import HeatSystem, Solve, SystemMatrix, conductance, dense, solver_of
+from selector.physics.thermal.network.laws import (
+    Conditions,
+    Laws,
+    Lubricants,
+    film_coefficients,
+    fluid_degc,
+    heat_parts,
+    summed,
+)
 from selector.types import Array, Vector
 
 Method = Literal["auto", "exact", "implicit"]
@@ -87,10 +98,10 @@ def simulate_heat(
     read, keep = _times(time_s, conditions, "time_s"), _times(keep_states_at_s, conditions, "keep_states_at_s")
     weights = system.capacity @ system.uniform
     datum = float(weights @ start / (weights @ system.uniform))
-    body = Body(system, laws, datum)
+    body = _Body(system, laws, datum)
     starts, intervals = _intervals(laws, conditions, datum)
     chosen = _method(body, intervals) if method == "auto" else method
-    stepper = ExactStepper(body, step_s) if chosen == "exact" else ImplicitStepper(body, step_s)
+    stepper = _ExactStepper(body, step_s) if chosen == "exact" else _ImplicitStepper(body, step_s)
 
     rise = start - datum * system.uniform
     readings, states = np.empty((len(read), len(body.rows))), np.empty((len(keep), system.size))
@@ -132,7 +143,7 @@ def simulate_heat(
     )
 
 
-def _intervals(laws: Laws, conditions: Conditions, datum_degc: float) -> tuple[Vector, list[Interval]]:
+def _intervals(laws: Laws, conditions: Conditions, datum_degc: float) -> tuple[Vector, list[_Interval]]:
     """Starts [s] and held values of the stretches in which nothing changes; equal neighbours are one."""
     films, fluids = film_coefficients(laws, conditions), fluid_degc(laws, conditions)
     firm, lubricant = heat_parts(laws, conditions)
@@ -141,12 +152,12 @@ def _intervals(laws: Laws, conditions: Conditions, datum_degc: float) -> tuple[V
     starts = conditions.time_s[first]
     lengths = np.diff(np.r_[starts, conditions.time_s[-1]])
     return starts, [
-        Interval(float(length), films[k], fluids[k] - datum_degc, firm[k], lubricant[k])
+        _Interval(float(length), films[k], fluids[k] - datum_degc, firm[k], lubricant[k])
         for k, length in zip(first, lengths, strict=True)
     ]
 
 
-def _method(body: Body, intervals: Sequence[Interval]) -> Literal["exact", "implicit"]:
+def _method(body: _Body, intervals: Sequence[_Interval]) -> Literal["exact", "implicit"]:
     """The exact stepper, unless the body is large or its films take so many values that eigenmodes cost seconds."""
     size = body.system.size
     if sparse.issparse(body.system.capacity) and size > _EXACT_STATES:
@@ -174,3 +185,347 @@ def _times(asked: ArrayLike, conditions: Conditions, name: str) -> Vector:
             advice="let the conditions last as long as the simulation",
         )
     return np.clip(times, begin, end)
+
+
+# how a body warms from instant to instant: exactly by eigenmodes, or by an implicit method of second order
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A heat system with its laws, as the arrays that steppers work on."""
+
+    #: system and laws: What is stepped
+    system: HeatSystem
+    laws: Laws
+    datum_degc: float  #: Temperature [°C] that rises are counted from
+
+    def __post_init__(self) -> None:
+        system = self.system
+        matrices = {"capacity": system.capacity, "conduction": system.conduction, **system.films}
+        for name, matrix in matrices.items():
+            if _largest(matrix - matrix.T) > 1e-9 * _largest(matrix):
+                raise ValueError(f"the matrix {name!r} is not symmetric: heat would be made or lost on its way")
+
+    @cached_property
+    def rows(self) -> Array:
+        """Probes, then displacements, shape (n_rows, n)."""
+        return self._table([*self.system.probes.values(), *self.system.displacements.values()])
+
+    @cached_property
+    def soft(self) -> NDArray[np.intp]:
+        """Positions of the heat laws whose heat depends on temperature, shape (n_soft,)."""
+        laws = self.laws.heat
+        return np.array(
+            [k for k, law in enumerate(laws) if law.softening_per_k > 0 and law.speed_w != 0], dtype=np.intp
+        )
+
+    @cached_property
+    def lubricants(self) -> Lubricants:
+        """What the soft laws' heat follows."""
+        laws = [self.laws.heat[k] for k in self.soft]
+        at = self._table([self.system.probes[law.at] for law in laws])
+        zero = np.array([law.softening_degc for law in laws], dtype=np.float64)
+        return Lubricants(
+            rows=at,
+            per_k=np.array([law.softening_per_k for law in laws], dtype=np.float64),
+            zero_rise=zero - at @ self.system.uniform * self.datum_degc,
+        )
+
+    @cached_property
+    def heat_loads(self) -> Array:
+        """Share of every state in the heat of a law, shape (n, n_heat_laws)."""
+        return self._table([self.system.sources[law.source] for law in self.laws.heat]).T
+
+    @cached_property
+    def film_loads(self) -> Array:
+        """a_f of the surface of every film law, shape (n, n_film_laws)."""
+        return self._table([self.system.film_loads[law.film] for law in self.laws.films]).T
+
+    @cached_property
+    def film_rows(self) -> Array:
+        """uniformᵀ·A_f of the surface of every film law: what integrates a temperature over it."""
+        return self._table([np.asarray(self.system.films[law.film].T @ self.system.uniform) for law in self.laws.films])
+
+    def _table(self, rows: list[Vector]) -> Array:
+        return np.array(rows, dtype=np.float64).reshape(len(rows), self.system.size)
+
+    def steady_heat_w(self, held: _Interval) -> Vector:
+        """Heat of every law [W] without that which depends on temperature."""
+        heat = held.firm_w + held.lubricant_w
+        heat[self.soft] = held.firm_w[self.soft]
+        return heat
+
+    def conductance(self, held: _Interval) -> SystemMatrix:
+        """K + Σ h_f·A_f [W/K] with the film coefficients of an interval."""
+        films = [law.film for law in self.laws.films]
+        return conductance(self.system, summed(films, held.film_w_per_m2_k))
+
+
+@dataclass(frozen=True)
+class _Interval:
+    """A stretch of time in which nothing changes that the machine does."""
+
+    duration_s: float  #: Its length [s]
+    #: film_w_per_m2_k and fluid_rise: (n_film_laws,): Film coefficients [W/(m²·K)]; fluid temperatures over the datum
+    #: [K]
+    film_w_per_m2_k: Vector
+    fluid_rise: Vector
+    #: firm_w and lubricant_w: (n_heat_laws,): Heat [W] that does not depend on temperature; heat of the lubricant at
+    #: its reference temperature
+    firm_w: Vector
+    lubricant_w: Vector
+
+
+@dataclass(frozen=True)
+class _Advance:
+    """What became of a body in one interval."""
+
+    rise: Vector  #: (n,): States at its end
+    read: Array  #: (n_read, n_rows): `_Body.rows` times the states, at the times asked for
+    kept: Array  #: (n_kept, n): States at the times asked for
+    film_k_m2_s: Vector  #: (n_film_laws,): ∫ uniformᵀ·A_f·r dt over the interval, in the sense of the stepper
+    heat_j: Vector  #: (n_heat_laws,): Heat put in by every law [J], in the same sense
+
+
+def _largest(matrix: Any) -> float:
+    """Largest entry without its sign."""
+    entries: Array = matrix.data if sparse.issparse(matrix) else matrix  # type: ignore[attr-defined]
+    return float(np.max(np.abs(entries), initial=0.0))
+
+
+def _by_step(times_s: Vector, ends_s: Vector) -> list[Vector]:
+    """Increasing times by the step that they are in; what rounding puts behind the last end is in the last step."""
+    if len(ends_s) == 1:
+        return [times_s]
+    return np.split(times_s, np.searchsorted(times_s, ends_s[:-1], "right"))
+
+
+_CACHE_BYTES = 64e6
+_CHUNK = 4096
+_LENGTHS = 32
+
+
+@dataclass(frozen=True)
+class _Modal:
+    """A body in the modal coordinates of one set of film coefficients."""
+
+    rate: Vector
+    shapes: Array
+    to_modal: Array
+    rows: Array
+    lubricants: Array
+    heat_loads: Array
+    film_loads: Array
+    film_rows: Array
+    _factors: dict[float, _Factors] = field(default_factory=dict)
+
+    def factors(self, step_s: float) -> _Factors:
+        """The φ-functions of a step; the last few lengths are kept."""
+        if step_s not in self._factors:
+            if len(self._factors) >= _LENGTHS:
+                self._factors.clear()
+            self._factors[step_s] = _Factors(self.rate, step_s)
+        return self._factors[step_s]
+
+
+class _ExactStepper:
+    """Exact in held intervals; steps of `step_s` [s] only where heat depends on temperature."""
+
+    def __init__(self, body: _Body, step_s: float) -> None:
+        self._body = body
+        self._step_s = step_s
+        self._capacity = dense(body.system.capacity)
+        self._modal: OrderedDict[bytes, _Modal] = OrderedDict()
+        self._room = max(2, int(_CACHE_BYTES / (16 * body.system.size**2)))
+
+    def advance(self, rise: Vector, held: _Interval, read_s: Vector, keep_s: Vector) -> _Advance:
+        """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
+        modal = self._modal_of(held)
+        z = modal.to_modal @ rise
+        lubricants, soft = self._body.lubricants, self._body.soft
+        nominal = held.lubricant_w[soft]
+        depends = bool(np.any(nominal))
+        steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12)))) if depends else 1
+        ends = held.duration_s * np.arange(1, steps + 1) / steps
+        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
+        fluid = modal.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
+        step = held.duration_s / steps
+        factors = modal.factors(step)
+        steady = self._body.steady_heat_w(held)
+        steady_load = fluid + modal.heat_loads @ steady
+        per_watt = (factors.slope_end / step)[:, None] * modal.heat_loads[:, soft]
+        lubricant_per_watt = modal.lubricants @ per_watt
+        integral, heat = np.zeros(len(z)), held.duration_s * steady
+        read, kept = [np.zeros((0, len(modal.rows)))], [np.zeros((0, len(z)))]
+        for k in range(steps):
+            load, slope = steady_load, None
+            if depends:
+                before = lubricants.heat_w(nominal, modal.lubricants @ z)
+                load = steady_load + modal.heat_loads[:, soft] @ before
+            ahead, area = factors.step(z, load)
+            if depends:
+                without = modal.lubricants @ ahead - lubricant_per_watt @ before
+                after = lubricants.settled_heat_w(nominal, without, lubricant_per_watt)
+                slope = modal.heat_loads[:, soft] @ ((after - before) / step)
+                ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
+                heat[soft] += 0.5 * step * (before + after)
+            if len(reads[k]):
+                at = reads[k] - step * k
+                at_end = len(at) == 1 and at[0] == step
+                read.append((modal.rows @ ahead)[None] if at_end else _at(modal.rate, z, load, slope, at, modal.rows))
+            if len(keeps[k]):
+                kept.append(_at(modal.rate, z, load, slope, keeps[k] - step * k, modal.shapes))
+            integral += area
+            z = ahead
+        return _Advance(modal.shapes @ z, np.concatenate(read), np.concatenate(kept), modal.film_rows @ integral, heat)
+
+    def _modal_of(self, held: _Interval) -> _Modal:
+        key = held.film_w_per_m2_k.tobytes()
+        if key in self._modal:
+            self._modal.move_to_end(key)
+            return self._modal[key]
+        body = self._body
+        rate, shapes = linalg.eigh(dense(body.conductance(held)), self._capacity)
+        modal = _Modal(
+            # a body's temperatures never grow by themselves: what is below 0 is rounding
+            rate=np.maximum(rate, 0.0),
+            shapes=shapes,
+            to_modal=shapes.T @ self._capacity,
+            rows=body.rows @ shapes,
+            lubricants=body.lubricants.rows @ shapes,
+            heat_loads=shapes.T @ body.heat_loads,
+            film_loads=shapes.T @ body.film_loads,
+            film_rows=body.film_rows @ shapes,
+        )
+        self._modal[key] = modal
+        if len(self._modal) > self._room:
+            self._modal.popitem(last=False)
+        return modal
+
+
+class _Factors:
+    """The φ-functions of one step, computed once."""
+
+    def __init__(self, rate: Vector, step_s: float) -> None:
+        x = rate * step_s
+        phi1, phi2, phi3 = _phi_functions(x)
+        self._decay, self._load = np.exp(-x), step_s * phi1
+        self.slope_end, self.slope_area = step_s**2 * phi2, step_s**3 * phi3
+
+    def step(self, z: Vector, load: Vector) -> tuple[Vector, Vector]:
+        """State after the step, and its integral over it, with a held load."""
+        return self._decay * z + self._load * load, self._load * z + self.slope_end * load
+
+
+def _phi_functions(x: Vector) -> tuple[Vector, Vector, Vector]:
+    """φ1, φ2, φ3 of −x for x ≥ 0: (1 − e^(−x))/x, (1 − φ1)/x, (1/2 − φ2)/x, accurate down to x = 0."""
+    x = np.asarray(x, dtype=np.float64)
+    low, high = np.minimum(x, 1.0), np.maximum(x, 1.0)
+    phi1 = -np.expm1(-high) / high
+    phi2 = (1.0 - phi1) / high
+    phi3 = (0.5 - phi2) / high
+    # near 0 the differences cancel; the last coefficient is 1/20!, below rounding
+    small = np.polynomial.polynomial.polyval(low, _PHI3)
+    small2 = 0.5 - low * small
+    small1 = 1.0 - low * small2
+    return np.where(x < 1, small1, phi1), np.where(x < 1, small2, phi2), np.where(x < 1, small, phi3)
+
+
+_PHI3 = np.cumprod(np.r_[1.0 / 6.0, -1.0 / np.arange(4, 21)])
+
+
+def _at(rate: Vector, z: Vector, load: Vector, slope: Vector | None, at_s: Vector, rows: Array) -> Array:
+    """Rows times the states at times within a step, shape (n_times, n_rows)."""
+    found = np.empty((len(at_s), len(rows)))
+    for first in range(0, len(at_s), _CHUNK):
+        t = at_s[first : first + _CHUNK, None]
+        phi1, phi2, _ = _phi_functions(rate * t)
+        states = np.exp(-rate * t) * z + t * phi1 * load
+        if slope is not None:
+            states += t**2 * phi2 * slope
+        found[first : first + _CHUNK] = states @ rows.T
+    return found
+
+
+_GAMMA = 1.0 - np.sqrt(0.5)
+
+#: Memory for factorisations. One of 20 000 finite-element nodes takes some 200 MB; at least two are kept.
+_IMPLICIT_CACHE_BYTES = 1e9
+_MOST = 64
+
+
+class _ImplicitStepper:
+    """Equal steps of at most `step_s` [s] in every interval."""
+
+    def __init__(self, body: _Body, step_s: float) -> None:
+        self._body = body
+        self._step_s = step_s
+        self._solvers: OrderedDict[tuple[float, bytes], tuple[Solve, Array]] = OrderedDict()
+        self._room = 2
+
+    def advance(self, rise: Vector, held: _Interval, read_s: Vector, keep_s: Vector) -> _Advance:
+        """See `_ExactStepper.advance`; between steps the parabola through start, first stage and end is read."""
+        body, capacity = self._body, self._body.system.capacity
+        steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12))))
+        # steps that differ by rounding share a factorisation
+        step = float(f"{held.duration_s / steps:.13g}")
+        ends = np.asarray(step * np.arange(1, steps + 1), dtype=np.float64)
+        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
+        solve, per_watt = self._solver(held, step)
+        lubricants, soft = body.lubricants, body.soft
+        lubricant_per_watt = lubricants.rows @ per_watt
+        nominal = held.lubricant_w[soft]
+        depends = bool(np.any(nominal))
+        steady = body.steady_heat_w(held)
+        load = _GAMMA * step * (body.film_loads @ (held.film_w_per_m2_k * held.fluid_rise) + body.heat_loads @ steady)
+        film, heat = np.zeros(len(body.film_rows)), step * steps * steady
+        read, kept = [np.zeros((0, len(body.rows)))], [np.zeros((0, len(rise)))]
+        stored = capacity @ rise
+
+        def stage(right: Vector, weight: float) -> Vector:
+            state = solve(right)
+            if depends:
+                given = lubricants.settled_heat_w(nominal, lubricants.rows @ state, lubricant_per_watt)
+                heat[soft] += weight * step * given
+                state = state + per_watt @ given
+            return state
+
+        for k in range(steps):
+            inner = stage(stored + load, 1.0 - _GAMMA)
+            gained = capacity @ inner - stored
+            ahead = stage(stored + (1.0 - _GAMMA) / _GAMMA * gained + load, _GAMMA)
+            if len(reads[k]):
+                at = (reads[k] - step * k) / step
+                read.append(_parabola(at) @ (np.array([rise, inner, ahead]) @ body.rows.T))
+            if len(keeps[k]):
+                kept.append(_parabola((keeps[k] - step * k) / step) @ np.array([rise, inner, ahead]))
+            film += body.film_rows @ (step * ((1.0 - _GAMMA) * inner + _GAMMA * ahead))
+            rise, stored = ahead, capacity @ ahead
+        return _Advance(rise, np.concatenate(read), np.concatenate(kept), film, heat)
+
+    def _solver(self, held: _Interval, step: float) -> tuple[Solve, Array]:
+        """Solver of a stage, and the rise that 1 W of every lubricant adds to the stage's state."""
+        key = (step, held.film_w_per_m2_k.tobytes())
+        if key in self._solvers:
+            self._solvers.move_to_end(key)
+            return self._solvers[key]
+        # room is made before the next one is built
+        while len(self._solvers) >= self._room:
+            self._solvers.popitem(last=False)
+        solver = solver_of(self._body.system.capacity + _GAMMA * step * self._body.conductance(held))
+        self._room = int(np.clip(_IMPLICIT_CACHE_BYTES // solver.n_bytes, 2, _MOST))
+        loads = _GAMMA * step * self._body.heat_loads[:, self._body.soft]
+        per_watt = np.array([solver.solve(column) for column in loads.T]).reshape(loads.T.shape).T
+        self._solvers[key] = solver.solve, per_watt
+        return self._solvers[key]
+
+
+def _parabola(at: Vector) -> Array:
+    """Weights of the values at 0, γ and 1 at places between, shape (n_at, 3)."""
+    return np.column_stack(
+        [
+            (at - _GAMMA) * (at - 1.0) / _GAMMA,
+            at * (at - 1.0) / (_GAMMA * (_GAMMA - 1.0)),
+            at * (at - _GAMMA) / (1.0 - _GAMMA),
+        ]
+    )

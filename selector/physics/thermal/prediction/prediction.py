@@ -14,10 +14,15 @@ from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, c
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
 from selector.physics.thermal.prediction.characteristics import characteristics
-from selector.physics.thermal.prediction.correction_program import CorrectionProgram, correction_program, notation
+from selector.physics.thermal.prediction.correction_program import (
+    BestOrder,
+    CorrectionProgram,
+    best_order,
+    correction_program,
+    notation,
+)
 from selector.physics.thermal.prediction.driven import driven_answer
 from selector.physics.thermal.prediction.observer import DayReadings, Observed, observed
-from selector.physics.thermal.prediction.order import BestOrder, best_order
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
     RepeatedTest,
