@@ -26,8 +26,7 @@ from scipy.signal import lfilter
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from selector.adaptation.still_true import charted
-from selector.fleet.watching import RUNS_BETWEEN_ALARMS
+from selector.fleet.watching import RUNS_BETWEEN_ALARMS, charted
 
 KNOWN, YEAR, SAMPLES, STEP_S = 8, 365, 60, 600.0
 NOISE_UM, UNSEEN_UM = 0.4, 0.5

@@ -44,6 +44,10 @@ class InputError(SelectorError):
         parts = {"expected": self.expected, "where": self.where, "advice": self.advice}
         return partial(type(self), **parts), (self.found,), self.__dict__
 
+    def at(self, where: str, kind: type["InputError"] | None = None, *, advice: str = "") -> "InputError":
+        """The same about another place: as an error of this `kind`, and with other advice, if these are given."""
+        return (kind or type(self))(self.found, expected=self.expected, where=where, advice=advice or self.advice)
+
     def __str__(self) -> str:
         return f"{self.where}: {self.found}. Expected: {self.expected}. What to do: {self.advice}"
 

@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 import pytest
 
 from selector.figures import style
-from selector.figures.diagnosis import RunAxis, before_after, evidence, mismatch_map
+from selector.figures.diagnosis import RunAxis, before_after, mismatch_map
 from selector.recording import Channel
 from tests.diagnosis.answers import END_S, N, answer
 from tests.report.studies import HOSTILE
@@ -23,7 +23,7 @@ LENGTH_S = END_S
 
 def every_figure() -> list[go.Figure]:
     found = answer(names=HOSTILE)
-    return [mismatch_map(found), *(before_after(found, name) for name in HOSTILE), evidence(found)]
+    return [mismatch_map(found), *(before_after(found, name) for name in HOSTILE)]
 
 
 def test_names_are_never_markup():
@@ -82,16 +82,6 @@ def test_before_and_after_show_every_course_and_shade_what_was_held_out():
     assert len(after) == 3 * N
 
 
-def test_the_runner_up_stands_beside_what_is_named():
-    drawn = evidence(FOUND)
-    title = style.title_text(drawn)
-    assert title.startswith("thermal.memory ")
-    assert " 212;" in title
-    assert title.endswith(" thermal.ambient 31.0")
-    bars = {trace.name: list(trace.y) for trace in drawn.data}
-    assert bars == {"named": ["thermal.memory"], "not named": ["thermal.ambient", "thermal.convection"]}
-
-
 def test_the_map_draws_what_an_effect_was_made_of_and_says_how_large_its_unit_is():
     of = FOUND.comparison
     sensors = [f"S{k}" for k in range(9)]
@@ -110,7 +100,6 @@ def test_every_verdict_can_be_drawn(verdict):
     found = answer(verdict)
     assert mismatch_map(found).data
     assert before_after(found, "Y").data
-    assert evidence(found).data
 
 
 def test_holes_in_the_recording_are_holes_in_the_picture():

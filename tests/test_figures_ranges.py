@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from selector.figures import style
-from selector.figures.loops import MOST_SENSORS, POINTS, LoopShown, displacement_loops, loop_width_um, validity_pairs
+from selector.figures.loops import MOST_SENSORS, LoopShown, displacement_loops, loop_width_um
 from selector.figures.proof import SetError, set_error_changes, set_errors_picture
 from selector.figures.style import changed
-from selector.models.least_squares import validity_hull
 from selector.number_text import number_text
 
 
@@ -62,38 +61,6 @@ def test_of_many_runs_the_widest_stands_out_and_too_many_sensors_are_not_drawn()
     assert {line.line.color for line in drawn.data} == {style.MEASURED, style.BEFORE}
     assert [line.name for line in drawn.data if line.showlegend] == ["other runs", "run with the widest loop"]
     assert "(day 3)" in drawn.layout.title.text
-
-
-def test_samples_outside_the_hull_are_told():
-    rng = np.random.default_rng(0)
-    training = rng.uniform(-1, 1, (500, 3))
-    samples = np.vstack([0.3 * training[:300], np.full((100, 3), 5.0)])
-    axes = [("ΔT1", "K"), ("ΔT2", "K"), ("a spindle speed with a long name", "rpm")]
-    drawn = validity_pairs(validity_hull(training), axes, samples)
-    assert "25 % " in drawn.layout.title.text.replace("<br>", " ")
-    outside = [trace for trace in drawn.data if trace.name == "farther outside: 25 %"]
-    assert len(outside) == 3
-    assert {len(trace.x) for trace in outside} == {100}
-    assert "No sample" in validity_pairs(validity_hull(training), axes, 0.3 * training).layout.title.text
-    assert drawn.layout.yaxis3.title.text == "a spindle speed with a … [rpm]"
-    assert [drawn.layout[f"xaxis{k}"].title.text for k in ("", "2", "3")] == ["ΔT1 [K]", "ΔT1 [K]", "ΔT2 [K]"]
-
-
-def test_distances_to_something_else_than_the_hull_are_taken_as_they_are():
-    samples = np.random.default_rng(1).uniform(-1, 1, (400, 2))
-    beyond = np.repeat([0.0, 0.5, 2.0, 0.0], 100)
-    of = "what the other runs cover"
-    drawn = validity_pairs(validity_hull(samples), [("a", "K"), ("b", "K")], samples, beyond, of)
-    assert drawn.layout.title.text.startswith("25 % ")
-    assert of in drawn.layout.title.text.replace("<br>", " ")
-    assert [trace.name.rpartition(": ")[2] for trace in drawn.data[1:]] == ["50 %", "25 %", "25 %"]
-    assert [style.share(np.arange(400) < n) for n in (0, 1, 400)] == ["0 %", "less than 1 %", "100 %"]
-
-
-def test_inputs_on_a_line_and_many_samples():
-    line = np.linspace(0.0, 1.0, 4000)[:, None] * np.ones(2)
-    drawn = validity_pairs(validity_hull(line), [("T1", "K"), ("T2", "K")], line)
-    assert sum(len(trace.x) for trace in drawn.data if trace.mode == "markers") == POINTS
 
 
 def test_a_point_of_a_curve_carries_its_set():

@@ -5,7 +5,7 @@ axis.
 """
 
 from selector.figures.grouping import lambda_scan, sensor_tree, similarity_and_closure
-from selector.figures.loops import displacement_loops, validity_pairs
+from selector.figures.loops import displacement_loops
 from selector.figures.places import sensor_places
 from selector.figures.proof import error_against_sensors, errors_per_run, measured_and_predicted
 
@@ -18,5 +18,4 @@ __all__ = [
     "sensor_places",
     "sensor_tree",
     "similarity_and_closure",
-    "validity_pairs",
 ]

@@ -1,4 +1,4 @@
-"""Pictures of a diagnosis: where recording and simulation part, fit, evidence."""
+"""Pictures of a diagnosis: where recording and simulation part, and the fit."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import course
-from selector.diagnosis.shown_units import displayed, p_words
+from selector.diagnosis.shown_units import displayed
 from selector.diagnosis.wording import amount
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
@@ -142,37 +142,6 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
         last = drawn.layout[f"xaxis{'' if number == 1 else number}"].update(axis.ticks(seconds))
     last.title.text = last.title.text.replace("time", "time from the start of each run")
     axis.name_runs(drawn, seconds)
-    return drawn
-
-
-def evidence(found: Diagnosis) -> go.Figure:
-    """How much better every effect makes rows that it was not fitted to: what is named, and the runner-up."""
-    tested = [one for one in found.evidence if not one.note.startswith("not testable")]
-    tested = sorted(tested, key=lambda one: (not one.named, -one.gain))
-    shown = sorted(tested[:_MOST_BARS], key=lambda one: -one.gain)
-    named = [one for one in shown if one.named]
-    others = [one for one in shown if not one.named]
-    names = style.listed([one.id for one in named]) if named else ""
-    title = "What was tested, and what it gains"
-    if named and others:
-        rest = max(others, key=lambda one: one.gain)
-        gains = f"{'gain' if len(named) > 1 else 'gains'} {' and '.join(number_text(one.gain) for one in named)}"
-        title = f"{names} {gains}; the runner-up {style.label(rest.id)} {number_text(rest.gain)}"
-    elif named:
-        title = f"{names} is named"
-    drawn = style.figure(title, 100 + _BAR_PX * max(len(shown), 1))
-    for is_named, colour, text in ((True, style.CHOSEN, "named"), (False, style.BEFORE, "not named")):
-        part = [one for one in shown if one.named == is_named]
-        if part:
-            hover = "%{y} in %{customdata[0]}: gain %{x:.3g}<br>%{customdata[1]}"
-            shares, rows = [max(one.gain, 0.0) for one in part], [style.label(one.id, _LONGEST_ID) for one in part]
-            told = [[style.label(one.channel), style.label(one.note, 60)] for one in part]
-            sure = [p_words(one.p_value, " p = ").replace("<", "&lt;") for one in part]
-            style.bars(drawn, shares, rows, colour, text, hover, customdata=told, text=sure, **style.TOLD_BARS)
-    order = [style.label(one.id, _LONGEST_ID) for one in reversed(shown)]
-    drawn.update_yaxes(categoryorder="array", categoryarray=order, showgrid=False)
-    drawn.update_xaxes(title_text="gain on rows not fitted to [variances of the noise]", rangemode="tozero")
-    drawn.update_layout(bargap=0.35, margin={"r": 90})
     return drawn
 
 

@@ -70,29 +70,6 @@ def drawn_cycle(steps: Sequence[tuple[float, float]]) -> go.Figure:
     return drawn
 
 
-def thermal_modes(prediction: Prediction, response: str) -> go.Figure | None:
-    """What each thermal mode contributes to a displacement in the duty cycle, and their sum; None without modes."""
-    if prediction.mode_um is None:
-        return None
-    r = prediction.responses.index(response)
-    courses, taus_s = prediction.mode_um[:, :, r], [mode.tau_s for mode in prediction.modes]
-    names = [f"mode {k}, {number_text(tau / 60.0)} min" for k, tau in enumerate(taus_s, start=1)]
-    most = int(np.argmax(np.abs(courses).max(axis=0)))
-    largest = courses[int(np.argmax(np.abs(courses[:, most]))), most]
-    moved = f"{number_text(float(largest))} {prediction.unit(response)}"
-    title = f"{style.label(response)}: " + (
-        f"{names[most]}, moves it most, by up to {moved} in this duty cycle"
-        if len(names) > 1
-        else f"one mode of {number_text(taus_s[0] / 60.0)} min moves it"
-    )
-    lines = [Line(name, prediction.time_s, courses[:, k], _MODES[k % len(_MODES)]) for k, name in enumerate(names)]
-    if len(names) > 1:
-        whole = prediction.displacement_um[:, r]
-        lines.append(Line("all together", prediction.time_s, whole, style.PREDICTED, width=2.2))
-    panels = [Panel(f"{style.label(response, 12)} [{prediction.unit(response)}]", lines, height_px=260, least=0.0)]
-    return stacked(title, panels, float(prediction.time_s[-1]))
-
-
 def prediction_of_tests(prediction: Prediction, response: str, repeats: tuple[RepeatedTest, ...]) -> go.Figure:
     """The tests beside what the method makes of them, the residual below; `repeats` are those of the prediction."""
     r = prediction.responses.index(response)

@@ -183,12 +183,6 @@ def listed(names: Sequence[str], most: int = 6) -> str:
     return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
 
 
-def share(mask: NDArray[np.bool_]) -> str:
-    """How many are true, as a percentage without digits that their number does not carry."""
-    percent = 100.0 * float(mask.mean()) if len(mask) else 0.0
-    return "less than 1 %" if 0 < percent < 1 else f"{percent:.0f} %"
-
-
 def level_text(level: float) -> str:
     """λ with six digits: levels on one machine often part in the fifth."""
     return f"{level:.6g}"

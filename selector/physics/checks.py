@@ -75,7 +75,7 @@ def told_of(what: str, *, of_keys: bool = False) -> Iterator[None]:
         if is_key and not of_keys:
             raise
         where = f"{error.where}, {what}" if is_key else f"{what}, {error.where}"
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+        raise error.at(where) from error
 
 
 def require_within(values: NDArray[np.float64], time_s: NDArray[np.float64], most: float, unit: str) -> None:

@@ -388,8 +388,7 @@ def _inner_value(kind: type[Value], section: Entry, name: str) -> Value:
     try:
         return value_of(kind, section)
     except InputError as error:
-        where = f"{name}.{error.where}"
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+        raise error.at(f"{name}.{error.where}") from error
 
 
 def _default(hint: Any, value: Any) -> Any:

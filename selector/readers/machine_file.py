@@ -192,7 +192,7 @@ def machine_from_text(text: str, where: str) -> Machine:
             except UnitError as error:
                 # the place is looked up in the whole text: only for a message
                 place = _place(where, text, ("channels", name, "unit"))
-                raise UnitError(error.found, expected=error.expected, where=place, advice=error.advice) from None
+                raise error.at(place) from None
     return read
 
 

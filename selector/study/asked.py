@@ -82,9 +82,7 @@ def options_of(study: Study, *, where: str = "study file") -> Options:
     try:
         return Options(level=None if asked.lambda_ == "auto" else asked.lambda_, **values)
     except InputError as error:
-        raise StudyError(
-            error.found, expected=error.expected, where=f"{where}, [select], {error.where}", advice=error.advice
-        ) from error
+        raise error.at(f"{where}, [select], {error.where}", StudyError) from error
 
 
 def diagnose_section(

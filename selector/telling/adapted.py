@@ -155,7 +155,7 @@ def _learnt_table(found: Adaptation) -> Table:
 def _drawings(found: Adaptation, drawn: bool) -> list[Drawing]:
     if not drawn:
         return []
-    from selector.figures.adaptation import adapted_run
+    from selector.figures.traces import adapted_run
 
     drawings: list[Drawing] = []
     for name, of in found.responses.items():

@@ -67,12 +67,7 @@ def read_result(path: str | Path) -> Result:
     try:
         document = parsed_json(text, where=str(place), most_entries=MOST_VALUES, most_values=MOST_VALUES)
     except ModelFileError as error:
-        raise ResultError(
-            error.found,
-            expected=error.expected,
-            where=error.where,
-            advice="make the result again, or take an intact copy",
-        ) from None
+        raise error.at(error.where, ResultError, advice="make the result again, or take an intact copy") from None
     schema = document.get("schema") if isinstance(document, dict) else None
     if not isinstance(schema, str) or schema not in SCHEMAS:
         raise ResultError(
@@ -103,9 +98,7 @@ def made_of(result: Result, make: Callable[[dict[str, Any]], Made]) -> Made:
             advice="make the result again",
         ) from None
     except InputError as error:
-        raise ResultError(
-            error.found, expected=error.expected, where=f"{result.path}, {error.where}", advice="make the result again"
-        ) from None
+        raise error.at(f"{result.path}, {error.where}", ResultError, advice="make the result again") from None
     except (ValueError, KeyError, IndexError, TypeError, ArithmeticError) as error:
         raise ResultError(
             f"fields that contradict each other ({type(error).__name__}: {str(error)[:160]})",

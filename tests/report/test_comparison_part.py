@@ -9,7 +9,7 @@ import pytest
 
 from selector.physics.channel_differences import ChannelDifference
 from selector.telling.account import Captioned, Drawing, Note
-from selector.telling.simulated.comparison import MOST_DRAWN, comparison_section, comparison_sentences
+from selector.telling.simulated.result import MOST_DRAWN, comparison_section, comparison_sentences
 from tests.report import drives
 from tests.report.simulated import html
 

@@ -9,7 +9,6 @@ import re
 import numpy as np
 import pytest
 
-from selector.figures.duty_cycle import thermal_modes
 from selector.findings import Finding, Where
 from selector.telling.page import account_page, write_account
 from selector.telling.predicted.account import prediction_account, prediction_advice
@@ -54,19 +53,6 @@ def test_what_to_do_comes_first():
     assert said[0].endswith("; the drift then stays within 10 µm.")
     assert "SUBTRACTED" not in said[0]
     assert "verify the sign" in said[2]
-
-
-def test_every_mode_has_its_course_and_they_sum_up():
-    prediction = predictions.prediction("modal")
-    assert prediction.mode_um.shape == (len(prediction.time_s), len(prediction.modes), 2)
-    np.testing.assert_allclose(prediction.mode_um.sum(axis=1), prediction.displacement_um, atol=1e-9)
-    drawn = thermal_modes(prediction, HOSTILE[0])
-    named = [line.name for line in drawn.data]
-    assert [name for name in named if name.startswith("mode 1, ")]
-    assert len(named) == len(prediction.modes) + (len(prediction.modes) > 1)
-    assert thermal_modes(predictions.prediction("piecewise"), HOSTILE[0]) is None
-    assert "The displacement in parts that settle" in text_of(Page(prediction_html(prediction)))
-    assert "The displacement in parts that settle" not in text_of(Page(prediction_html(predictions.prediction())))
 
 
 def test_many_corrections_are_counted_and_the_first_one_told():

@@ -122,7 +122,7 @@ def named(model: Path, sections: Collection[str] = ()) -> Iterator[None]:
         if not is_of_file:
             raise
         where = f"{model}, {error.where.removeprefix('model ')}"
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+        raise error.at(where) from error
 
 
 @contextmanager
@@ -138,7 +138,7 @@ def named_runs(
             raise
         place = error.where.removeprefix(f"run {run}, ")
         where = f"{files[run]}, " + (f"with {place} of {model}" if _section(place) in sections else place)
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+        raise error.at(where) from error
 
 
 def _section(where: str) -> str:
@@ -237,8 +237,7 @@ def named_as_asked() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        where = _DRAFTS.sub("", error.where)
-        raise type(error)(error.found, expected=error.expected, where=where, advice=error.advice) from error
+        raise error.at(_DRAFTS.sub("", error.where)) from error
     except OSError as error:
         name = str(error.filename2 or error.filename or "")
         raise type(error)(error.errno, error.strerror, _DRAFTS.sub("", name) or None) from error

@@ -118,12 +118,7 @@ def _with_its_clock(
         except InputError as error:
             if error.where != "--time-unit":
                 raise
-            raise type(error)(
-                error.found,
-                expected=error.expected,
-                where=_TIME_UNIT,
-                advice=error.advice.replace(error.where, _TIME_UNIT),
-            ) from error
+            raise error.at(_TIME_UNIT, advice=error.advice.replace(error.where, _TIME_UNIT)) from error
     free = machine.model_copy(update={"time": machine.time.model_copy(update={"unit": None})})
     found = _in_its_units(paths, free, dataclasses.replace(overrides, time_unit=None))
     times = [found.reading["time"], *(own["time"] for own in found.reading.get("per_run", {}).values())]
@@ -167,12 +162,9 @@ def _in_its_units(paths: Sequence[Path], machine: Machine, overrides: Overrides)
             paths, machine.model_copy(update={"channels": channels}), dataclasses.replace(overrides, units=units)
         )
     except UnitError as error:
-        raise UnitError(
-            error.found,
-            expected=error.expected,
-            where=f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}",
-            advice="correct the unit in the header, or simulate the quantity that was recorded",
-        ) from error
+        where = f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}"
+        advice = "correct the unit in the header, or simulate the quantity that was recorded"
+        raise error.at(where, advice=advice) from error
 
 
 def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str | None:
@@ -230,7 +222,7 @@ def _column_beside(model: Path, course: Column, key: str, role: str | None) -> t
     except InputError as error:
         if error.where not in ("--role", "--unit"):
             place = f"{where}.file, {path}{error.where.removeprefix(str(path)).removeprefix(path.name)}"
-            raise type(error)(error.found, expected=error.expected, where=place, advice=error.advice) from error
+            raise error.at(place) from error
         raise ModelFileError(
             f"no column {column!r} of numbers in {path.name}",
             expected=error.expected if error.expected.removeprefix("one of").strip() else "columns of numbers",

@@ -161,7 +161,7 @@ def with_candidates(file: FieldFile | MeshFile) -> FieldFile | MeshFile:
             places = sensor_candidates(MachineGeometry(**file.field.geometry), wanted.spacing_m, wanted.surfaces)
     except OptionError as error:
         where = "key field.geometry" if "geometry" in error.where else "key candidates"
-        raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+        raise error.at(where, ModelFileError) from None
     count = len(file.sensors) + len(places)
     if count > MOST_SENSORS:
         raise ModelFileError(

@@ -161,5 +161,4 @@ def row_at(mesh: SolidMesh, place: Point, key: Key) -> Vector:
     try:
         return probe_row(mesh, place)
     except InputError as error:
-        where = f"key {key_text(key)}"
-        raise ModelFileError(error.found, expected=error.expected, where=where, advice=error.advice) from None
+        raise error.at(f"key {key_text(key)}", ModelFileError) from None

@@ -60,10 +60,6 @@ _MAP = (
     "the machine did, from its lowest (light) to its highest value (dark)."
 )
 _BEFORE_AFTER = "The shaded part was held out: nothing was fitted to it, and the error in the title is that part's."
-_EVIDENCE = (
-    "Every effect was fitted to some blocks of the record and judged on the others. Noise alone gains about nothing; p "
-    "is the probability that noise gains as much, adjusted for all effects tested."
-)
 Drawings = Mapping[str, Sequence[Block]]  #: Section of an account → its drawings; empty unless a page is made.
 
 
@@ -113,7 +109,6 @@ def diagnosis_account(
             section(
                 "evidence",
                 "Why: the evidence",
-                *drawings.get("evidence", ()),
                 captioned("Effects that were tested", _tested(found), on_screen=False),
                 captioned("Not testable with this record", _untested(found), on_screen=False),
                 link="Evidence",
@@ -143,14 +138,12 @@ def diagnosis_account(
 
 
 def _drawings(found: Diagnosis) -> Drawings:
-    from selector.figures.diagnosis import before_after, evidence, mismatch_map
+    from selector.figures.diagnosis import before_after, mismatch_map
 
     courses = [before_after(found, name) for name in found.fit]
-    is_tested = any(not one.note.startswith(UNTESTED) for one in found.evidence)
     return {
         "where": [Drawing(mismatch_map(found), _MAP)] if found.fit else [],
         "better": [Drawing(one, "" if k else _BEFORE_AFTER) for k, one in enumerate(courses)],
-        "evidence": [Drawing(evidence(found), _EVIDENCE)] if is_tested else [],
     }
 
 

@@ -96,13 +96,7 @@ def prediction_account(
                 Captioned("Errors", _accuracy_table(prediction), on_screen=False),
                 link="Tests",
             ),
-            section(
-                "modes",
-                "The thermal modes",
-                captioned("", _modes_table(prediction)),
-                *drawings.get("modes", ()),
-                link="Modes",
-            ),
+            section("modes", "The thermal modes", captioned("", _modes_table(prediction)), link="Modes"),
             section(
                 "drift",
                 "Drift of the tests after ISO 230-3",
@@ -410,14 +404,12 @@ def _modes_table(prediction: Prediction) -> Table:
 
 def _drawings(prediction: Prediction) -> dict[str, list[Block]]:
     """Section of the account → its drawings."""
-    from selector.figures.duty_cycle import duty_cycle, thermal_modes
+    from selector.figures.duty_cycle import duty_cycle
 
     names = prediction.responses
-    modes = [drawn for name in names if (drawn := thermal_modes(prediction, name)) is not None]
     return {
         "cycle": [Drawing(duty_cycle(prediction, name), "" if i else _COURSE) for i, name in enumerate(names)],
         "tests": [_tests(prediction, name) for name in names] if prediction.repeats else [],
-        "modes": [Drawing(drawn, "" if i else _MODES) for i, drawn in enumerate(modes)],
     }
 
 
@@ -435,11 +427,6 @@ def _tests(prediction: Prediction, response: str) -> Drawing:
     return Drawing(prediction_of_tests(prediction, response, shown), text)
 
 
-_MODES = (
-    "The displacement in parts that settle with a time constant each: a short one follows the speed within minutes, a "
-    "long one is the warmth that a machine keeps over breaks. What parts with similar time constants have each is less "
-    "sure than their sum."
-)
 _COURSE = (
     "Top: the duty cycle. Middle: the predicted displacement; green: what the zeros of the operations and the "
     "corrections take off. Bottom: what is left of it; the band is the tolerance."

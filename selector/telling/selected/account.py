@@ -315,7 +315,7 @@ def selection_account(
             ),
             section("sets", "Sets that were compared", *_sets(selection), link="Sets compared", on_paper=False),
             section("faults", "Sensor faults", Captioned("", faults_table(selection), on_screen=False), on_paper=False),
-            section("terms", "Term by term", *_terms(selection, drawings), on_paper=False),
+            section("terms", "Term by term", *_terms(selection), on_paper=False),
             section(
                 "sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False), on_paper=False
             ),
@@ -422,12 +422,12 @@ def _model(selection: Selection) -> list[Block]:
     return [*formulas, note, Captioned("Quality", quality_table(selection))]
 
 
-def _terms(selection: Selection, drawings: Mapping[str, Sequence[Block]]) -> list[Block]:
-    blocks: list[Block] = []
-    for name in selection.models:
-        blocks.append(Captioned(f"Coefficients of {name}", coefficients_table(selection, name)))
-        blocks.append(Captioned(f"{name}, part by part", runs_table(selection, name), on_screen=False))
-    return [*blocks, *drawings.get("range", ())]
+def _terms(selection: Selection) -> list[Block]:
+    return [
+        Captioned(text.format(name), of(selection, name), on_screen=not text.startswith("{}"))
+        for name in selection.models
+        for text, of in (("Coefficients of {}", coefficients_table), ("{}, part by part", runs_table))
+    ]
 
 
 def _sentence(text: str) -> str:

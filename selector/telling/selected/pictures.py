@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 
 from selector import figures
-from selector.figures.loops import MOST_PAIRS, MOST_SENSORS, LoopShown
+from selector.figures.loops import MOST_SENSORS, LoopShown
 from selector.selection import Selection
 from selector.telling.account import Block, Drawing
 from selector.telling.numbers import listed, span_text
-from selector.telling.selected.formula import unit_of, variable_text
 
 MOST_RUNS = 12
 RUNS_PER_PICTURE = 6
@@ -27,7 +26,6 @@ def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, 
             *loops(selection),
         ],
         "groups": [*_places(selection, description), *_grouping(selection)],
-        "range": [*validity(selection)],
     }
 
 
@@ -100,12 +98,6 @@ _LOOPS = (
     "reading closes the loop; another sensor, or a memory term (the same reading, lagged), can. Above each panel: the "
     "widest loop, and what the fitted model leaves of such loops."
 )
-_HULL = (
-    "Green: the range of the inputs from which the model was learnt; outside it the model extrapolates, also where "
-    "each input alone is in its range. Points: how far a sample lies beyond all that was left for learning when its "
-    "{part} was left out, in standard deviations of the inputs together; the farther, the more its unseen error is "
-    "that of an extrapolation."
-)
 
 
 def loops(selection: Selection) -> list[Drawing]:
@@ -138,25 +130,6 @@ def _loops(selection: Selection, at: int) -> list[LoopShown]:
         )
         for one in selection.readings
     ]
-
-
-def validity(selection: Selection) -> list[Drawing]:
-    """Where the inputs were, and which samples lie beyond what was left when theirs were left out."""
-    variables = selection.recipe.design.variables
-    if not selection.readings or len(variables) < 2:
-        return []
-    beyond = np.concatenate([one.beyond_others for one in selection.readings])
-    samples = np.concatenate([one.variables for one in selection.readings])[np.isfinite(beyond)]
-    axes = [(variable_text(selection, name), unit_of(selection, name)) for name in variables]
-    part = selection.proof.left_out
-    drawn = figures.validity_pairs(
-        selection.hull, axes, samples, beyond[np.isfinite(beyond)], f"what the other {part}s cover"
-    )
-    text = _HULL.format(part=part)
-    all_pairs = len(axes) * (len(axes) - 1) // 2
-    if all_pairs > MOST_PAIRS:
-        text += f" {MOST_PAIRS} of {all_pairs} pairs of inputs are drawn; all inputs count."
-    return [Drawing(drawn, text)]
 
 
 def _memory(selection: Selection) -> str:

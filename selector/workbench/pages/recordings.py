@@ -1,6 +1,7 @@
 """Recordings: load them, see what is wrong with them and how they were read, and correct that by hand."""
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import dash
@@ -13,12 +14,14 @@ from selector.quality import stretches
 from selector.quality.survey import duration
 from selector.readers import Overrides
 from selector.readers.finding_table import RUN_REPAIRED
+from selector.shipped import shipped
 from selector.units import ROLES
 from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.commands import option_of, told_path
-from selector.workbench.examples import EXAMPLES, open_example
+from selector.workbench.cycle import cycle_in
 from selector.workbench.readable import CELLS, NO_CHANNEL, Row, corrected, excerpt, is_fault, repaired, row_of, rows_of
+from selector.workbench.study_folder import SIMULATION
 from selector.workbench.typed import FIELDS
 
 ID, TITLE = "recordings", "Recordings"
@@ -31,6 +34,38 @@ _NOTES = {
 }  # fmt: skip
 _READING = tuple((name, FIELDS[option_of(name)], note) for name, note in _NOTES.items())
 _GUESS = "* guessed, nobody said it"
+
+
+@dataclass(frozen=True)
+class Example:
+    """A folder of shipped recordings, and which of its files are which."""
+
+    folder: str
+    title: str
+    runs: str
+    simulated: str = ""
+    cycle: str = ""
+
+
+EXAMPLES = (
+    Example("spindle46", "Measured: a spindle, 46 hours, 16 thermometers", "*.parquet", cycle="staircase.csv"),
+    Example("vmc37", "Simulated: a machining centre, 8 runs, 37 thermometers", "*.csv"),
+    Example("diagnosis", "Simulated: 3 runs, and a simulation that leaves something out", "r*.csv", "sim/*.csv"),
+)
+
+
+def open_example(bench: Bench, name: str) -> None:
+    """Takes the recordings of an example up where they are, and copies what a study folder holds of it."""
+    one = next(example for example in EXAMPLES if example.folder == name)
+    place = shipped(one.folder)
+    for path in sorted(place.glob(one.simulated)) if one.simulated else ():
+        target = bench.folder / SIMULATION / path.name
+        target.parent.mkdir(exist_ok=True)
+        target.write_bytes(path.read_bytes())
+    if one.cycle:
+        cycle = cycle_in(place / one.cycle)
+        bench.choose_cycle(cycle.steps, cycle.hall)
+    bench.add(*sorted(place.glob(one.runs)), machine=place / "machine.toml")
 
 
 def layout(bench: Bench) -> Component:

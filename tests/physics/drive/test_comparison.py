@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from selector.physics.channel_differences import ChannelDifference
 from selector.physics.drive.driving import driven_runs, recorded_differences
-from selector.telling.simulated.comparison import main_difference
+from selector.telling.simulated.result import main_difference
 from tests.physics.drive.test_driving import model, renamed
 
 COURSE = np.sin(np.arange(200) / 20.0)

@@ -242,19 +242,6 @@ class DrivenModel:
         judged = int(np.isfinite(self.unseen.error_um).any(axis=1).sum())
         return float(np.exp(1.96 * SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1))))
 
-    def mode_displacement_um(
-        self, cyclogram: Cyclogram, time_s: Vector, hall: AmbientCourse | None, *, follows: bool
-    ) -> Vector:
-        """What each mode contributes [µm], (n_times, n_modes, n_responses)."""
-        moved = self.moved(cyclogram, time_s, hall, follows=follows)
-        return np.stack(
-            [
-                moved[:, self.mode_of == k] @ self.fit.coefficients[self.mode_of == k]
-                for k in range(len(self.fit.tau_s))
-            ],
-            axis=1,
-        )
-
     def course_of(self, part: Part, time_s: Vector) -> Vector:
         """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""
         cyclogram = self.cyclogram_of(part.run)

@@ -102,10 +102,6 @@ class ModalModel:
         """Displacements [µm], shape (n_times, n_responses), at times [s] of shape (n_times,); see `states_at`."""
         return self._displacement(self.states_at(cyclogram, time_s, start))
 
-    def mode_displacement_um(self, cyclogram: Cyclogram, time_s: Vector) -> Vector:
-        """What each mode contributes [µm], shape (n_times, n_modes, n_responses); the sum is the displacement."""
-        return np.asarray(np.einsum("nkj,jkr->nkr", self.states_at(cyclogram, time_s), self.gains_um))
-
     def _displacement(self, states: Vector) -> Vector:
         return np.asarray(np.einsum("nkj,jkr->nr", states, self.gains_um))
 

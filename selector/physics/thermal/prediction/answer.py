@@ -56,7 +56,6 @@ class Answer:
     findings: tuple[Finding, ...]
     repeats: tuple[RepeatedTest, ...]
     modes: tuple[Mode, ...] = ()
-    mode_course: Callable[[Vector], Vector] | None = None  #: The same of every mode, (n_times, n_modes, n_responses)
     #: residual_um and heldout_um: (n_responses,): RMS error on the tests that were fitted, and that were left out [µm]
     residual_um: Vector | None = None
     heldout_um: Vector | None = None

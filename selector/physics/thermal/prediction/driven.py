@@ -29,7 +29,6 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
         findings=tuple(_findings(model, ask, hall, start)),
         repeats=_repeats(model),
         modes=modes_of(np.sort(model.fit.tau_s), model.tau_low_s, model.tau_high_s),
-        mode_course=lambda time: model.mode_displacement_um(cycle, time, hall, follows=follows),
         residual_um=model.residual_um,
         heldout_um=heldout,
         error_um=lambda time: (

@@ -67,9 +67,6 @@ class Prediction:
     heldout_um: Vector | None
     findings: tuple[Finding, ...]  #: What to know about it
     repeats: tuple[RepeatedTest, ...] = ()  #: The tests beside what the method makes of them
-    #: (n_times, n_modes, n_responses): What each mode contributes to the displacement [µm]; None for the piecewise
-    #: method
-    mode_um: Vector | None = None
     #: (n_responses,): RMS error that is expected in this duty cycle [µm]; None if it cannot be told
     claimed_um: Vector | None = None
     #: Test → (n_responses,): RMS error from its start when it was left out [µm]; those alone that could be judged
@@ -255,7 +252,6 @@ def predict(
         answer.heldout_um,
         (*told, *findings),
         answer.repeats,
-        None if answer.mode_course is None else answer.mode_course(time),
         answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time),
         answer.left_out_um,
         answer.start,
@@ -287,7 +283,6 @@ def _modal(ask: Asked) -> Answer:
         course=fit.model.displacement_um,
         findings=tuple(findings),
         modes=modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
-        mode_course=lambda time: fit.model.mode_displacement_um(cycle, time),
         residual_um=fit.residual_um,
         heldout_um=fit.heldout_um,
         repeats=repeats,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from selector.adaptation.still_true import LARGEST_DEVIATE, alarm_limit, charted, deviates
+from selector.fleet.watching import LARGEST_DEVIATE, alarm_limit, charted, deviates
 
 
 def test_deviates_are_standard_normal_however_few_values_are_known():
