@@ -47,7 +47,8 @@ taps-do-not-see [warning] the taps do not tell a number; the fitted model has a 
 tap-fit-at-bound [warning] a fit to taps ended at the bounds of the model file
     → Widen [bounds], or look for what the model lacks: a member, a joint, a unit.
 taps-not-reached [warning] no stiffness and ψ make the compliances that the taps measured
-    → Narrow --band to the modes that the model has, or add members; do not trust the intervals.
+    → Check signs, nodes (--point) and units; then narrow --band to the modes that the model has, or add members. Do not
+      trust the intervals.
 tap-lines-left-out [info] lines outside of the band, or where the taps do not agree, do not count
     → Tap harder, or with another tip, if a mode lies there.
 single-tap [info] one spectrum alone: intervals come from what the model leaves of it along the frequency

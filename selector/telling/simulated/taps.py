@@ -93,7 +93,7 @@ def _sentences(fit: TapFit) -> list[str]:
 
 
 def _left(fit: TapFit) -> str:
-    before, after, noise = (f"{100 * one:.2g} %" for one in (fit.left_before, fit.left_after, fit.noise))
+    before, after, noise = (f"{number_text(100 * one, 2)} %" for one in (fit.left_before, fit.left_after, fit.noise))
     return f"the model file is {before} off them, the fitted model {after}, their own errors are {noise}"
 
 

@@ -325,6 +325,15 @@ class TestFromTheCommandLine:
         said = self.refusal(capfd)
         assert "a file without $EndElements at c-frame.msh Where: c-frame.toml, key mesh.file" in said
 
+    def test_a_tool_point_in_millimetres(self, folder, capfd):
+        path = folder / "c-frame.toml"
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace("[0.0, 0.43, 0.52]", "[0.0, 430, 520]"), encoding="utf-8")
+        assert exit_status(["simulate", "thermal", str(path), "--out", str(folder / "out.csv")]) == 2
+        said = capfd.readouterr().err
+        assert "673 m away" in said
+        assert "tool_xyz" in said
+
     def test_metres_that_are_millimetres(self, folder, capfd):
         model = folder / "c-frame.toml"
         model.write_text(model.read_text(encoding="utf-8").replace('"mm"', '"m"'), encoding="utf-8")
