@@ -19,6 +19,7 @@ from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
 from selector.physics.thermal.modes.driven_model import driven_model
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.types import Vector
+from tests.physics.thermal.segments import of_segments
 
 FASTEST_RPM, N_CYCLES, PERIOD_S = 5000.0, 6, 60.0
 SPEEDS_RPM = (800, 1000, 1250, 1600, 2000, 2500, 3000, 3500, 4000, 4500)
@@ -67,7 +68,7 @@ def tests_of(machine: Machine, n_tests: int, start: str) -> list[ThermalTest]:
     rng, found = machine.rng, []
     for k, speed in enumerate(rng.permutation([FASTEST_RPM, *rng.choice(SPEEDS_RPM, n_tests - 1, replace=False)])):
         parts = (10.0, 0.0), (rng.uniform(120, 300), float(speed)), (rng.uniform(60, 300), 0.0)
-        time, moved, hall, held = machine.run(Cyclogram.of_segments(*parts), warm=start == "mixed" and k > 0)
+        time, moved, hall, held = machine.run(of_segments(*parts), warm=start == "mixed" and k > 0)
         found.append(ThermalTest(f"r{k + 1}", time, held, moved, hall[:, None], ("hall",)))
     return found
 
@@ -75,7 +76,7 @@ def tests_of(machine: Machine, n_tests: int, start: str) -> list[ThermalTest]:
 def duty_cycle(rng: np.random.Generator) -> Cyclogram:
     """Three to seven segments of up to an hour and a half, some of them pauses."""
     speeds = rng.choice([0, 0, *range(600, 5001, 200)], int(rng.integers(3, 8)))
-    return Cyclogram.of_segments(*((float(rng.uniform(20, 90)), float(speed)) for speed in speeds))
+    return of_segments(*((float(rng.uniform(20, 90)), float(speed)) for speed in speeds))
 
 
 def main() -> None:

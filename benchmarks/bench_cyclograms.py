@@ -24,6 +24,7 @@ from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
+from tests.physics.thermal.segments import of_segments
 
 Vector = NDArray[np.float64]
 
@@ -69,10 +70,10 @@ def duty_cycles(seed: int) -> list[Cyclogram]:
     random = [[(43.0, int(n)) for n in rng.choice(SPEEDS_RPM, 7, replace=len(SPEEDS_RPM) < 7)] for _ in range(11)] + [
         [(float(rng.integers(10, 80)), int(rng.choice((0, *SPEEDS_RPM)))) for _ in range(7)] for _ in range(4)
     ]
-    found += [one for one in random if cyclogram_kind(Cyclogram.of_segments(*one)) == "random"]
+    found += [one for one in random if cyclogram_kind(of_segments(*one)) == "random"]
     while True:
         counts = dict.fromkeys(KINDS, 0)
-        cycles = [Cyclogram.of_segments(*one) for one in found]
+        cycles = [of_segments(*one) for one in found]
         for cycle in cycles:
             counts[cyclogram_kind(cycle)] += 1
         wanted = [kind for kind in KINDS if counts[kind] < 15]
@@ -118,7 +119,7 @@ def tests_of(machine: VirtualMachine, noise_um: float, seed: int, *, slow: bool)
     rng = np.random.default_rng(seed)
     recorded = []
     for name, segments in (TESTS | (SLOW_TEST if slow else {})).items():
-        cycle = Cyclogram.of_segments(*segments)
+        cycle = of_segments(*segments)
         time = np.arange(0.0, cycle.end_s + 1.0, PERIOD_S)
         course = course_um(machine, cycle, time)
         read = np.round(course + rng.normal(0.0, noise_um, course.shape), 1)

@@ -24,6 +24,7 @@ from selector.physics.thermal.network.laws import Conditions
 from selector.physics.thermal.network.transient import simulate_heat
 from selector.physics.thermal.prediction.observer import DayReadings, Stop, as_run, observed
 from selector.physics.thermal.prediction.tests_judged import modal_repeats
+from tests.physics.thermal.segments import of_segments
 
 NOISE_UM, NOISE_K, DIGITS_UM, DIGITS_K = 0.3, 0.05, 1, 1
 SHORTEST_S, LONGEST_S, LAST_S = 1200.0, 3600.0, 1200.0
@@ -63,7 +64,7 @@ class Rig:
         """The recorded tests."""
         found = []
         for name, segments in (TESTS | SLOW_TEST).items():
-            cycle = Cyclogram.of_segments(*segments)
+            cycle = of_segments(*segments)
             time_s = np.arange(0.0, cycle.end_s + 1.0, PERIOD_S)
             read = self.read(self.course(cycle, time_s))
             found.append(ThermalTest(name, time_s, cycle.speed_at(time_s), read))

@@ -20,7 +20,7 @@ MEMORY = ["--memory", "--max-sensors", "2", "--never", "T1", "--never", "T4"]
 def study(tmp_path_factory):
     """Recordings in minutes of which no header says so, and a model with memory that was fitted as such."""
     folder = tmp_path_factory.mktemp("minutes")
-    source = machine(n_runs=3, n=120)
+    source = machine(n_runs=5, n=120)
     files = []
     for run in source.runs:
         frame = source.frame.xs(run, level="run")

@@ -27,12 +27,7 @@ BANDWIDTH_HZ = 20.0
 def course():
     # smooth enough for 20 Hz: jerk phases of 0.1 s
     return moves(
-        [0.1, 0.2, 0.05, 0.0],
-        PERIOD_S,
-        speed_m_per_s=[0.05, 0.12, 0.12, 0.05],
-        acceleration_m_per_s2=0.8,
-        jerk_m_per_s3=8.0,
-        repeat=2,
+        [0.1, 0.2, 0.05, 0.0], PERIOD_S, speed_m_per_s=0.12, acceleration_m_per_s2=0.8, jerk_m_per_s3=8.0, repeat=2
     )
 
 

@@ -46,7 +46,7 @@ def test_the_page_holds_where_what_how_much_why_and_what_is_missed():
     assert "no velocity is recorded" in page.cells
     assert "Not testable with this record" in text
     figures = [one for tag, name, one in page.attributes if tag == "div" and name == "id" and one.startswith("figure-")]
-    assert len(figures) == 4  # map, two responses, evidence
+    assert len(figures) == 3  # map, two responses
 
 
 def test_a_set_is_shown_with_the_run_that_tells():

@@ -79,7 +79,7 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     (tmp_path / "warm up.csv").write_text(text, encoding="utf-8")
     send(page, tmp_path / "warm up.csv")
     page.get_by_text("The first lines of the file").wait_for()
-    assert page.get_by_role("cell", name="warm up.csv").is_visible()
+    assert page.get_by_role("cell", name="warm up.csv", exact=True).is_visible()
     assert "selector describe 'recordings/warm up.csv'" in page.locator("#command").inner_text()
 
     # a wrong unit is refused, the right one is written and read
@@ -272,7 +272,7 @@ def test_a_file_is_dropped_and_one_beside_the_zone_is_not_taken(page, bench, stu
     zone.dispatch_event("dragover", {"dataTransfer": held})
     page.locator("#page-recordings .drop.over").wait_for()
     zone.dispatch_event("drop", {"dataTransfer": held})
-    page.get_by_role("cell", name="día 1.csv").wait_for()
+    page.get_by_role("cell", name="día 1.csv", exact=True).wait_for()
     assert page.locator(".drop.over").count() == 0
     (path,) = (study / "recordings").iterdir()
     assert path.name == "día 1.csv"

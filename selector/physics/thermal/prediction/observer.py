@@ -22,7 +22,8 @@ STEP_S, MOST_STEPS = 60.0, 600  #: Readings are means over so long, and over lon
 PLACES = 3  #: Moments between two readings at which a stop may begin or end.
 #: Courses whose logarithm of the likelihood is further below the best are given up, and do not branch.
 GIVEN_UP, BRANCHES = 10.0, 4.0
-MOST_PATHS, MOST_BRANCHING = 120, 12
+MOST_PATHS = 120
+_MOST_BRANCHING = 12
 #: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
 FAR_OFF = 3.0
 _LEAST_K, _WALK = 0.01, 2.0  #: Least noise [K]; so many times what left-out tests were off, a reading walks in an hour.
@@ -186,7 +187,7 @@ def observed(
     for i in range(1, len(time_s)):
         step_s = float(time_s[i] - time_s[i - 1])
         moments_s = time_s[i - 1] + step_s * (np.arange(PLACES) + 0.5) / PLACES
-        for one in [one for one in paths[:MOST_BRANCHING] if one.log_weight > paths[0].log_weight - BRANCHES]:
+        for one in [one for one in paths[:_MOST_BRANCHING] if one.log_weight > paths[0].log_weight - BRANCHES]:
             paths += branches(one, moments_s, step_s / PLACES)
         paths = [one.read(rise_k[i], one.course[i, columns], noise_k, drift_k, step_s) for one in paths]
         paths.sort(key=lambda one: -one.log_weight)
