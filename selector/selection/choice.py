@@ -26,7 +26,7 @@ LEAST_TAU_RATIO = 4.0
 #: Beyond this a lag says nothing that another term does not, and their difference explodes on another day.
 MAX_VIF = 2e3
 PROMISING = 40  #: Sets on which a second time constant is tried.
-SAFER = 2.0  #: How many times the least risk among equal sets one may have and be taken for its smaller error.
+SAFER = 2.0  #: How many times the least risk among equal sets one may have and be taken because others agree with it.
 ALIKE = 0.9  #: Correlation from which two sensors with coefficients of opposite signs work against each other.
 #: How quickly a set loses weight with its error, for each group that was left out. Of four groups one with 1.2 times
 #: the least error still counts a twentieth; of thirty hardly any but the best.
