@@ -2,8 +2,7 @@
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -115,6 +114,8 @@ class Tested:
     question: Question
     trials: tuple[Trial, ...]
     bench: Bench
+    #: Made when first asked for; other targets share them
+    agreements: dict[Offer, Agreement] = field(default_factory=dict, repr=False, compare=False)
 
     def aimed_at(self, target_um: float | None) -> "Tested":
         """The same with another target."""
@@ -149,15 +150,11 @@ class Tested:
         return min(_safest(equal, self.bench), key=rank)
 
     def _agreed(self, offer: Offer) -> Agreement:
-        if offer not in self._agreements:
+        if offer not in self.agreements:
             trials = self._allowed((offer, self.question.options.max_sensors))
             sets = [(trial.set.sensors, trial.shape) for trial in trials]
-            self._agreements[offer] = Agreement.of(self.bench, sets, np.array([trial.error for trial in trials]))
-        return self._agreements[offer]
-
-    @cached_property
-    def _agreements(self) -> dict[Offer, Agreement]:
-        return {}
+            self.agreements[offer] = Agreement.of(self.bench, sets, np.array([trial.error for trial in trials]))
+        return self.agreements[offer]
 
     def has(self, plan: Plan) -> bool:
         """Whether there is a trial that a plan allows."""
