@@ -36,8 +36,9 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
-#: Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm.
-SIGNIFICANT_DIGITS = 12
+#: Of a literal: as many as the oldest controls with custom macro B take. The model has its inputs centred and scaled, so
+#: that they cost 1e-6 µm at 100 µm.
+SIGNIFICANT_DIGITS = 8
 
 
 def literal(value: float) -> str:
@@ -51,12 +52,13 @@ def literal(value: float) -> str:
             where="FANUC custom macro B",
             advice="find out which coefficient, centre or scale of the model file is so large or small",
         )
-    if 0.1 <= abs(value) < 1e9:
+    if 0.1 <= abs(value) < 10 ** (SIGNIFICANT_DIGITS - 1):
         return _with_point(f"{value:.{SIGNIFICANT_DIGITS}g}")
     mantissa, exponent = f"{value:.{SIGNIFICANT_DIGITS - 1}e}".split("e")
     mantissa = _with_point(mantissa.rstrip("0"))
     power, sign = abs(int(exponent)), "/" if int(exponent) < 0 else "*"
-    steps = [min(10, power - done) for done in range(0, power, 10)]
+    most = SIGNIFICANT_DIGITS - 1
+    steps = [min(most, power - done) for done in range(0, power, most)]
     return f"[{mantissa}{''.join(f'{sign}1{0:0{step}d}.' for step in steps)}]"
 
 
