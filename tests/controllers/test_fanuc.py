@@ -256,11 +256,7 @@ def test_what_macro_b_cannot_do_is_refused():
     many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
     with pytest.raises(ExportRefusedError, match="#208"):
         fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
-    for outputs in (
-        (Output(name="Z", intercept=0.0),),
-        (Output(name="Z", axis="spindle", intercept=0.0),),
-        (Output(name="Z", axis="Z", intercept=0.0), Output(name="tilt", axis="z", intercept=0.0)),
-    ):
+    for outputs in ((Output(name="Z", intercept=0.0),), (Output(name="Z", axis="spindle", intercept=0.0),)):
         with pytest.raises(ExportRefusedError, match="linear axis"):
             fanuc_export(ModelFile(name="axes", inputs=many[:1], outputs=outputs))
 

@@ -32,11 +32,11 @@ from selector.controllers.program.language import (
     Variable,
     plain,
 )
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, sign_test
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
-#: Of a literal: as many as the oldest controls with custom macro B take. The model has its inputs centred and scaled, so
+#: Of a literal: as many as older controls take. The model has its inputs centred and scaled, so
 #: that they cost 1e-6 µm at 100 µm.
 SIGNIFICANT_DIGITS = 8
 
@@ -441,11 +441,11 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
 
 def _axes(model: ModelFile) -> dict[str, str]:
     axes = {output.name: (output.axis or "").upper() for output in model.outputs}
+    require_own_axes(model, "FANUC custom macro B, outputs")
     for name, axis in axes.items():
-        is_shared = list(axes.values()).count(axis) > 1
-        if len(axis) != 1 or axis not in LINEAR_AXES or is_shared:
+        if len(axis) != 1 or axis not in LINEAR_AXES:
             raise ExportRefusedError(
-                f"output {name} has " + (f"the axis {axis}" if axis else "no axis") + (", as another" * is_shared),
+                f"output {name} has " + (f"the axis {axis}" if axis else "no axis"),
                 expected=f"one linear axis ({', '.join(LINEAR_AXES)}) for one output",
                 where="FANUC custom macro B, outputs",
                 advice="name the axis of the output in the model file, or leave the output out",
