@@ -17,6 +17,7 @@ from selector.cli import exit_status
 from selector.physics.gauging import gauging_advice, gauging_summary
 from selector.readers import read
 from tests.interruptible import interrupted_in
+from tests.physics.gauging.quick_trials import shorten_trials
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "gauging").glob("*.toml"))
@@ -57,6 +58,7 @@ QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "fee
 @pytest.fixture
 def few_sizes(monkeypatch) -> None:
     """A tenth of the parts, few filters: what is told is looked at here, how exact it is in tests/physics/gauging."""
+    shorten_trials(monkeypatch)
     monkeypatch.setattr(gauging_summary, "FEWEST_SIZES", 200)
     monkeypatch.setattr(gauging_advice, "_FILTERS", 4)
 
