@@ -17,3 +17,4 @@ def pytest_collection_finish() -> None:
     """Some 650 000 objects of modules and tests live to the end: without this every full collection visits them."""
     gc.collect()
     gc.freeze()
+    gc.set_threshold(10_000)
