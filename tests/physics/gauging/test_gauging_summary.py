@@ -28,10 +28,8 @@ TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
 
 @pytest.fixture(scope="module", autouse=True)
 def _quick_trials():
-    """Half the filters, a tenth of the parts of each setting."""
     with pytest.MonkeyPatch.context() as patch:
         shorten_trials(patch)
-        patch.setattr("selector.physics.gauging.gauging_advice._FILTERS", 6)
         yield
 
 
