@@ -46,7 +46,6 @@ SECTIONS = {
     "`[axes.NAME.friction]`": schema.FrictionSection,
     "`[axes.NAME.friction.lugre]`": LUGRE,
     "`[axes.NAME.transmission]`": schema.TransmissionSection,
-    "`[axes.NAME.screw_heat]`": schema.ScrewHeatSection,
     "`[[axes.NAME.ripple]]`": schema.RippleSection,
     "`[axes.NAME.servo]`": schema.ServoSection,
     "`[axes.NAME.sensing]`": schema.SensingSection,

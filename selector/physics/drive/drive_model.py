@@ -132,7 +132,6 @@ class DriveModel:
     file: DriveFile  #: The file's content
     #: Values of the columns that it refers to, see `model_file.columns_needed`; empty without such
     columns: Columns = field(default_factory=dict)
-    rise_k: Mapping[str, float] = field(default_factory=dict)  #: Axis → how much warmer its screw is [K]
 
     @property
     def name(self) -> str:
@@ -163,7 +162,7 @@ class DriveModel:
     @cached_property
     def file_axes(self) -> Mapping[str, FileAxis]:
         """Axis → its values, for all axes of the file."""
-        return {name: file_axis(section).warm(self.rise_k.get(name, 0.0)) for name, section in self.file.axes.items()}
+        return {name: file_axis(section) for name, section in self.file.axes.items()}
 
     @property
     def parts(self) -> Mapping[str, Parts]:

@@ -1,25 +1,22 @@
 """What does a simulated feed drive amount to: what its error goes with, whether it sticks, its loops and circles."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from selector.errors import InputError
 from selector.physics.drive.ball_bar.causes import CircleCauses, circle_causes
-from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, circle_quantities
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
 from selector.physics.drive.loop.stability import LoopFigures, Stability, loop_figures, stability
 from selector.physics.drive.parts.axis import Axis, ThreeMassMechanics, wind_up_m
 from selector.physics.drive.parts.catalogue import Parts
-from selector.physics.drive.parts.screw_heat import screw_friction_w
 from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m
 from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import Motion, ParameterCourse, Reference
-from selector.physics.simulation_kind import Progress
 from selector.types import Vector
 
 PARTS = ("speed", "acceleration", "direction", "constant")
@@ -300,56 +297,10 @@ class DriveSummary:
     causes: CircleCauses | None = None  #: Of circles
     #: Axis → how much of its lost motion its own friction and springs make, see `wind_up_m`; None: measured
     wind_up_m: Mapping[str, float] | None = field(default_factory=dict)
-    friction_w: Mapping[str, float] = field(default_factory=dict)  #: Axis → friction that warms its screw [W]
-    warm: tuple["WarmSummary", ...] = ()  #: The same motion with screws that it has warmed, the coldest first
-
-
-@dataclass(frozen=True)
-class WarmSummary:
-    """What the motion amounts to after it was done over and over for a time."""
-
-    after_min: float
-    rise_k: Mapping[str, float]  #: Axis → how much warmer its screw is [K]
-    added_m: Mapping[str, float]  #: Axis → how far its table is elsewhere than with a cold screw, at most [m]
-    traces: Mapping[str, BallBarTrace]  #: Run → what a ball-bar shows of it
-    summary: DriveSummary
-
-
-def warm_summaries(
-    model: DriveModel, cold: DriveSimulation, friction_w: Mapping[str, float], progress: Progress | None = None
-) -> tuple[WarmSummary, ...]:
-    """The motion of the file with warm screws, at every time that the file names; none without heat of a screw.
-
-    `cold` is its simulation without that, `friction_w` axis → what warms its screw [W].
-
-    InputError: an axis runs away.
-    """
-    found = list[WarmSummary]()
-    times = model.file.run.warm_after_min if friction_w else ()
-    for number, after_min in enumerate(times):
-        if progress is not None:
-            progress(number, len(times), f"after {after_min:g} min")
-        heats = {name: model.file_axes[name].screw_heat for name in friction_w}
-        rise_k = {
-            name: heat.rise_k(friction_w[name], 60.0 * after_min) for name, heat in heats.items() if heat is not None
-        }
-        warm = replace(model, rise_k=rise_k)
-        done = warm.simulation(run=next(iter(cold.axes)))
-        added_m = {
-            name: max(
-                float(np.abs(moved[name].motion.table_m - cold.axes[run][name].motion.table_m).max())
-                for run, moved in done.axes.items()
-            )
-            for name in rise_k
-        }
-        found.append(WarmSummary(after_min, rise_k, added_m, done.traces, drive_summary(warm, done)))
-    return tuple(found)
 
 
 def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummary:
     """The summary of a simulation of this model: of what is recorded, so of circles without run-in and run-out."""
-    heated = [name for name, one in model.axes.items() if one.screw_heat is not None]
-    runs = {name: [done[name] for done in simulation.axes.values() if name in done] for name in heated}
     axes = {
         run: {
             name: axis_summary(seen.axis, seen.reference, seen.motion, course_of(model, name, seen))
@@ -369,14 +320,7 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
         circle_quantities(traces) if traces else (),
         circle_causes(traces, lead_m=leads) if traces else None,
         {name: size for name, size in wound.items() if size is not None},
-        {name: mean_friction_w(done) for name, done in runs.items() if done},
     )
-
-
-def mean_friction_w(runs: Sequence[AxisRun]) -> float:
-    """Heat of the screw of an axis over its runs one after the other [W]."""
-    spent_s = [float(np.ptp(one.motion.time_s)) for one in runs]
-    return float(np.average([screw_friction_w(one.axis, one.motion) for one in runs], weights=spent_s))
 
 
 def course_of(model: DriveModel, name: str, run: AxisRun) -> ParameterCourse | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from selector.errors import OptionError
@@ -93,13 +92,10 @@ class DriveKind(SimulationKind):
         return Simulated(model, recording, findings, done, acting, differences)
 
     def summary(self, done: Simulated, progress: Progress) -> Any:
-        """Errors and their causes, loops, the circle, and the same with warm screws where the motion is the file's."""
-        from selector.physics.drive.drive_summary import drive_summary, warm_summaries
+        """Errors and their causes, loops, and the circle."""
+        from selector.physics.drive.drive_summary import drive_summary
 
-        summary = drive_summary(done.model, done.details)
-        if done.is_driven:
-            return summary
-        return replace(summary, warm=warm_summaries(done.model, done.details, summary.friction_w, progress))
+        return drive_summary(done.model, done.details)
 
     def quiet(self, file: Any) -> Any:
         """The file with sensors that neither round nor rustle."""

@@ -104,13 +104,12 @@ def drive_account(result: SimulationResult, drawn: bool) -> Account:
     first_run = list(done.axes.items())[:1]
     return simulation_account(
         result,
-        [*(ball_bar_sentences(summary) if circles else _sentences(axes, summary, several)), *_warm_sentences(summary)],
+        ball_bar_sentences(summary) if circles else _sentences(axes, summary, several),
         (
             section("ball-bar", "Ball-bar", *drawings.get("ball-bar", ()), *ball_bar_tables(summary))
             if circles
             else None,
             section("runs", "", *courses, link="Courses"),
-            section("warm", "Warm screws", warm_table(summary), *drawings.get("warm", ())) if summary.warm else None,
             section("loop", "Control loop", *loops),
         ),
         drawings=drawings,
@@ -169,47 +168,6 @@ def errors_table(axes: Sequence[AxisInRun]) -> Table:
         errors = (one.summary.max_m * times, one.summary.rms_m * times)
         rows.append((one.run, one.name, *errors, unit, cause, _share_text(limited) if limited else None))
     return table(["run", "axis", ">largest", ">rms", "unit", "goes with", ">at limits"], rows, note)
-
-
-def _warm_sentences(summary: DriveSummary) -> list[str]:
-    """How warm the screws become, and what that does to the path."""
-    if not summary.warm:
-        return []
-    last = summary.warm[-1]
-    rises = "; ".join(
-        f"of {name} by {number_text(rise)} K ({number_text(summary.friction_w[name])} W), which moves the table by up "
-        f"to {number_text(last.added_m[name] * _MICRO)} µm"
-        for name, rise in last.rise_k.items()
-    )
-    return [f"{last.after_min:g} min of this motion warm the screw {rises}."]
-
-
-def warm_table(summary: DriveSummary) -> Captioned:
-    """How warm every screw is after a time, and how far the path is off then."""
-    rows: list[tuple[str | float | None, ...]] = [("cold", *(0.0 for _ in (*summary.friction_w,) * 2), *_off(summary))]
-    for one in summary.warm:
-        added = (_MICRO * size for size in one.added_m.values())
-        rows.append((f"{one.after_min:g} min", *one.rise_k.values(), *added, *_off(one.summary)))
-    axes = [f">{name} [{unit}]" for unit in ("K", "heat, µm") for name in summary.friction_w]
-    heads = ["after", *axes, *_OFF[bool(summary.quantities)]]
-    note = (
-        "The motion over and over. K: over the temperature at which the pitch was measured; heat: how far the table is "
-        "elsewhere than with a cold screw, at most. A control that sees a scale on the table takes that out."
-    )
-    return Captioned("Drive and heat together", table(heads, rows, note))
-
-
-#: Whether it goes in circles → heads of what `_off` says [µm], [µm/m].
-_OFF = {True: [">G(b) [µm]", ">D [µm]", ">scale mismatch [µm/m]"], False: [">largest error [µm]", ">rms [µm]"]}
-
-
-def _off(summary: DriveSummary) -> tuple[float | None, ...]:
-    """How far the path is off: of circles at the fastest feed."""
-    if summary.quantities and summary.causes is not None:
-        both, scales = summary.quantities[-1].both, summary.causes.through_feeds.get("scale mismatch")
-        return both.circular_deviation_um, both.mean_radial_um, None if scales is None else scales.value
-    errors = [one for axes in summary.axes.values() for one in axes.values()]
-    return tuple(_MICRO * max(getattr(one, name) for one in errors) for name in ("max_m", "rms_m"))
 
 
 def _parameters(model: DriveModel) -> list[tuple[str, float, str, str]]:
@@ -351,10 +309,6 @@ def _drawings(result: SimulationResult, axes: Sequence[AxisInRun], runs: Sequenc
     }
     pairs = reversed(paired(tuple(done.traces.values()))) if summary.quantities else ()
     found: dict[str, list[Block]] = {"ball-bar": [Drawing(ball_bar_figure(pair), POLAR) for pair in pairs]}
-    if summary.quantities and summary.warm:
-        last = summary.warm[-1]
-        fastest = paired(tuple(last.traces.values()))[-1]
-        found["warm"] = [Drawing(ball_bar_figure(fastest), f"After {last.after_min:g} min. {POLAR}")]
     for run in runs:
         own = [one for one in axes if one.run == run]
         found[f"run {run}"] = [
@@ -451,22 +405,6 @@ def _data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
             for name in names
         ],
         "ball_bar": ball_bar_data(summary),
-        **({"warm": _warm_data(model, summary)} if summary.warm else {}),
-    }
-
-
-def _warm_data(model: DriveModel, summary: DriveSummary) -> dict[str, Any]:
-    return {
-        "friction_w": dict(summary.friction_w),
-        "after": [
-            {
-                "after_min": one.after_min,
-                "rise_k": dict(one.rise_k),
-                "added_um": {name: _MICRO * size for name, size in one.added_m.items()},
-                **_data(model, one.summary),
-            }
-            for one in summary.warm
-        ],
     }
 
 

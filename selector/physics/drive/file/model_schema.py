@@ -33,7 +33,6 @@ from selector.physics.drive.parts.catalogue import (
     Table,
     thc6350_x_axis,
 )
-from selector.physics.drive.parts.screw_heat import ScrewHeat, warm_axis
 from selector.physics.drive.parts.stiffness import (
     axial_compliance,
     dry_friction,
@@ -79,7 +78,6 @@ if TYPE_CHECKING:
     GuideSection: TypeAlias = Entry
     TableSection: TypeAlias = Entry
     BallBarSection: TypeAlias = Entry
-    ScrewHeatSection: TypeAlias = Entry
 else:
     FrictionSection, RippleSection, TransmissionSection = entry_of(Friction), entry_of(Ripple), entry_of(Transmission)
     ServoSection, SensingSection = entry_of(Servo), entry_of(Sensing)
@@ -89,7 +87,6 @@ else:
     NutSection, BearingsSection = entry_of(Nut), entry_of(Bearings)
     GuideSection, TableSection = entry_of(Guide), entry_of(Table)
     BallBarSection = entry_of(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4), Unit("µm")], 0.0))
-    ScrewHeatSection = entry_of(ScrewHeat)
 
 AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,15}$")]
 Length = Annotated[float, limited(-1e5, 1e5), Unit("mm")]
@@ -209,9 +206,6 @@ class RunSection(Entry):
     period_s: Annotated[float, limited(1e-6, 1e3), Unit("s")] | None = None
     step_s: Annotated[float, limited(1e-8, 1e3), Unit("s")] | None = None
     seed: Seed = 0
-    warm_after_min: Annotated[
-        tuple[Annotated[float, limited(0, 1e5, above=True)], ...], Field(min_length=1, max_length=10), Unit("min")
-    ] = (10.0, 60.0)
 
 
 class PartsSection(Entry):
@@ -275,7 +269,6 @@ class AxisSection(Entry):
     sensing: SensingSection = SensingSection()
     output: Literal["current", "voltage", "force", "number"] = "current"
     recorded: RecordedSection = RecordedSection()
-    screw_heat: ScrewHeatSection | None = None
 
 
 class DriveFile(Entry):
@@ -390,17 +383,6 @@ class FileAxis:
         """Whether it turns: rad, kg·m² and N·m in the place of m, kg and N."""
         return is_rotary(self.section)
 
-    @property
-    def screw_heat(self) -> ScrewHeat | None:
-        """What warms its screw, where the file says so."""
-        said = self.section.screw_heat
-        return None if said is None else value_of(ScrewHeat, said)
-
-    def warm(self, rise_k: float) -> "FileAxis":
-        """The axis with a screw that is so much warmer [K]; itself where the file says nothing of its heat."""
-        heat = self.screw_heat
-        return self if heat is None else replace(self, axis=warm_axis(self.axis, heat, rise_k))
-
     def course(self, reference: Reference) -> ParameterCourse | None:
         """Stiffness and damping along a reference, with ``varying = "command"``; else None.
 
@@ -496,9 +478,4 @@ def _misfits(at: Key, section: AxisSection) -> Iterator[Contradiction]:
         found = f"{servo.delay_s / servo.sample_s:.6g} samples of the control"
         expected = f"a delay of at most {MOST_WAITING} of them, {MOST_WAITING * servo.sample_s:.6g} s here"
         yield (*at, "servo", "delay_s"), found, expected, "correct delay_s or sample_s, both in seconds"
-    if section.screw_heat is not None:
-        yield from refusals(partial(value_of, ScrewHeat, section.screw_heat), (*at, "screw_heat"), section.screw_heat)
-        if getattr(section.mechanics, "kind", "three-mass") != "three-mass":
-            advice = "describe motor, screw and table (three-mass, or parts), or leave the section out"
-            yield (*at, "screw_heat"), "heat of a screw in an axis without one", "an axis of three masses", advice
     yield from refusals(partial(file_axis, section), at, section)
