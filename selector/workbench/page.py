@@ -18,31 +18,11 @@ from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, defect, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
-from selector.workbench.pages import (
-    ball_bar,
-    diagnosis,
-    export,
-    prediction,
-    recordings,
-    selection,
-    sensors,
-    simulation,
-    taps,
-)
+from selector.workbench.pages import ball_bar, diagnosis, export, prediction, recordings, selection, sensors, simulation
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
 #: The tabs, from left to right. What a page is: see `selector.workbench.pages`.
-PAGES: tuple[ModuleType, ...] = (
-    recordings,
-    sensors,
-    selection,
-    export,
-    prediction,
-    simulation,
-    diagnosis,
-    ball_bar,
-    taps,
-)
+PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, export, prediction, simulation, diagnosis, ball_bar)
 _LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
 
 _LOOK_MS = 700

@@ -12,8 +12,8 @@ from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
 MACHINE_BEFORE = "machine.before.toml"
-PICTURES, MODELS, CIRCLES, TAP_TESTS = "pictures", "models", "circles", "tap-tests"
-UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES, TAP_TESTS)
+PICTURES, MODELS, CIRCLES = "pictures", "models", "circles"
+UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES)
 CYCLE = "cycle.csv"  #: The duty cycle of a prediction
 MOST_UPLOADED_BYTES = 200_000_000
 

@@ -2,11 +2,15 @@
 
 from typing import Any
 
+import dash
+from dash import html
+from dash.development.base_component import Component
+
 from selector.errors import OptionError
+from selector.workbench import parts
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, several
 from selector.workbench.commands import BALL_BAR, ball_bar_command
-from selector.workbench.measured import MeasuredPage
 from selector.workbench.study_folder import CIRCLES, files_in
 from selector.workbench.typed import FIELDS, above_zero
 
@@ -42,6 +46,22 @@ def _boxes(bench: Bench) -> Boxes:
     return Boxes(ID, boxes, lambda: bench.ball_bar, bench.choose_ball_bar)
 
 
+def layout(bench: Bench) -> Component:
+    """Where files are dropped, what is asked, Start, and the answer."""
+    boxes = _boxes(bench)
+    note = "or drop them here: tables with the angle of the bar and its deviation, or with two positions over time."
+    return html.Div(
+        [
+            html.H1("A ball-bar test: how round, and why not"),
+            parts.drop_zone(CIRCLES, "Choose measured circles …", note),
+            html.Div(boxes.fields(), className="fields wide"),
+            parts.start_row(ID),
+            *parts.answer_place(ID),
+            boxes.followed(),
+        ]
+    )
+
+
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector ballbar` of the files."""
     there = files_in(bench.folder / CIRCLES)
@@ -49,18 +69,15 @@ def command(bench: Bench) -> tuple[str, ...] | None:
     return ball_bar_command(bench.folder, bench.ball_bar, asked) if asked else None
 
 
-_PAGE = MeasuredPage(
-    ID,
-    TITLE,
-    "A ball-bar test: how round, and why not",
-    CIRCLES,
-    "Choose measured circles …",
-    "tables with the angle of the bar and its deviation, or with two positions over time.",
-    _boxes,
-    command,
-    BALL_BAR,
-    _FILES,
-    "Report of the ball-bar test",
-    OptionError("no circles", expected="a measured file", where=TITLE, advice="choose the files of a test above"),
-)
-layout, register = _PAGE.layout, _PAGE.register
+def register(app: dash.Dash, bench: Bench) -> None:
+    """What is typed or chosen goes to the bench at once."""
+    form = _boxes(bench).register(app, bench)
+    missing = OptionError(
+        "no circles", expected="a measured file", where=TITLE, advice="choose the files of a test above"
+    )
+    task = parts.Task(ID, TITLE, command, lambda _: BALL_BAR, missing, [form], answered=_answered)
+    parts.register_task(app, bench, task)
+
+
+def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
+    return None if stamp == "0" else parts.answer(bench, BALL_BAR, _FILES, "Report of the ball-bar test", stamp)
