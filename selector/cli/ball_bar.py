@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from selector.atomic_file import require_replaceable, require_writable_folder
+from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.progress import progress_bar
@@ -40,7 +40,7 @@ def ballbar(
             help="Reset time of an axis' velocity controller in ms: how strong its reversal pulses have to be.",
         ),
     ] = None,
-    out: Annotated[Path | None, out_folder(help="Write ballbar.json, compensation.csv and report.html.")] = None,
+    out: Annotated[Path | None, out_folder(help="Write ballbar.json and report.html.")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
@@ -55,7 +55,7 @@ def ballbar(
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.readers.ball_bar_file import CircleOptions, read_circles
     from selector.readers.roles.names import printable_name
-    from selector.telling.simulated.ball_bar import COMPENSATION_HEADS, compensation_csv, measured_circles_account
+    from selector.telling.simulated.ball_bar import measured_circles_account
 
     names = None if axes is None else tuple(name.strip().upper() for name in axes.split(","))
     if names is not None and (len(names) != 2 or "" in names or names[0] == names[1]):
@@ -67,7 +67,6 @@ def ballbar(
     resets = dict(_of_axis("--reset-time", one, "a time in ms", "X=20") for one in reset_time or ())
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
-        require_replaceable(out, {_TABLE: ",".join(COMPENSATION_HEADS)})
         refuse_folder_of_inputs(out, files)
     asked = CircleOptions(
         None if radius is None else radius / 1e3, feed, None if names is None else (names[0], names[1])
@@ -87,11 +86,7 @@ def ballbar(
     account = measured_circles_account(
         DriveSummary({}, {}, quantities, causes, None), needed, told, found, drawn=out is not None
     )
-    beside = {_TABLE: compensation_csv(needed)}
-    showing.give_answer(account, found, out, "ballbar.json", everything=everything, as_json=as_json, beside=beside)
-
-
-_TABLE = "compensation.csv"
+    showing.give_answer(account, found, out, "ballbar.json", everything=everything, as_json=as_json)
 
 
 def _of_axis(option: str, text: str, what: str, example: str) -> tuple[str, float]:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from selector.csv_text import csv_text
 from selector.findings import Finding
 from selector.json_text import fields_of
 from selector.number_text import number_text
@@ -231,27 +230,6 @@ def compensation_table(needed: Compensations) -> Captioned:
     return Captioned(
         "For the compensations of the control",
         table(["compensation", ">value", ">against a spike of", "where"], rows, note),
-    )
-
-
-COMPENSATION_HEADS = ("what", "axis", "feed_mm_per_min", "acceleration_m_per_s2", "value", "standard_error", "unit")
-
-
-def compensation_csv(needed: Compensations) -> str:
-    """The same for a script: a row a value."""
-    rows: list[tuple[object, ...]] = [
-        ("backlash", axis, "", "", one.value, one.standard_error, one.unit) for axis, one in needed.backlash.items()
-    ]
-    if needed.delay is not None:
-        ahead, late = needed.delay
-        rows.append(("delay", ahead, "", "", late.value, late.standard_error, late.unit))
-    for one in needed.pulses:
-        place = (one.axis, one.feed_mm_per_min, one.acceleration_m_per_s2)
-        rows.append(("spike", *place, one.height_um.value, one.height_um.standard_error, "µm"))
-        if one.amplitude_mm_per_min is not None:
-            rows.append(("pulse", *place, one.amplitude_mm_per_min, "", "mm/min"))
-    return csv_text(
-        ["what", "axis", "feed_mm_per_min", "acceleration_m_per_s2", "value", "standard_error", "unit"], rows
     )
 
 

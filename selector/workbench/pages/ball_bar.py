@@ -16,11 +16,7 @@ from selector.workbench.typed import FIELDS, above_zero
 
 ID, TITLE = "ballbar", "Ball-bar"
 
-_FILES = (
-    ("report.html", "Report"),
-    ("compensation.csv", "Values for the control (CSV)"),
-    ("ballbar.json", "All results (JSON)"),
-)
+_FILES = (("report.html", "Report"), ("ballbar.json", "All results (JSON)"))
 
 
 def _boxes(bench: Bench) -> Boxes:
