@@ -32,6 +32,14 @@ def ballbar(
         list[str] | None,
         typer.Option("--lead", metavar="X=10", help="Lead of an axis' screw in mm: wavelength of its pitch error."),
     ] = None,
+    reset_time: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--reset-time",
+            metavar="X=20",
+            help="Reset time of an axis' velocity controller in ms: how strong its reversal pulses have to be.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_folder(help="Write ballbar.json and report.html.")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
@@ -42,6 +50,7 @@ def ballbar(
     bar and its deviation, or with two positions over time.
     """
     from selector.physics.drive.ball_bar.causes import circle_causes
+    from selector.physics.drive.ball_bar.compensation import compensations
     from selector.physics.drive.ball_bar.quantities import circle_quantities
     from selector.physics.drive.drive_summary import DriveSummary
     from selector.readers.ball_bar_file import CircleOptions, read_circles
@@ -54,7 +63,8 @@ def ballbar(
     for option, value in (("--radius", radius), ("--feed", feed)):
         if value is not None and not 0 < value < 1e6:
             raise _option(f"{option} {value:g}", "a number above 0 and below 1e6", "correct the option")
-    leads = dict(_lead(one) for one in lead or ())
+    leads = dict(_of_axis("--lead", one, "the lead of its screw in mm", "X=10") for one in lead or ())
+    resets = dict(_of_axis("--reset-time", one, "a time in ms", "X=20") for one in reset_time or ())
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
         refuse_folder_of_inputs(out, files)
@@ -63,25 +73,32 @@ def ballbar(
     )
     read, findings = read_circles(files, asked)
     traces = [one.trace for one in read]
+    if unknown := sorted(set(resets) - set(traces[0].axes)):
+        raise _option(
+            f"--reset-time {unknown[0]}", f"an axis of the test, {' or '.join(traces[0].axes[:2])}", "correct the name"
+        )
     with progress_bar() as progress:
         progress("causes of the deviation", None)
         quantities, causes = circle_quantities(traces), circle_causes(traces, lead_m=leads)
     told = [(one.trace, printable_name(one.file.name), one.columns, one.is_reversed) for one in read]
     found = (*findings, *causes.findings)
+    needed = compensations(causes, traces[0].axes, traces[0].radius_m, resets)
     account = measured_circles_account(
-        DriveSummary({}, {}, quantities, causes, None), told, found, drawn=out is not None
+        DriveSummary({}, {}, quantities, causes, None), needed, told, found, drawn=out is not None
     )
     showing.give_answer(account, found, out, "ballbar.json", everything=everything, as_json=as_json)
 
 
-def _lead(text: str) -> tuple[str, float]:
-    """Axis and lead [m]."""
+def _of_axis(option: str, text: str, what: str, example: str) -> tuple[str, float]:
+    """Axis and a thousandth of its number: mm in m, ms in s."""
     name, _, number = text.partition("=")
     try:
-        lead_m = float(number) / 1e3
+        value = float(number) / 1e3
     except ValueError:
-        raise _option(f"--lead {text}", "an axis and the lead of its screw in mm", "e.g. --lead X=10") from None
-    return name.strip().upper(), lead_m
+        value = 0.0
+    if not 0 < value < 1e3:
+        raise _option(f"{option} {text}", f"an axis and {what}", f"e.g. {option} {example}")
+    return name.strip().upper(), value
 
 
 def _option(found: str, expected: str, advice: str) -> OptionError:

@@ -12,6 +12,7 @@ from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.progress import fleet_progress, progress_bar
 from selector.cli.shared.showing import AsJson
+from selector.cli.shared.simulation_files import require_page_place
 from selector.errors import CancelledError, OptionError
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def watch(
     from selector.telling.fleet import watch_account
 
     if out is not None:
+        require_page_place(out, "--out")
         require_writable_folder(out.parent, "--out", (out.name,))
     asked = read_fleet(fleet)
     with fleet_progress() as tell:
@@ -109,6 +111,7 @@ def report(
     from selector.telling.fleet import fleet_account
 
     if out is not None:
+        require_page_place(out, "--out")
         require_writable_folder(out.parent, "--out", (out.name,))
     asked = read_fleet(fleet)
     answer = read_answer(asked.results)

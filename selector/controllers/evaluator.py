@@ -3,32 +3,19 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from selector.controllers.model_file import Input, Output, State, Term
+from selector.controllers.model_file import Fallback, Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
 from selector.types import Array
 
 BLOCK_SAMPLES = 8192  #: Samples worked on at a time: the values of 37 inputs stay in the processor's cache.
 
 
-class Equations(Protocol):
-    """A `ModelFile` or one of its fallbacks."""
-
-    @property
-    def inputs(self) -> tuple[Input, ...]:
-        """The sensors."""
-
-    @property
-    def states(self) -> tuple[State, ...]:
-        """The memory."""
-
-    @property
-    def outputs(self) -> tuple[Output, ...]:
-        """The displacements."""
+Equations = ModelFile | Fallback
 
 
 def axes_of(model: Equations) -> tuple[str, ...]:

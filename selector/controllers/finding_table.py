@@ -94,8 +94,6 @@ slope-clipped-silently [warning] the slope of a correction may be steeper than t
     → decide slope_clamp_um_per_m in guard.limits of the model file, or raise MD32760 (to 0.1 at most)
 axis-not-named [warning] the model file does not say which axis a displacement belongs to
     → name the axis in the model file
-axis-corrected-twice [error] two outputs correct the same axis: what is written last wins
-    → leave one of them out, or add them up before writing the setting data
 position-of-another-axis [warning] a correction depends on the position of another axis, which the control's straight
     line does not know
     → use a sag compensation table (CEC) for this part

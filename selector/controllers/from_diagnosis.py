@@ -144,11 +144,11 @@ def _fitted(comparison: Comparison, sources: Sequence[str], course: Vector) -> _
 def _of_terms(comparison: Comparison, terms: Sequence[tuple[str, float]], course: Vector) -> _Fit:
     """These terms, each once, with the coefficients that follow a course best."""
     terms = tuple(dict.fromkeys(terms))
-    columns = [np.ones(len(course)), *(_behind(comparison, name, tau_s) for name, tau_s in terms)]
-    size = np.maximum([float(np.sqrt(np.mean(column**2))) for column in columns], 1e-300)
-    matrix = np.column_stack(columns) / size
-    coefficients = np.linalg.lstsq(matrix, course, rcond=1e-10)[0] / size
-    return _Fit(terms, np.asarray(coefficients, dtype=np.float64), _missed(columns, course))
+    return _Fit(terms, *_followed(_columns(comparison, terms), course))
+
+
+def _columns(comparison: Comparison, terms: Sequence[tuple[str, float]]) -> list[Vector]:
+    return [np.ones(len(comparison.time_s)), *(_behind(comparison, name, tau_s) for name, tau_s in terms)]
 
 
 def _refined(
@@ -165,11 +165,18 @@ def _refined(
     return float(f"{np.exp(found.x):.6g}")
 
 
-def _missed(columns: Sequence[Vector], course: Vector) -> float:
+def _followed(columns: Sequence[Vector], course: Vector) -> tuple[Vector, float]:
+    """Coefficients by least squares, and what these columns miss of a course, as a share of its size."""
     matrix = np.column_stack(columns)
     size = np.maximum(np.sqrt(np.mean(matrix**2, axis=0)), 1e-300)
-    left = course - (matrix / size) @ np.linalg.lstsq(matrix / size, course, rcond=1e-10)[0]
-    return float(np.sqrt(np.mean(left**2)) / max(float(np.sqrt(np.mean(course**2))), 1e-300))
+    amounts = np.linalg.lstsq(matrix / size, course, rcond=1e-10)[0]
+    left = course - (matrix / size) @ amounts
+    missed = float(np.sqrt(np.mean(left**2)) / max(float(np.sqrt(np.mean(course**2))), 1e-300))
+    return np.asarray(amounts / size, dtype=np.float64), missed
+
+
+def _missed(columns: Sequence[Vector], course: Vector) -> float:
+    return _followed(columns, course)[1]
 
 
 def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partly: str) -> ModelFile:
@@ -222,8 +229,7 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
 
 
 def _largest(comparison: Comparison, fit: _Fit) -> float:
-    columns = [np.ones(len(comparison.time_s)), *(_behind(comparison, name, tau) for name, tau in fit.terms)]
-    return float(np.abs(np.column_stack(columns) @ fit.coefficients).max())
+    return float(np.abs(np.column_stack(_columns(comparison, fit.terms)) @ fit.coefficients).max())
 
 
 def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:

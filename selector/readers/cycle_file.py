@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from selector.errors import OptionError
-from selector.findings import Finding
+from selector.findings import Finding, Where
+from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.prediction.observer import DayReadings
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import RUN_STARTS_WARM
@@ -25,6 +26,7 @@ from selector.recording import Recording
 from selector.types import Vector
 from selector.units import convert, parse_unit, unit_for_role
 
+_LATE_S = 60.0  #: First reading of a day whose clock began with the duty cycle.
 MOST_THERMOMETERS = 4  #: That observe a day: each is one response more that the modes have to describe.
 _EXAMPLE = "a header such as time_s,spindle_speed and below it one row for every change of the speed"
 
@@ -198,7 +200,7 @@ def day_readings(
 ) -> tuple[DayReadings, tuple[Finding, ...]]:
     """The thermometers of one recorded run that the tests have too, without their faults, and what was found.
 
-    `observe` are those to go by; default: all, at most `MOST_THERMOMETERS`. `responses` that were measured are kept.
+    `observe` are those to go by; default: all good ones, at most `MOST_THERMOMETERS`. Measured `responses` are kept.
 
     Raises OptionError: there is not one run, no such thermometer, too many, or one without a reading.
     """
@@ -216,7 +218,10 @@ def day_readings(
     faults = inspect(recording, set(chosen))
     clean, run = without_faults(recording, faults), recording.runs[0]
     dead = [name for name in chosen if name not in clean.names or not np.isfinite(clean.values(run, [name])).any()]
-    if dead:
+    if not observe:
+        # its fault is among the findings
+        chosen = tuple(name for name in chosen if name not in dead)
+    if dead and (observe or not chosen):
         raise OptionError(
             f"no usable reading of {dead[0]}", expected="readings of the day", where="--readings",
             advice="leave it out with --observe, or correct the file",
@@ -225,7 +230,11 @@ def day_readings(
     gauges = [name for name in responses if name in recording.with_role("displacement")]
     measured = {name: recording.values(run, [name])[:, 0] for name in gauges}
     readings = DayReadings(chosen, time_s - time_s[0], clean.values(run, chosen), measured)
-    return readings, (*day.findings, *faults)
+    told, begins_s = [*day.findings, *faults], day.runs[0].begins_s
+    if begins_s > _LATE_S:
+        said = f"The day's clock begins at {begins_s / 60.0:.3g} min; that was taken as the start of the duty cycle."
+        told.append(FINDINGS.finding("day-begins-late", said, Where(run=run), {"begins_s": begins_s}))
+    return readings, tuple(told)
 
 
 def _require_units(reading: Reading, used: set[str]) -> None:

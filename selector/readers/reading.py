@@ -143,10 +143,11 @@ class RunInfo:
     duration_s: float
     period_s: float
     start: str | None
+    begins_s: float = 0.0  #: Its own clock at the first sample, where that is no date [s]
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON form."""
-        return {"run" if name == "name" else name: value for name, value in vars(self).items()}
+        """JSON form, without `begins_s`."""
+        return {"run" if name == "name" else name: value for name, value in vars(self).items() if name != "begins_s"}
 
 
 @dataclass(frozen=True)
@@ -304,7 +305,8 @@ def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
 
 
 def _run_info(run: TimedRun) -> RunInfo:
-    return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), float(run.time_s[-1]), run.period_s, run.start)
+    length_s = float(run.time_s[-1])
+    return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), length_s, run.period_s, run.start, run.first_s)
 
 
 def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:

@@ -23,7 +23,6 @@ from selector.selection.survey import RunsOf, survey
 from selector.sensors.groups import LambdaAxis, LambdaStep
 from selector.types import Array
 
-NORMAL_95 = 1.96
 #: Of the largest eigenvalue of a correlation matrix: what is smaller is the rounding of sums of squares.
 _DEPENDENT = 1e-12
 
@@ -33,16 +32,8 @@ class Coefficient:
     """One coefficient of a linear model."""
 
     sensor: str
-    #: per_kelvin_um and standard_error: [µm/K]; the error is that of the jackknife over what is left out in turn
     per_kelvin_um: float
-    standard_error: float
-    per_deviation_um: float  #: Change of the displacement per standard deviation of the reading [µm]
     vif: float  #: Variance inflation; infinite if the other sensors make this one up
-
-    @property
-    def per_deviation_error_um(self) -> float:
-        """Standard error of `per_deviation_um`."""
-        return self.standard_error * abs(self.per_deviation_um / self.per_kelvin_um) if self.per_kelvin_um else 0.0
 
 
 @dataclass(frozen=True)
@@ -108,19 +99,17 @@ def fixed_set(
     at, responses = [1 + column for column in columns], range(1 + library.moments.n_columns, len(bench.total))
     scale = np.array(scaling.scale)
     cross = bench.cross(sensors, LINEAR, 0)[:-1, :-1]
-    deviation, vif = np.sqrt(np.diag(cross) / n), _vif(cross)
+    vif = _vif(cross)
     outer = LeaveOneOut.of(library.moments, folds.outer)
     beta = coefficients(bench.total, at, responses)
     others = coefficients(outer.training, at, responses)
     rss = squared_error(bench.total, at, responses, beta)
     sse = squared_error(outer.left_out, at, responses, others)
-    # the jackknife: what each part does to the coefficients
-    errors = np.sqrt((len(others) - 1) * others.var(axis=0))
     models, faults = {}, []
     rest = np.zeros(len(sensors)) if folds.datum.reference == "rise" else np.array(scaling.centre)
     for j, (name, y) in enumerate(zip(library.responses, responses, strict=True)):
         slopes = beta[1:, j] / scale
-        found = zip(sensors, slopes, errors[1:, j] / scale, beta[1:, j] * deviation, vif, strict=True)
+        found = zip(sensors, slopes, vif, strict=True)
         samples, squares = outer.left_out[:, 0, 0], outer.left_out[:, y, y]
         parts = tuple(
             HeldOutPart(folds.part(group).name, round(float(m)), float(np.sqrt(own / m)), float(np.sqrt(before / m)))

@@ -216,7 +216,7 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
     responses = list(dict.fromkeys(name for one in answer.machines.values() for name in one.heldout_rmse_um))
     ordered = [(name, answer.machines[name]) for name in _by_error(answer)]
     watched = {} if beside.watch is None else beside.watch.machines
-    alarms = [name for name, one in watched.items() if one.status == "alarm"]
+    bars = "Bars: this error run by run, the highest of a machine is full. " if beside.by_run_um else ""
     rows = [
         (
             name,
@@ -235,9 +235,8 @@ def _table(answer: FleetAnswer, missing: Sequence[str], beside: Overview) -> Tab
     return table(
         ("machine", "status", *(f"{name}, unseen [µm]" for name in responses), "sensors", "last watch", "reason"),
         rows,
-        "Failed ones first, then by the largest root mean square error on unseen runs. Bars: this error run by run, "
-        "the highest of a machine is full. An answer lies in the folder that is called by its key.",
-        marked=[i for i, (name, one) in enumerate(ordered) if one.status in _UNWELL or name in alarms],
+        f"Failed ones first, then by the largest root mean square error on unseen runs. {bars}An answer lies in the "
+        "folder that is called by its key.",
     )
 
 

@@ -38,6 +38,7 @@ class BallBar:
     feed: float | None = None
     axes: str = ""
     lead: str = ""
+    reset_time: str = ""
 
 
 @dataclass(frozen=True)
@@ -169,7 +170,8 @@ def prediction_command(
 def ball_bar_command(folder: Path, asked: BallBar, files: Sequence[Path]) -> tuple[str, ...]:
     """`selector ballbar` of these files."""
     words = ["ballbar", *(told_path(folder, path) for path in files)]
-    words += _changed(asked, BallBar(), ("radius", "feed", "axes")) + _each("--lead", asked.lead.split())
+    words += _changed(asked, BallBar(), ("radius", "feed", "axes"))
+    words += [*_each("--lead", asked.lead.split()), *_each("--reset-time", asked.reset_time.split())]
     return (*words, "--out", BALL_BAR)
 
 

@@ -20,6 +20,7 @@ FIELDS = {
     "--must": "must be kept", "--never": "never", "--cost": "cost",
     "--method": "Method", "--operations": "Operations", "--tolerance": "Allowed drift",
     "--radius": "Radius", "--feed": "Feed", "--axes": "Axes", "--lead": "Leads of the screws",
+    "--reset-time": "Reset times of the velocity controllers",
     "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
     "--replay": "the recordings to run through the program",
     "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",

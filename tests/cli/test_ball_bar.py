@@ -35,6 +35,19 @@ def test_planted_causes_come_out(written, tmp_path, capsys):
     assert "scatterpolar" in (out / "report.html").read_text(encoding="utf-8")
 
 
+def test_what_a_control_needs_is_a_table(written, tmp_path, capsys):
+    out = tmp_path / "answer"
+    assert exit_status(["ballbar", str(written), "--reset-time", "X=125", "--out", str(out), "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)["compensation"]
+    planted = PlantedCircles(5).drawn()
+    for axis in "XY":
+        assert said["backlash"][axis]["value"] == pytest.approx(planted[f"backlash {axis}"], rel=SHARE)
+    # the axis with the higher gain is ahead
+    assert said["delay"]["axis"] == max("XY", key=lambda axis: planted[f"gain {axis}"])
+    assert {one["axis"] for one in said["pulses"] if one["amplitude_mm_per_min"] is not None} == {"X"}
+    assert "speed pulse of X" in (out / "report.html").read_text(encoding="utf-8")
+
+
 def test_the_screen_says_how_round_and_why(written, capsys):
     assert exit_status(["ballbar", str(written)]) == 0
     said = capsys.readouterr().out
@@ -49,6 +62,8 @@ def test_the_screen_says_how_round_and_why(written, capsys):
         (["--radius", "0"], "--radius 0"),
         (["--lead", "X"], "--lead X"),
         (["--lead", "Z=10"], "leads"),
+        (["--reset-time", "Z=10"], "--reset-time Z"),
+        (["--reset-time", "X=-1"], "--reset-time X=-1"),
         (["--feed", "1000"], "one trace counter-clockwise and one clockwise"),
     ],
 )

@@ -536,6 +536,23 @@ def test_a_thermometer_that_hangs_makes_no_stop(capfd, tmp_path):
     assert "unplanned-stop" not in ids
 
 
+def test_a_thermometer_that_breaks_at_noon_leaves_the_other_one(capfd, tmp_path):
+    day = pd.read_csv(OBSERVED / "day.csv")
+    day.loc[len(day) // 2 :, "bearing"] = 850.0
+    day["t_min"] += 30  # and its clock was started before the cycle
+    day.to_csv(tmp_path / "day.csv", index=False)
+    code, out, err = run(
+        capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
+        "--readings", tmp_path / "day.csv", "--json",
+    )  # fmt: skip
+    assert code == 0, err
+    document = json.loads(out)
+    assert document["observed"]["thermometers"] == ["headstock"]
+    assert len(document["observed"]["stops"]) == 1
+    (late,) = [one for one in document["findings"] if one["id"] == "day-begins-late"]
+    assert late["evidence"]["begins_s"] == 1800.0
+
+
 def test_one_thermometer_can_do(capfd):
     code, out, err = observed_day(capfd, "--observe", "bearing", "--json")
     assert code == 0, err

@@ -14,9 +14,10 @@ import pandas as pd
 import pytest
 
 from selector.cli import exit_status
-from selector.physics.gauging import gauging_advice, gauging_summary
+from selector.physics.gauging import gauging_summary
 from selector.readers import read
 from tests.interruptible import interrupted_in
+from tests.physics.gauging.quick_trials import shorten_trials
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "fixtures" / "gauging").glob("*.toml"))
@@ -56,13 +57,13 @@ QUIET = ONE.replace("sd_um = 0.3", "sd_um = 0.0").replace("feed_sd = 0.03", "fee
 
 @pytest.fixture
 def few_sizes(monkeypatch) -> None:
-    """A tenth of the parts, few filters: what is told is looked at here, how exact it is in tests/physics/gauging."""
+    """A tenth of the parts: what is told is looked at here, how exact it is in tests/physics/gauging."""
     monkeypatch.setattr(gauging_summary, "FEWEST_SIZES", 200)
-    monkeypatch.setattr(gauging_advice, "_FILTERS", 4)
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch) -> Path:
+    shorten_trials(monkeypatch)
     monkeypatch.chdir(tmp_path)
     for name, text in (("model", LINE), ("one", ONE), ("quiet", QUIET)):
         (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")

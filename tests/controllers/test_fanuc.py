@@ -87,8 +87,8 @@ def test_macro_equals_the_reference_over_a_warm_up():
     assert set(expected.mode) == {1}
     assert np.all(np.ptp(expected.correction_um, axis=0) > [40.0, 2.0])
     found = macro_b_answers(rich(), rows).correction_um
-    # literals of 12 digits: 1e-10 µm
-    np.testing.assert_allclose(found, expected.correction_um, rtol=0.0, atol=1e-9)
+    # literals of 8 digits: 1e-6 µm
+    np.testing.assert_allclose(found, expected.correction_um, rtol=0.0, atol=1e-6)
 
 
 def test_macro_equals_the_patent_formula():
@@ -96,7 +96,7 @@ def test_macro_equals_the_patent_formula():
     rows = warm_up()
     rows = replace(rows, readings=rows.readings[:, :2])
     np.testing.assert_allclose(
-        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-6
     )
 
 
@@ -133,7 +133,7 @@ def test_outside_the_valid_range_is_a_fault_where_the_model_file_says_so():
     rows.readings[400:, 0] = 31.0
     model = rich(outside_valid_range="fault")
     np.testing.assert_allclose(
-        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-9
+        macro_b_answers(model, rows).correction_um, reference_answers(model, rows).correction_um, rtol=0.0, atol=1e-6
     )
 
 
@@ -239,14 +239,14 @@ def test_names_stay_in_their_comments(name):
     MacroB(text)
 
 
-def test_literals_have_no_exponent_and_no_more_than_twelve_digits():
+def test_literals_have_no_exponent_and_no_more_than_eight_digits():
     for value in (6.0476, 10.0, -1e-5, 1.23456789012345e-13, 1e12, 1.0 / 3.0, 0.05, 3e-20, 123456789.123456, 9.99e19):
         text = literal(value)
         assert "E" not in text.upper()
-        assert all(len(d.replace(".", "").lstrip("0")) <= 12 for d in re.findall(r"[\d.]+", text))
+        assert all(len(d.replace(".", "").lstrip("0")) <= 8 for d in re.findall(r"[\d.]+", text))
         macro = MacroB(f"%\nO0001()\n#1={text}\nM99\n%\n")
         macro.call()
-        assert macro.variables[1] == pytest.approx(value, rel=5e-12)
+        assert macro.variables[1] == pytest.approx(value, rel=5e-8)
     assert literal(0.0) == "0."
     with pytest.raises(ExportRefusedError, match="1e-20"):
         literal(1e-30)
@@ -256,11 +256,7 @@ def test_what_macro_b_cannot_do_is_refused():
     many = tuple(Input(name=f"T{k}", valid_min=0.0, valid_max=1.0) for k in range(60))
     with pytest.raises(ExportRefusedError, match="#208"):
         fanuc_export(ModelFile(name="many", inputs=many, outputs=(Output(name="Z", axis="Z", intercept=0.0),)))
-    for outputs in (
-        (Output(name="Z", intercept=0.0),),
-        (Output(name="Z", axis="spindle", intercept=0.0),),
-        (Output(name="Z", axis="Z", intercept=0.0), Output(name="tilt", axis="z", intercept=0.0)),
-    ):
+    for outputs in ((Output(name="Z", intercept=0.0),), (Output(name="Z", axis="spindle", intercept=0.0),)):
         with pytest.raises(ExportRefusedError, match="linear axis"):
             fanuc_export(ModelFile(name="axes", inputs=many[:1], outputs=outputs))
 

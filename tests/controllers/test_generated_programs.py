@@ -16,7 +16,9 @@ from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.compiled import c_answers, compiler, python_answers
 from selector.controllers.replay.parts import Answers, Rows
 from selector.controllers.writers.c99 import c_export, c_files
+from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.python_module import python_export
+from selector.controllers.writers.targets import TARGETS
 from selector.errors import NotExecutableError
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
@@ -123,3 +125,18 @@ def test_without_a_compiler_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr("selector.controllers.replay.compiled.compiler", lambda: None)
     with pytest.raises(NotExecutableError, match="gcc"):
         c_answers(hostile.model(), hostile.rows(5, 0))
+
+
+@pytest.mark.parametrize("target", sorted(TARGETS))
+def test_two_outputs_on_one_axis_are_refused_alike_where_the_control_moves_it(target):
+    model = hostile.model()
+    outputs = tuple(one.model_copy(update={"axis": "Z", "position": None}) for one in model.outputs)
+    twice = model.model_copy(update={"outputs": outputs, "fallbacks": ()})
+    if target in ("c", "st", "tcpou", "python"):
+        # two numbers for whoever wires them: two probes along one axis are a usual test
+        TARGETS[target].write(twice)
+        return
+    with pytest.raises(ExportRefusedError) as refused:
+        TARGETS[target].write(twice)
+    if target != "rexroth":  # which takes no such model at all
+        assert "both correct axis Z" in str(refused.value)

@@ -119,7 +119,6 @@ def test_what_happens_without_an_alarm_is_said():
         (limited(slew_um_per_s=1667.0), ["step-spread-silently"]),
         (limited(slope_clamp_um_per_m=10_001.0), ["slope-clipped-silently"]),
         (with_outputs(hostile.model(), axis=None), ["axis-not-named"]),
-        (with_outputs(hostile.model(), axis="Y", position=None), ["axis-corrected-twice"]),
         (with_outputs(hostile.model(), axis="X"), ["position-of-another-axis"]),
     ],
 )

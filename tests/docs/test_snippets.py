@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from selector.cli import exit_status
+from tests.physics.gauging.quick_trials import shorten_trials
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -116,6 +117,8 @@ def folder(tmp_path, monkeypatch):
     except OSError:  # Windows without the right to make links
         shutil.copytree(ROOT / "fixtures", tmp_path / "fixtures")
     monkeypatch.chdir(tmp_path)
+    # no page shows a number of a trial
+    shorten_trials(monkeypatch)
     return tmp_path
 
 

@@ -101,6 +101,8 @@ def test_the_last_watch_is_kept_and_comes_first(fleet, tmp_path):
     assert rows["m4"][-2] == "without a model"
     assert exit_status(["fleet", "report", str(fleet)]) == 0
     assert "What to do this week" in (read_fleet(fleet).results / "fleet.html").read_text(encoding="utf-8")
+    assert exit_status(["fleet", "report", str(fleet), "--out", str(tmp_path / "fleet.csv")]) == 2
+    assert not (tmp_path / "fleet.csv").exists()
 
 
 def test_a_watch_of_something_else_is_none(fleet):

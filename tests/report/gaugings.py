@@ -10,6 +10,7 @@ import pytest
 from selector.findings import Finding
 from selector.physics.gauging import gauging_advice, gauging_summary
 from selector.telling.simulated.result import SimulationResult
+from tests.physics.gauging.quick_trials import shorten_trials
 from tests.report.simulated import result
 
 NAME = "a <b>gauge</b></script><script>alert(1)</script>"
@@ -64,6 +65,7 @@ def page(kind: str) -> SimulationResult:
     """A model of `text_of`, or a "driven" line that follows a recording of itself."""
     said = Finding("from-<b>afar</b>", "warning", "said before </script>")
     with pytest.MonkeyPatch.context() as patch:
+        shorten_trials(patch)
         # few parts and filters, but for sizes that are off: what is told of them has more digits
         if kind != "off":
             patch.setattr(gauging_summary, "FEWEST_SIZES", 200)

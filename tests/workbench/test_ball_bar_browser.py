@@ -22,8 +22,21 @@ def test_the_command_says_what_was_asked_and_nothing_else(tmp_path):
     bench = Bench(tmp_path)
     files = [tmp_path / "circles" / "a.csv"]
     assert ball_bar_command(tmp_path, bench.ball_bar, files) == ("ballbar", "circles/a.csv", "--out", "ballbar")
-    bench.choose_ball_bar(radius=100.0, lead="X=10 Y=5")
-    words = ("ballbar", "circles/a.csv", "--radius", "100.0", "--lead", "X=10", "--lead", "Y=5", "--out", "ballbar")
+    bench.choose_ball_bar(radius=100.0, lead="X=10 Y=5", reset_time="X=20")
+    words = (
+        "ballbar",
+        "circles/a.csv",
+        "--radius",
+        "100.0",
+        "--lead",
+        "X=10",
+        "--lead",
+        "Y=5",
+        "--reset-time",
+        "X=20",
+        "--out",
+        "ballbar",
+    )
     assert ball_bar_command(tmp_path, bench.ball_bar, files) == words
 
 

@@ -32,8 +32,7 @@ ANSWERED = """async (asked) => {
 }"""
 HAS_PLACE = "(text) => [...document.querySelectorAll('#sensors-wishes .place input')].some((one) => one.value === text)"
 VALUES = "([name, trace]) => Array.from(document.querySelector(`#sensors-${name} .js-plotly-plot`).data[trace].x)"
-N_COEFFICIENTS = """document.querySelector("#sensors-coefficients .js-plotly-plot").data.slice(0, 2)
-  .reduce((n, trace) => n + trace.x.length, 0)"""
+N_SHOWN = "document.querySelector('#sensors-facts dd').textContent.split(',').length"
 
 
 @pytest.fixture
@@ -65,7 +64,7 @@ def page(browser, bench):
     opened.goto(server.access.address)
     opened.locator("#to-sensors").click()
     opened.locator("#sensors-facts dd").first.wait_for()
-    for name in ("tree", "machine", "sets", "runs", "coefficients", "faults"):
+    for name in ("tree", "machine", "sets", "runs"):
         opened.locator(f"#sensors-{name} .main-svg").first.wait_for()
     yield opened
     opened.close()
@@ -79,13 +78,12 @@ def point(page, name, trace, number, axis="xaxis"):
     return page.evaluate(POINT, [name, trace, number, axis])
 
 
-def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench):
+def test_the_keyboard_moves_groups_errors_and_command_together(page, bench):
     def shown():
         return {
             "groups": page.locator("#sensors-groups tbody tr").count(),
             "set": page.locator("#sensors-facts dd").first.inner_text(),
-            # those that are clearly not zero, and the others
-            "coefficients": [v for trace in (0, 1) for v in page.evaluate(VALUES, ["coefficients", trace])],
+            "errors": page.evaluate(VALUES, ["runs", 1]),
             "command": page.locator("#command").inner_text(),
         }
 
@@ -94,18 +92,17 @@ def test_the_keyboard_moves_groups_coefficients_and_command_together(page, bench
     page.keyboard.press("Home")
     page.locator("#sensors-groups tbody tr").first.wait_for()
     page.get_by_text("1 group", exact=True).wait_for()
-    page.wait_for_function(N_COEFFICIENTS + " === 1")
+    page.wait_for_function(N_SHOWN + " === 1")
     coarse = shown()
     page.keyboard.press("End")
     page.get_by_text("7 groups", exact=True).wait_for()
-    page.wait_for_function(N_COEFFICIENTS + " > 1")
+    page.wait_for_function(N_SHOWN + " > 1")
     page.locator("#command").get_by_text("--lambda 1.0").wait_for()
     fine = shown()
     assert (coarse["groups"], fine["groups"]) == (1, 7)
-    assert len(coarse["coefficients"]) == 1 < len(fine["coefficients"])
+    assert coarse["errors"] != fine["errors"]
     assert coarse["command"] != fine["command"]
     assert "--lambda 1.0" in fine["command"]
-    assert fine["set"].count(",") + 1 == len(fine["coefficients"])
 
     page.locator("#sensors-level").fill("0.9")
     page.locator("#sensors-level").press("Enter")

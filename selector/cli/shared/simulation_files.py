@@ -212,23 +212,23 @@ def require_places(
         )  # fmt: skip
 
 
-def require_page_place(report: Path) -> None:
-    """Find out before long work whether the page can be written.
+def require_page_place(report: Path, option: str = "--report") -> None:
+    """Find out before long work whether the page that an option names can be written.
 
     Raises OptionError: the name does not end in .html, or its place cannot be written to.
     """
     if report.is_dir():
         raise OptionError(
             "a folder of this name exists", expected="a file that ends in .html, or a name that is free",
-            where=f"--report {report}", advice=f"choose another name, e.g. --report {report / 'run1.html'}",
+            where=f"{option} {report}", advice=f"choose another name, e.g. {option} {report / 'run1.html'}",
         )  # fmt: skip
     if report.suffix.lower() not in (".html", ".htm"):
         raise OptionError(
-            f"{report.name!r}", expected="a file that ends in .html", where="--report",
-            advice="name the page, e.g. --report run1.html",
+            f"{report.name!r}", expected="a file that ends in .html", where=option,
+            advice=f"name the page, e.g. {option} run1.html",
         )  # fmt: skip
-    _refuse_broken_link(report, "--report")
-    require_writable_folder(report.parent, "--report")
+    _refuse_broken_link(report, option)
+    require_writable_folder(report.parent, option)
 
 
 @contextmanager

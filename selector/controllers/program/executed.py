@@ -26,12 +26,6 @@ class PythonText(Language):
             prefixes={"input": place, "output": place, "kept": place, "retained": place},
         )
 
-    def initial(self, variable: Variable) -> str:
-        """The literal of the initial value of a variable."""
-        if variable.kind == "flag":
-            return self.flag(bool(variable.initial))
-        return str(int(variable.initial)) if variable.kind == "code" else self.real(float(variable.initial))
-
 
 class _Typed(PythonText):
     """Every literal is a number of the type in which the program calculates, made once."""

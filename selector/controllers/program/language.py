@@ -288,6 +288,12 @@ class Language:
         """An integer literal."""
         return str(value)
 
+    def initial(self, variable: Variable) -> str:
+        """The literal of the initial value of a variable."""
+        if variable.kind == "real":
+            return self.real(float(variable.initial))
+        return self.flag(bool(variable.initial)) if variable.kind == "flag" else self.code(int(variable.initial))
+
     def name(self, variable: Variable) -> str:
         """A variable as it is written inside the program."""
         return self.prefixes.get(variable.place, "") + variable.name

@@ -12,7 +12,13 @@ from fractions import Fraction
 from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test_of_block
+from selector.controllers.writers.exported import (
+    Exported,
+    ExportRefusedError,
+    heading,
+    require_own_axes,
+    sign_test_of_block,
+)
 from selector.controllers.writers.structured_text import tcpou_export
 
 ADS_TABLE = "temp_comp_ads.txt"
@@ -85,12 +91,13 @@ def ads_offset(axis_id: int, number: int) -> int:
 
 
 def _axes(model: ModelFile) -> list[str]:
+    require_own_axes(model, "TwinCAT CNC axis lists, outputs")
     axes: list[str] = []
     for output in model.outputs:
         axis = output.axis
-        if axis is None or axis in axes:
+        if axis is None:
             raise ExportRefusedError(
-                f"output {output.name} has " + ("no axis" if axis is None else f"the axis {axis}, as another"),
+                f"output {output.name} has no axis",
                 expected="one axis for one output",
                 where="TwinCAT CNC axis lists, outputs",
                 advice="name the axis of the output in the model file, or leave the output out",

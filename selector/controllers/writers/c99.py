@@ -111,7 +111,7 @@ def c_core(program: Program, precision: Precision) -> tuple[list[str], list[str]
     """(declarations of temporaries, initial assignments, body) for a struct pointer ``m``."""
     language = _C(precision)
     temporaries = [f"    {_type(one, precision)} {one.name};" for one in program.of("temporary")]
-    initial = [f"    m->{one.name} = {_initial(one, language)};" for one in _members(program)]
+    initial = [f"    m->{one.name} = {language.initial(one)};" for one in _members(program)]
     return temporaries, initial, list(language.lines(program.body, 1))
 
 
@@ -133,10 +133,6 @@ def _members(program: Program) -> Sequence[Variable]:
 
 def _type(variable: Variable, precision: Precision) -> str:
     return precision if variable.kind == "real" else "int"
-
-
-def _initial(variable: Variable, language: _C) -> str:
-    return language.real(variable.initial) if variable.kind == "real" else str(int(variable.initial))
 
 
 def _header(program: Program, precision: Precision, name: str) -> list[str]:

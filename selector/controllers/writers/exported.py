@@ -20,6 +20,21 @@ _UNLESS = (
 )
 
 
+def require_own_axes(model: ModelFile, where: str) -> None:
+    """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them."""
+    taken: dict[str, str] = {}
+    for output in model.outputs:
+        axis = (output.axis or "").upper()
+        if axis and axis in taken:
+            raise ExportRefusedError(
+                f"outputs {taken[axis]} and {output.name} both correct axis {output.axis}",
+                expected="one output for one axis",
+                where=where,
+                advice="leave one of them out, or name the axis that it moves in the model file",
+            )
+        taken[axis] = output.name
+
+
 @dataclass(frozen=True)
 class Commanded:
     """The test of one output."""

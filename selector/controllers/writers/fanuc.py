@@ -32,12 +32,13 @@ from selector.controllers.program.language import (
     Variable,
     plain,
 )
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, sign_test
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
-#: Of a literal; the model has its inputs centred and scaled, so that 12 digits cost 1e-10 µm at 100 µm.
-SIGNIFICANT_DIGITS = 12
+#: Of a literal: as many as older controls take. The model has its inputs centred and scaled, so
+#: that they cost 1e-6 µm at 100 µm.
+SIGNIFICANT_DIGITS = 8
 
 
 def literal(value: float) -> str:
@@ -51,12 +52,13 @@ def literal(value: float) -> str:
             where="FANUC custom macro B",
             advice="find out which coefficient, centre or scale of the model file is so large or small",
         )
-    if 0.1 <= abs(value) < 1e9:
+    if 0.1 <= abs(value) < 10 ** (SIGNIFICANT_DIGITS - 1):
         return _with_point(f"{value:.{SIGNIFICANT_DIGITS}g}")
     mantissa, exponent = f"{value:.{SIGNIFICANT_DIGITS - 1}e}".split("e")
     mantissa = _with_point(mantissa.rstrip("0"))
     power, sign = abs(int(exponent)), "/" if int(exponent) < 0 else "*"
-    steps = [min(10, power - done) for done in range(0, power, 10)]
+    most = SIGNIFICANT_DIGITS - 1
+    steps = [min(most, power - done) for done in range(0, power, most)]
     return f"[{mantissa}{''.join(f'{sign}1{0:0{step}d}.' for step in steps)}]"
 
 
@@ -439,11 +441,11 @@ def _program(model: ModelFile, names: MacroVariables, left_out: Sequence[str], *
 
 def _axes(model: ModelFile) -> dict[str, str]:
     axes = {output.name: (output.axis or "").upper() for output in model.outputs}
+    require_own_axes(model, "FANUC custom macro B, outputs")
     for name, axis in axes.items():
-        is_shared = list(axes.values()).count(axis) > 1
-        if len(axis) != 1 or axis not in LINEAR_AXES or is_shared:
+        if len(axis) != 1 or axis not in LINEAR_AXES:
             raise ExportRefusedError(
-                f"output {name} has " + (f"the axis {axis}" if axis else "no axis") + (", as another" * is_shared),
+                f"output {name} has " + (f"the axis {axis}" if axis else "no axis"),
                 expected=f"one linear axis ({', '.join(LINEAR_AXES)}) for one output",
                 where="FANUC custom macro B, outputs",
                 advice="name the axis of the output in the model file, or leave the output out",

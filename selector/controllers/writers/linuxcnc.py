@@ -1,6 +1,5 @@
 """LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 from selector.controllers.evaluator import axes_of
@@ -10,7 +9,7 @@ from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_core, c_members
-from selector.controllers.writers.exported import Exported, heading, sign_test
+from selector.controllers.writers.exported import Exported, heading, require_own_axes, sign_test
 from selector.findings import Finding
 
 NAME = "thermcorr"
@@ -83,6 +82,7 @@ class Pin:
 
 def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """The component, its wiring, and two files that keep start readings while LinuxCNC is closed."""
+    require_own_axes(model, "LinuxCNC axis offsets, outputs")
     wired, findings = _wired_axes(model)
     axes = "".join(f" [AXIS_{letter.upper()}]" for letter in wired.values())
     offsets = {k: f"axis.{letter}.eoffset" for k, letter in wired.items()}
@@ -309,13 +309,12 @@ def _given_back(kept: list[Pin], inputs: int, at: str) -> list[str]:
 def _wired_axes(model: ModelFile) -> tuple[dict[int, str], tuple[Finding, ...]]:
     """Number of the output → letter of its axis in LinuxCNC; a finding for each that is not wired."""
     letters = {k: (output.axis or "").lower() for k, output in enumerate(model.outputs, start=1)}
-    often = Counter(letters.values())
     wired, findings = {}, []
     for (k, letter), output in zip(letters.items(), model.outputs, strict=True):
-        if len(letter) == 1 and letter in _LINEAR_AXES and often[letter] == 1:
+        if len(letter) == 1 and letter in _LINEAR_AXES:
             wired[k] = letter
             continue
-        findings.append(_not_wired(k, output, is_double=letter in _LINEAR_AXES and often[letter] > 1))
+        findings.append(_not_wired(k, output))
     for k, axis in enumerate(axes_of(model), start=1):
         if not _is_axis(axis):
             findings.append(
@@ -329,13 +328,8 @@ def _wired_axes(model: ModelFile) -> tuple[dict[int, str], tuple[Finding, ...]]:
     return wired, tuple(findings)
 
 
-def _not_wired(k: int, output: Output, *, is_double: bool) -> Finding:
-    if not output.axis:
-        why = "the model names no axis for it"
-    elif is_double:
-        why = f"several outputs of the model are for axis {output.axis}"
-    else:
-        why = f"{output.axis!r} is no linear axis of LinuxCNC"
+def _not_wired(k: int, output: Output) -> Finding:
+    why = f"{output.axis!r} is no linear axis of LinuxCNC" if output.axis else "the model names no axis for it"
     return FINDINGS.finding(
         "axis-not-wired",
         f"The correction for {output.name} is on the pin correction-{k}, but moves nothing: {why}.",

@@ -12,7 +12,7 @@ from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import Exported, sign_test_of_block
+from selector.controllers.writers.exported import Exported, require_own_axes, sign_test_of_block
 from selector.controllers.writers.structured_text import (
     BLOCK,
     NAME,
@@ -44,6 +44,7 @@ LARGEST_SLOPE = STEP_MM / (VELOCITY_MM_PER_MIN / 60.0 * IPO_S)
 
 def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """SCL in REAL, the setting data in their units, and a table of what to set on the control."""
+    require_own_axes(model, "SINUMERIK setting data, outputs")
     head = head_lines(model, is_sign_verified=is_sign_verified)
     return Exported(
         files={
@@ -180,7 +181,6 @@ def _limit_findings(model: ModelFile) -> Iterator[Finding]:
 
 
 def _axis_findings(model: ModelFile) -> Iterator[Finding]:
-    taken: dict[str, str] = {}
     for output in model.outputs:
         axis, part = _axis(output), output.position
         if output.axis is None:
@@ -190,14 +190,6 @@ def _axis_findings(model: ModelFile) -> Iterator[Finding]:
                 f"{axis} for its name.",
                 evidence={"output": output.name},
             )
-        if axis in taken:
-            yield FINDINGS.finding(
-                "axis-corrected-twice",
-                f"{taken[axis]} and {output.name} both correct axis {axis}, but it has one K0 and one slope: what is "
-                "written last wins.",
-                evidence={"axis": axis, "outputs": [taken[axis], output.name]},
-            )
-        taken.setdefault(axis, output.name)
         if part is not None and not has_own_line(output):
             yield FINDINGS.finding(
                 "position-of-another-axis",

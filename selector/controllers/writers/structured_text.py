@@ -11,17 +11,7 @@ import numpy as np
 
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.program.language import (
-    Code,
-    Expression,
-    Flag,
-    Language,
-    Place,
-    Program,
-    Real,
-    Variable,
-    plain,
-)
+from selector.controllers.program.language import Language, Place, Program, Variable, plain
 from selector.controllers.writers.exported import Exported, heading, sign_test_of_block
 from selector.errors import OptionError
 
@@ -114,12 +104,6 @@ class StructuredText(Language):
     def type(self, variable: Variable) -> str:
         """The type of a variable."""
         return {"real": self.real_type, "flag": "BOOL", "code": "INT"}[variable.kind]
-
-    def initial(self, variable: Variable) -> str:
-        """The literal of its initial value."""
-        value = variable.initial
-        kinds: dict[str, Expression] = {"real": Real(value), "flag": Flag(bool(value)), "code": Code(int(value))}
-        return self.expression(kinds[variable.kind])
 
 
 def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:

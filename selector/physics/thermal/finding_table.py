@@ -32,6 +32,8 @@ gain-uncertain [warning] the error may be as large as the movement predicted: a 
 ambient-not-used [info] the duty cycle has a temperature of which the tests do not show that it drives a displacement
 unplanned-stop [warning] by the thermometers of the day the spindle stood when the plan says that it turns
     → correct by the course of the readings, not by the plan
+day-begins-late [warning] the day's clock does not begin at 0; its first reading was taken as the start of the cycle
+    → cut the recording where the duty cycle begins
 readings-off-plan [warning] no stop makes the readings of the day fit the plan
     → check speeds, hall and thermometers of that day; do not correct by it
 start-not-at-rest [info, warning] a run does not begin at rest and cold; the state at its start is fitted too

@@ -9,6 +9,7 @@ from selector.json_text import fields_of
 from selector.number_text import number_text
 from selector.physics.drive.ball_bar.causes import Amount, Cause, CircleCauses, FeedCauses
 from selector.physics.drive.ball_bar.circle import BallBarTrace
+from selector.physics.drive.ball_bar.compensation import Compensations
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness, paired
 from selector.physics.drive.drive_summary import DriveSummary
 from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
@@ -208,14 +209,49 @@ def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float] | None) -> di
     return told if wind_up_m is None else told | {"wind_up_um": _MICRO * wind_up_m.get(cause.axis or "", 0.0)}
 
 
+def compensation_table(needed: Compensations) -> Captioned:
+    """What the control needs to take the causes away."""
+    rows: list[tuple[str | float | None, ...]] = [
+        (f"backlash compensation of {axis}", amount_text(amount), None, "at every reversal")
+        for axis, amount in needed.backlash.items()
+    ]
+    if needed.delay is not None:
+        ahead, amount = needed.delay
+        rows.append((f"delay of {ahead}, which is ahead", amount_text(amount), None, "always; or gains made alike"))
+    for one in needed.pulses:
+        where = f"{_feed(one.feed_mm_per_min)} mm/min, {number_text(one.acceleration_m_per_s2)} m/s² at the reversal"
+        size = None if one.amplitude_mm_per_min is None else f"{number_text(one.amplitude_mm_per_min)} mm/min"
+        rows.append((f"speed pulse of {one.axis}", size, amount_text(one.height_um), where))
+    note = (
+        "For compensations that were off in the test. The pulse, amplitude · exp(−t / reset time) of set speed in the "
+        "new direction when the axis turns, needs --reset-time, two feeds, and no feed-forward. Begin with half of "
+        "it, and measure again."
+    )
+    return Captioned(
+        "For the compensations of the control",
+        table(["compensation", ">value", ">against a spike of", "where"], rows, note),
+    )
+
+
+def _compensation_data(needed: Compensations) -> dict[str, Any]:
+    return {
+        "backlash": {axis: dict(vars(one)) for axis, one in needed.backlash.items()},
+        "delay": None if needed.delay is None else {"axis": needed.delay[0], **vars(needed.delay[1])},
+        "pulses": [vars(one) | {"height_um": dict(vars(one.height_um))} for one in needed.pulses],
+    }
+
+
 def measured_circles_account(
     summary: DriveSummary,
+    needed: Compensations,
     read: Sequence[tuple[BallBarTrace, str, Sequence[str], bool]],
     findings: Sequence[Finding],
     *,
     drawn: bool = False,
 ) -> Account:
-    """All that is told of measured circles; `read`: each with its file, its columns, and whether it was turned round.
+    """All that is told of measured circles, and what is `needed` of the control.
+
+    `read`: each circle with its file, its columns, and whether it was turned round.
 
     The summary of measured circles has neither axes nor loops, and no wind-up. A page is `drawn`.
     """
@@ -245,11 +281,12 @@ def measured_circles_account(
         front=tuple(pictures[:1]),
         sections=sections(
             section("round", "How round, and why", quantities, overall, *pictures[1:]),
+            section("control", "", compensation_table(needed), link="Compensations") if needed.any else None,
             section("causes", "Causes at each feed", *of_feeds),
             section("findings", "All findings", Remarks(remarks_of(findings))) if findings else None,
             section("read", "What was read", Captioned("Circles", table(columns, rows), on_screen=False)),
         ),
-        brief=("round",),
+        brief=("round", "control"),
         data={
             "schema": "selector.ballbar/1",
             "radius_mm": radius_mm,
@@ -266,6 +303,7 @@ def measured_circles_account(
                 for one, file, columns, is_turned in read
             ],
             **(ball_bar_data(summary) or {}),
+            "compensation": _compensation_data(needed),
             "findings": [one.as_dict() for one in findings],
         },
     )

@@ -37,6 +37,7 @@ def _boxes(bench: Bench) -> Boxes:
         size("feed", "mm/min, of all circles; empty: as the files say"),
         Box("axes", FIELDS["--axes"], "that at 0° and that at 90°, e.g. X,Y"),
         Box("lead", FIELDS["--lead"], "mm, e.g. X=10 Y=10; empty: the wavelength of the pitch is searched"),
+        Box("reset_time", FIELDS["--reset-time"], "ms, e.g. X=20 Y=20: how strong pulses at the reversals have to be"),
     )
     return Boxes(ID, boxes, lambda: bench.ball_bar, bench.choose_ball_bar)
 

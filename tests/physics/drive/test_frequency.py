@@ -8,7 +8,7 @@ import pytest
 
 from selector.errors import InputError
 from selector.physics.drive.loop.closed_loop import loop_poles
-from selector.physics.drive.loop.stability import frequency_response, frozen, loop_figures, stability
+from selector.physics.drive.loop.stability import _near_crossover, frequency_response, frozen, loop_figures, stability
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_servo, thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
@@ -54,6 +54,25 @@ def test_gain_margin_is_the_factor_that_makes_it_unstable(sample_s):
     told = control.stability_margins(whole)
     assert figures.gain_margin_db == pytest.approx(20 * math.log10(told[0]), abs=0.01)
     assert figures.phase_margin_deg == pytest.approx(told[1], abs=0.02)
+
+
+@pytest.mark.parametrize(("gain_per_s", "crossings"), [(0.1, 0), (5.0, 1), (40.0, 3)])
+def test_frequencies_near_the_crossings_give_the_phase_margin_of_all(gain_per_s, crossings):
+    import control
+
+    rad = np.geomspace(1.0, 1e4, 4000)
+    s = 1j * rad
+    # a resonance at 300/s, 25 times as high as what it stands on
+    response = gain_per_s / s * 300.0**2 / (s**2 + 2 * 0.02 * 300.0 * s + 300.0**2)
+    assert np.count_nonzero(np.diff(np.abs(response) > 1.0)) == crossings
+    near = _near_crossover(response)
+    assert np.count_nonzero(near) < 400
+    whole, told = (
+        control.stability_margins(control.frd(response[chosen], rad[chosen], smooth=True))
+        for chosen in (slice(None), near)
+    )
+    # margin and frequency: but for rounding
+    assert (told[1], told[4]) == pytest.approx((whole[1], whole[4]), rel=1e-12, nan_ok=True)
 
 
 @pytest.mark.parametrize("sample_s", [0.0, 1e-3])

@@ -18,6 +18,7 @@ from selector.physics.gauging.model_file import checked_model_file, read_model_f
 from selector.physics.gauging.process import Grinding, Noise, Stage
 from selector.physics.gauging.sizes import sizes_by_formula
 from selector.physics.model_text import plain_values
+from tests.physics.gauging.quick_trials import shorten_trials
 from tests.physics.gauging.test_model_file import LINEAR, changed
 
 FIXTURES = Path(__file__).resolve().parents[3] / "fixtures" / "gauging"
@@ -27,11 +28,8 @@ TOLERANCE = ("tolerance", {"lower_um": -2.0, "upper_um": 2.0})
 
 @pytest.fixture(scope="module", autouse=True)
 def _quick_trials():
-    """Half the filters, a tenth of the parts of each setting."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selector.physics.gauging.gauging_summary._TRIAL", (1_000_000, 200))
-        patch.setattr("selector.physics.gauging.gauging_summary._FEW", (300_000, 50))
-        patch.setattr("selector.physics.gauging.gauging_advice._FILTERS", 6)
+        shorten_trials(patch)
         yield
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 from dataclasses import replace
@@ -300,15 +299,6 @@ class TestFromTheCommandLine:
         assert "Expected" in err
         assert "What to do" in err
         return " ".join(err.split())
-
-    def test_the_example_makes_a_recording_and_a_page(self, folder, capfd):
-        command = ["simulate", "thermal", "c-frame.toml", "--out", "a.csv", "--report", "a.html", "--json"]
-        assert exit_status(command) == 0
-        out, err = capfd.readouterr()
-        told = json.loads(out)
-        assert told["files"] == ["a.csv", "a.machine.toml"]
-        assert "the surface is up to" in (folder / "a.html").read_text(encoding="utf-8")
-        assert not err
 
     @pytest.mark.parametrize("name", ["../c-frame.msh", "/etc/hostname", "link.msh"])
     def test_a_mesh_elsewhere(self, folder, capfd, name):

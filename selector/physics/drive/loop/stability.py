@@ -33,6 +33,7 @@ _NEAR = np.geomspace(1e-9, 0.5, 60)  #: Distances from a resonance, as a share o
 _NO_PHASE = 1e-11  #: Sine of an angle that is rounding.
 _RIGHT_ANGLE = 0.7  #: Sine of an angle that is nearer to a right one than to 0.
 _HALVINGS = 60
+_KNOTS = 50  #: Of a cubic spline; what stands farther off moves it by less than rounding, a quarter as much a knot.
 
 
 @dataclass(frozen=True)
@@ -187,10 +188,25 @@ def loop_figures(axis: Axis) -> LoopFigures:
     gain_db, gain_hz = _gain_margin(axis, poles)
     # from the response itself: crossings of polynomials are too inexact in z, and where numbers are far apart
     rad = 2.0 * math.pi * frequency_hz
-    opened = control.frd(loop_response(axis, rad).opened_position_loop(axis), rad, smooth=True)
+    response = loop_response(axis, rad).opened_position_loop(axis)
+    near = _near_crossover(response)
+    opened = control.frd(response[near], rad[near], smooth=True)
     _, phase, _, _, phase_rad, _ = control.stability_margins(opened)
     phase_hz = float(phase_rad) / (2.0 * math.pi)
     return LoopFigures(bandwidth_hz, peak, peak_hz, gain_db, float(phase), gain_hz, phase_hz)
+
+
+def _near_crossover(response: Response) -> NDArray[np.bool_]:
+    """Which frequencies stand near one where the amplitude passes 1; the first ones if none does.
+
+    A phase margin needs no others, and python-control evaluates its spline singly at each that it is given.
+    """
+    beyond = np.abs(response) > 1.0
+    passed = np.flatnonzero(beyond[1:] != beyond[:-1])
+    near = np.zeros(len(response), dtype=np.bool_)
+    for at in passed if len(passed) else [0]:
+        near[max(at - _KNOTS, 0) : at + _KNOTS + 2] = True
+    return near
 
 
 def frozen(axis: Axis, course: ParameterCourse, time_s: float) -> Axis:

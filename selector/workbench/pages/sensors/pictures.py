@@ -8,15 +8,6 @@ import plotly.graph_objects as go
 
 from selector.figures import style
 from selector.figures.grouping import CutShown, group_colours, tree_changes, tree_picture, tree_title
-from selector.figures.model import (
-    TermShown,
-    coefficient_changes,
-    coefficients_picture,
-    coefficients_title,
-    fault_changes,
-    faults_picture,
-    faults_title,
-)
 from selector.figures.places import machine_changes, machine_picture
 from selector.figures.proof import (
     KINDS,
@@ -30,19 +21,16 @@ from selector.figures.proof import (
 )
 from selector.figures.style import Changes, changed
 from selector.number_text import number_text
-from selector.selection.exploration import NORMAL_95, FixedModel
 from selector.sensors.groups import Dendrogram, dendrogram
 from selector.workbench.live import View
 from selector.workbench.pages.sensors.machine import Pins
 
-NAMES = ("sets", "runs", "tree", "machine", "coefficients", "faults")
+NAMES = ("sets", "runs", "tree", "machine")
 NOTES = {
     "sets": "Each point is a set of sensors. Click one, or move the dial above, to take it.",
     "tree": "Dashed: λ. Colours: groups; grey: sensors that are alone.",
     "machine": "Colours as in the tree; rings: the set that is shown. Drag a pin to where its sensor sits.",
     "runs": "Each run predicted by coefficients that were fitted without it; the sensors are fixed.",
-    "coefficients": "Per standard deviation of a reading, with 95 % intervals from leaving each run out in turn.",
-    "faults": "Largest change of the correction over the recorded samples.",
 }
 UNUSED = "#d4d4d4"
 _HEIGHT = 300
@@ -52,12 +40,9 @@ _MARGINS = {
     "machine": {"t": 10, "b": 84, "l": 56, "r": 10},
     "sets": {"t": 10, "b": 96, "l": 60, "r": 14},
     "runs": {"t": 24, "b": 76, "l": 90, "r": 110},
-    "coefficients": {"t": 10, "b": 84, "r": 14},
-    "faults": {"t": 10, "b": 52, "r": 14},
 }
 #: Width of a letter of a name, bold ones included, and what stands beside a name.
 _LETTER_PX, _BESIDE_LETTERS_PX = 6.7, 24
-_LONGEST_TERM = 18
 _LONGEST_BESIDE_PIN = 20  #: Two views stand side by side.
 
 
@@ -71,16 +56,12 @@ def frames(view: View, pins: Pins, photos: Mapping[str, str]) -> dict[str, go.Fi
         "machine": machine_picture(pins.names, pins.points_m, pins.outline_m, "", photos, _LONGEST_BESIDE_PIN),
         "sets": set_errors_picture(_HEIGHT),
         "runs": run_errors_picture(_runs(view), ""),
-        "coefficients": coefficients_picture(_HEIGHT, ""),
-        "faults": faults_picture(1, _HEIGHT, ""),
     }
     filled = {name: changed(drawn[name], what) for name, what in _changes(view, pins, tree).items()}
     for one in filled.values():
         # the page gives the width; titles are headings
         one.update_layout(title=None, width=None, height=None, autosize=True)
         one.update_layout(legend={"yref": "container", "y": 0.0, "yanchor": "bottom"})
-    # two lines each, which lie across
-    filled["faults"].update_xaxes(tickangle=0)
     for name, margin in (_MARGINS | _name_margins(view)).items():
         # margins that follow the labels would lay every picture out twice
         filled[name].update_layout(margin={**_MARGINS[name], **margin})
@@ -100,12 +81,7 @@ def _name_margins(view: View) -> dict[str, dict[str, float]]:
     def room(n: int) -> float:
         return _BESIDE_LETTERS_PX + _LETTER_PX * n
 
-    return {
-        "tree": {"r": room(letters)},
-        "coefficients": {"l": room(1 + min(letters, _LONGEST_TERM))},
-        "faults": {"l": room(letters)},
-        "runs": {"l": max(_MARGINS["runs"]["l"], room(runs))},
-    }
+    return {"tree": {"r": room(letters)}, "runs": {"l": max(_MARGINS["runs"]["l"], room(runs))}}
 
 
 def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...], Any]]]:
@@ -116,7 +92,6 @@ def moved(view: View, pins: Pins) -> dict[str, list[tuple[tuple[str | int, ...],
 
 def titles(view: View) -> dict[str, str]:
     """What every picture says now, as text that is no markup."""
-    model = view.fixed.models[view.response]
     kind = KINDS[view.exploration.parts]
     said = {
         "tree": tree_title(_cut(view)),
@@ -124,8 +99,6 @@ def titles(view: View) -> dict[str, str]:
         + style.listed(view.fixed.sensors),
         "sets": f"{style.label(view.response)}: error of sets on left-out {kind}",
         "runs": run_errors_title(view.response, _runs(view), kind),
-        "coefficients": coefficients_title(view.response, _terms(view, model)),
-        "faults": faults_title(view.faults),
     }
     return {name: html.unescape(title) for name, title in said.items()}
 
@@ -137,14 +110,11 @@ def _changes(view: View, pins: Pins, tree: Dendrogram) -> dict[str, Changes]:
     colour_of = {sensors[i]: colour for i, colour in group_colours(tree, cut.groups).items()}
     usable = {name: colour_of.get(name, style.MUTED) for name in sensors}
     colours = [usable.get(name, UNUSED) for name in pins.names]
-    model = view.fixed.models[view.response]
     return {
         "tree": tree_changes(tree, sensors, cut, is_live=True),
         "machine": machine_changes(pins.names, colours, view.fixed.sensors),
         "sets": _set_changes(view),
         "runs": run_error_changes(view.response, _runs(view)),
-        "coefficients": coefficient_changes(view.response, _terms(view, model)),
-        "faults": fault_changes(view.fixed.sensors, [view.response], view.faults),
     }
 
 
@@ -163,15 +133,6 @@ def _set_changes(view: View) -> Changes:
 
 def _runs(view: View) -> list[RunError]:
     return [RunError(part.name, part.before_rmse_um, part.rmse_um) for part in view.fixed.models[view.response].parts]
-
-
-def _terms(view: View, model: FixedModel) -> list[TermShown]:
-    sign = "Δ" if view.exploration.question.options.reference == "rise" else ""
-    names = [sign + style.label(one.sensor, _LONGEST_TERM) for one in model.coefficients]
-    return [
-        TermShown(name, one.per_deviation_um, NORMAL_95 * one.per_deviation_error_um, one.vif)
-        for name, one in zip(names, model.coefficients, strict=True)
-    ]
 
 
 def _cut(view: View) -> CutShown:
