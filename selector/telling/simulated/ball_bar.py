@@ -212,14 +212,13 @@ def _lost_motion_data(cause: Cause, wind_up_m: Mapping[str, float] | None) -> di
 def compensation_table(needed: Compensations) -> Captioned:
     """What the control needs to take the causes away."""
     rows: list[tuple[str | float | None, ...]] = [
-        (f"backlash compensation of {axis}", amount_text(amount), None, "at every reversal")
-        for axis, amount in needed.backlash.items()
+        (f"backlash of {axis}", amount_text(amount), None, "every reversal") for axis, amount in needed.backlash.items()
     ]
     if needed.delay is not None:
         ahead, amount = needed.delay
-        rows.append((f"delay of {ahead}, which is ahead", amount_text(amount), None, "always; or gains made alike"))
+        rows.append((f"delay of {ahead}, ahead", amount_text(amount), None, "always"))
     for one in needed.pulses:
-        where = f"{_feed(one.feed_mm_per_min)} mm/min, {number_text(one.acceleration_m_per_s2)} m/s² at the reversal"
+        where = f"{_feed(one.feed_mm_per_min)} mm/min, {number_text(one.acceleration_m_per_s2)} m/s²"
         size = None if one.amplitude_mm_per_min is None else f"{number_text(one.amplitude_mm_per_min)} mm/min"
         rows.append((f"speed pulse of {one.axis}", size, amount_text(one.height_um), where))
     note = (
@@ -228,8 +227,7 @@ def compensation_table(needed: Compensations) -> Captioned:
         "it, and measure again."
     )
     return Captioned(
-        "For the compensations of the control",
-        table(["compensation", ">value", ">against a spike of", "where"], rows, note),
+        "For the compensations of the control", table(["compensation", ">value", ">of spike", "where"], rows, note)
     )
 
 
