@@ -98,8 +98,6 @@ class RunAxis:
             style.words(drawn, text, start / seconds, 1.0, **above)
 
 
-_BAR_PX = 28
-_MOST_BARS = 10
 _MOST_EFFECTS = 4
 _LONGEST_ID = 34
 

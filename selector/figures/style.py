@@ -120,9 +120,6 @@ def bars(drawn: go.Figure, x: Any, y: Any, colour: Any, name: Any = None, hover:
     drawn.add_bar(x=x, y=y, orientation="h", name=name, marker={"color": colour}, **hovered(hover), **more)
 
 
-TOLD_BARS: Mapping[str, Any] = {"textposition": "outside", "cliponaxis": False}  #: Bars with a text at their ends.
-
-
 def hovered(hover: str | None) -> dict[str, str]:
     """What hovering over a trace shows: this text alone, or nothing."""
     if hover is None:
