@@ -73,7 +73,7 @@ def ballbar(
     )
     read, findings = read_circles(files, asked)
     traces = [one.trace for one in read]
-    if unknown := sorted(set(resets) - set(traces[0].axes)):
+    if unknown := sorted(set(resets) - set(traces[0].axes[:2])):
         raise _option(
             f"--reset-time {unknown[0]}", f"an axis of the test, {' or '.join(traces[0].axes[:2])}", "correct the name"
         )

@@ -495,10 +495,10 @@ def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
 OBSERVED = FIXTURES / "observed"
 
 
-def observed_day(capfd, *options):
+def observed_day(capfd, *options, readings=OBSERVED / "day.csv"):
     return run(
         capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
-        "--readings", OBSERVED / "day.csv", *options,
+        "--readings", readings, *options,
     )  # fmt: skip
 
 
@@ -526,10 +526,7 @@ def test_a_thermometer_that_hangs_makes_no_stop(capfd, tmp_path):
     day = pd.read_csv(OBSERVED / "day.csv")
     day["bearing"] = 25.0
     day.to_csv(tmp_path / "day.csv", index=False)
-    code, out, err = run(
-        capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
-        "--readings", tmp_path / "day.csv", "--json",
-    )  # fmt: skip
+    code, out, err = observed_day(capfd, "--json", readings=tmp_path / "day.csv")
     assert code == 0, err
     ids = [one["id"] for one in json.loads(out)["findings"]]
     assert "readings-off-plan" in ids
@@ -541,10 +538,7 @@ def test_a_thermometer_that_breaks_at_noon_leaves_the_other_one(capfd, tmp_path)
     day.loc[len(day) // 2 :, "bearing"] = 850.0
     day["t_min"] += 30  # and its clock was started before the cycle
     day.to_csv(tmp_path / "day.csv", index=False)
-    code, out, err = run(
-        capfd, OBSERVED / "tests", "--machine", OBSERVED / "machine.toml", "--cycle", CYCLES / "five_operations.csv",
-        "--readings", tmp_path / "day.csv", "--json",
-    )  # fmt: skip
+    code, out, err = observed_day(capfd, "--json", readings=tmp_path / "day.csv")
     assert code == 0, err
     document = json.loads(out)
     assert document["observed"]["thermometers"] == ["headstock"]

@@ -18,6 +18,14 @@ def test_the_pulse_of_a_height_is_the_one_that_makes_it(reset_s):
     assert pulse_m_per_s(height, 0.01, 40.0, reset_s) == pytest.approx(0.004, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("gain", "reset_s", "height", "acceleration"), [(4000.0, 2e-5, 4e-3, 4e-8), (0.1, 1e3, 1e-8, 1e2)]
+)
+def test_numbers_that_no_axis_has_end_in_a_pulse_too(gain, reset_s, height, acceleration):
+    pulse = pulse_m_per_s(height, acceleration, gain, reset_s)
+    assert spike_height_m(pulse, acceleration, gain, reset_s) == pytest.approx(height, rel=1e-6)
+
+
 def test_pulses_of_planted_circles_are_the_step_of_force_that_was_planted(tmp_path):
     planted = PlantedCircles(1)
     has = planted.drawn()

@@ -8,8 +8,6 @@ from scipy import optimize
 
 from selector.physics.drive.ball_bar.causes import RADIUS_GAIN, Amount, CircleCauses, FeedCauses
 
-_WIDEST = 1e4
-
 
 @dataclass(frozen=True)
 class ReversalPulse:
@@ -77,12 +75,12 @@ def pulse_m_per_s(height_m: float, acceleration_m_per_s2: float, gain_per_s: flo
     it turned until the controller has made up for the friction that turned over, A = 2F/Kvp; meanwhile it falls behind
     by a·t²/2. What it needs at once is a step of force, which A·exp(−t/Tn) at the input of a PI controller is.
     """
-    least = math.log(1e-3 * gain_per_s * height_m)
+    about = math.log(gain_per_s * height_m)
 
     def too_high(log_pulse: float) -> float:
         return spike_height_m(math.exp(log_pulse), acceleration_m_per_s2, gain_per_s, reset_s) - height_m
 
-    return math.exp(optimize.brentq(too_high, least, least + math.log(1e3 * _WIDEST)))
+    return math.exp(optimize.brentq(too_high, about - 7.0, about + 25.0, maxiter=1000))
 
 
 def spike_height_m(pulse_m_per_s: float, acceleration_m_per_s2: float, gain_per_s: float, reset_s: float) -> float:
@@ -96,7 +94,7 @@ def spike_height_m(pulse_m_per_s: float, acceleration_m_per_s2: float, gain_per_
     def lacking(t: float) -> float:
         return a * t * (1.0 + (kv + rate) * t / 2.0 + rate * kv * t * t / 6.0) - pulse_m_per_s
 
-    breaks_s = optimize.brentq(lacking, 0.0, pulse_m_per_s / a, xtol=1e-12)
+    breaks_s = optimize.brentq(lacking, 0.0, pulse_m_per_s / a, xtol=1e-12, maxiter=1000)
     behind = a * breaks_s**2 / 2.0
     pushed = a * breaks_s + kv * behind
     if math.isclose(kv, rate, rel_tol=1e-6):
