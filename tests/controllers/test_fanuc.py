@@ -248,6 +248,9 @@ def test_literals_have_no_exponent_and_no_more_than_eight_digits():
         macro.call()
         assert macro.variables[1] == pytest.approx(value, rel=5e-8)
     assert literal(0.0) == "0."
+    # a number of the model is compared: it stands there as it is
+    assert literal(float(0xFFFFFF)) == "16777215."
+    assert literal(99999999.6) == "[1.*10000000.*10.]"
     with pytest.raises(ExportRefusedError, match="1e-20"):
         literal(1e-30)
 

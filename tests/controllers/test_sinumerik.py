@@ -13,6 +13,7 @@ from selector.controllers import OutputLimits
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.parts import reference_answers
 from selector.controllers.replay.structured_text_executed import executable
+from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.sinumerik import (
     LARGEST_SLOPE,
     SETTINGS,
@@ -103,6 +104,14 @@ def test_what_a_spreadsheet_takes_for_a_formula_is_quoted():
 def test_every_name_is_one_that_step_7_takes():
     for program in (guarded_program(hostile.model()), setting_data_program(hostile.model())):
         assert max(len(one.name) for one in program.variables) <= LONGEST_NAME
+
+
+def test_an_output_without_an_axis_is_taken_for_that_of_its_name():
+    first, second = hostile.model().outputs
+    assert first.name != second.name
+    outputs = (first.model_copy(update={"axis": None, "name": "X9"}), second.model_copy(update={"axis": "x9"}))
+    with pytest.raises(ExportRefusedError, match="both correct axis X9"):
+        sinumerik_export(hostile.model().model_copy(update={"outputs": outputs, "fallbacks": ()}))
 
 
 def test_what_happens_without_an_alarm_is_said():

@@ -21,13 +21,16 @@ _UNLESS = (
 
 
 def require_own_axes(model: ModelFile, where: str) -> None:
-    """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them."""
+    """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them.
+
+    An output without an axis is taken for that of its name.
+    """
     taken: dict[str, str] = {}
     for output in model.outputs:
-        axis = (output.axis or "").upper()
-        if axis and axis in taken:
+        axis = (output.axis or output.name).upper()
+        if axis in taken:
             raise ExportRefusedError(
-                f"outputs {taken[axis]} and {output.name} both correct axis {output.axis}",
+                f"outputs {taken[axis]} and {output.name} both correct axis {axis}",
                 expected="one output for one axis",
                 where=where,
                 advice="leave one of them out, or name the axis that it moves in the model file",

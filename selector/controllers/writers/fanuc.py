@@ -36,8 +36,7 @@ from selector.controllers.writers.exported import Exported, ExportRefusedError, 
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
-#: Of a literal: as many as older controls take. The model has its inputs centred and scaled, so
-#: that they cost 1e-6 µm at 100 µm.
+#: Of a literal: as many as older controls take. The model has its inputs centred and scaled: they cost 1e-6 µm at 100.
 SIGNIFICANT_DIGITS = 8
 
 
@@ -52,8 +51,9 @@ def literal(value: float) -> str:
             where="FANUC custom macro B",
             advice="find out which coefficient, centre or scale of the model file is so large or small",
         )
-    if 0.1 <= abs(value) < 10 ** (SIGNIFICANT_DIGITS - 1):
-        return _with_point(f"{value:.{SIGNIFICANT_DIGITS}g}")
+    plainly = f"{value:.{SIGNIFICANT_DIGITS}g}"
+    if abs(value) >= 0.1 and "e" not in plainly:
+        return _with_point(plainly)
     mantissa, exponent = f"{value:.{SIGNIFICANT_DIGITS - 1}e}".split("e")
     mantissa = _with_point(mantissa.rstrip("0"))
     power, sign = abs(int(exponent)), "/" if int(exponent) < 0 else "*"
