@@ -1,6 +1,7 @@
-"""How a number is written for people, on the screen, in reports and in figures."""
+"""How numbers and lists are written for people, on the screen, in reports and in figures."""
 
 import math
+from collections.abc import Sequence
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -27,3 +28,8 @@ def number_text(value: float | None, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits - 1}e}")
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
     return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def listed(names: Sequence[str], word: str = "and") -> str:
+    """Names in a sentence."""
+    return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]

@@ -15,6 +15,7 @@ from selector.atomic_file import write_whole
 from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
 from selector.readers import Machine, Overrides, guessed_clock, write_machine_file
+from selector.shipped import shipped_models
 from selector.study import DiagnoseSection, diagnose_section
 from selector.telling.account import Account
 from selector.workbench import commands
@@ -23,7 +24,7 @@ from selector.workbench.jobs import Job, Jobs
 from selector.workbench.live import Latest, Live
 from selector.workbench.readable import Loaded, Material, as_far_as_readable, inspected, placed
 from selector.workbench.saved_study import Asked, asked_in, save
-from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, RECORDINGS, SIMULATION, files_in
+from selector.workbench.study_folder import CYCLE, MACHINE, MACHINE_BEFORE, MODELS, RECORDINGS, SIMULATION, files_in
 
 MODEL_ENDINGS = (".toml", ".fmu")  #: Of models that a diagnosis runs itself.
 
@@ -62,6 +63,7 @@ class Bench:
         self.live = Live(self.changed)
         self.prediction, self.simulation = commands.Prediction(), commands.Simulation()
         self.ball_bar = commands.BallBar()  #: What is asked of measured circles
+        self.taps = commands.Taps()  #: What is asked of a tap test
         self.simulated_live: Latest[Account] = Latest(self.changed)  #: Of a simulated machine
         place = folder / CYCLE
         self.cycle = cycle_in(place) if place.is_file() else Cycle()  #: The duty cycle of a prediction
@@ -86,6 +88,11 @@ class Bench:
         """Names of the channels that were read, of these roles if any."""
         recording = None if self.material.reading is None else self.material.reading.recording
         return [] if recording is None else list(recording.with_role(*roles) if roles else recording.names)
+
+    def models(self, kind: str) -> dict[str, str]:
+        """Path → name of every model file that may be of this kind: shipped ones, and those of the study folder."""
+        own = [path for path in files_in(self.folder / MODELS) if path.suffix == ".toml"]
+        return {str(path): path.stem for path in (*shipped_models(kind), *own)}
 
     @property
     def simulated(self) -> tuple[Path, ...]:
@@ -138,10 +145,11 @@ class Bench:
         with self._lock:
             return self._taken(what, dataclasses.replace(getattr(self, what), **changes))
 
-    #: As `choose`: what is asked of an export, of a prediction, of measured circles
+    #: As `choose`: what is asked of an export, of a prediction, of measured circles, of a tap test
     choose_export = partialmethod(_choose, "export")
     choose_prediction = partialmethod(_choose, "prediction")
     choose_ball_bar = partialmethod(_choose, "ball_bar")
+    choose_taps = partialmethod(_choose, "taps")
 
     def choose_simulation(self, **changes: Any) -> bool:
         """Changes what is simulated; whether anything is different now. Another machine has other parameters."""

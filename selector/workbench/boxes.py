@@ -1,6 +1,6 @@
 """Fields of a page that decide options of the same names: what stands in them, and what is read from them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -44,6 +44,21 @@ def one_of(name: str, title: str, words: Sequence[str], read: Callable[[str], An
         return read(word)
 
     return Box(name, title, "", chosen, str, str, lambda box, value: parts.choice(box, words, value))
+
+
+def one_path(name: str, title: str, note: str, paths: Callable[[], Mapping[str, str]]) -> Box:
+    """A field for one of these paths, or none; they are offered by their names."""
+
+    def chosen(path: str | None) -> str:
+        return path if path is not None and path in paths() else ""
+
+    def offered() -> list[Any]:
+        return [{"label": label, "value": path} for path, label in paths().items()]
+
+    def menu(box: str, value: str | None) -> Component:
+        return dcc.Dropdown(id=box, options=offered(), value=value)
+
+    return Box(name, title, note, chosen, lambda path: path or None, str | None, menu, offered)
 
 
 def tick(name: str, title: str) -> Box:

@@ -15,7 +15,8 @@ from selector.study import DiagnoseSection
 from selector.workbench.study_folder import CYCLE
 
 #: Folders of the answers in the study folder.
-SELECTION, DIAGNOSIS, PREDICTION, SIMULATED, BALL_BAR = "selection", "diagnosis", "prediction", "simulated", "ballbar"
+SELECTION, DIAGNOSIS, PREDICTION, SIMULATED = "selection", "diagnosis", "prediction", "simulated"
+BALL_BAR, TAPS = "ballbar", "taps"
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class Prediction:
     method: str = "modal"
     operations: str = ""  #: As the options are typed
     tolerance: str = ""
+    readings: str = ""  #: Recording of a day, in the study folder; empty: none
+    observe: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,17 @@ class BallBar:
     axes: str = ""
     lead: str = ""
     reset_time: str = ""
+
+
+@dataclass(frozen=True)
+class Taps:
+    """What is asked of a tap test."""
+
+    files: tuple[str, ...] = ()  #: Names in the study folder; none: all
+    model: str = ""  #: Model file of vibration
+    point: str = ""  #: As the options are typed, apart by blanks
+    axis: str = ""
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -164,6 +178,8 @@ def prediction_command(
         *_each("--response", asked.responses),
         *_changed(asked, Prediction(), ("method", "operations", "tolerance")),
     ]
+    if asked.readings:
+        words += ["--readings", told_path(folder, Path(asked.readings)), *_each("--observe", asked.observe)]
     return (*words, "--out", PREDICTION)
 
 
@@ -173,6 +189,13 @@ def ball_bar_command(folder: Path, asked: BallBar, files: Sequence[Path]) -> tup
     words += _changed(asked, BallBar(), ("radius", "feed", "axes"))
     words += [*_each("--lead", asked.lead.split()), *_each("--reset-time", asked.reset_time.split())]
     return (*words, "--out", BALL_BAR)
+
+
+def taps_command(folder: Path, asked: Taps, files: Sequence[Path]) -> tuple[str, ...]:
+    """`selector taps` of these files."""
+    words = ["taps", *(told_path(folder, path) for path in (Path(asked.model), *files))]
+    words += [*_each("--point", asked.point.split()), *_changed(asked, Taps(), ("axis", "unit"))]
+    return (*words, "--out", TAPS)
 
 
 def command_words(command: Sequence[str]) -> list[str]:

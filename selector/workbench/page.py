@@ -3,7 +3,6 @@
 import datetime
 import mimetypes
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import dash
@@ -18,11 +17,15 @@ from selector.workbench import parts
 from selector.workbench.access import RESULT_POLICY, UPLOAD, Access, CheckedDash, answer_refusals, defect, guard
 from selector.workbench.bench import Bench
 from selector.workbench.commands import command_words
-from selector.workbench.pages import ball_bar, diagnosis, export, prediction, recordings, selection, sensors, simulation
+from selector.workbench.pages import Page, diagnosis, export, prediction, recordings, selection, sensors, simulation
+from selector.workbench.pages.measured import BALL_BAR_PAGE, TAPS_PAGE
 from selector.workbench.study_folder import RECORDINGS, UPLOADS, inside, stored, trouble_with
 
 #: The tabs, from left to right. What a page is: see `selector.workbench.pages`.
-PAGES: tuple[ModuleType, ...] = (recordings, sensors, selection, export, prediction, simulation, diagnosis, ball_bar)
+PAGES: tuple[Page, ...] = (
+    *(recordings, sensors, selection, export, prediction, simulation, diagnosis),
+    *(BALL_BAR_PAGE, TAPS_PAGE),
+)
 _LOOK = "/look.css"  #: The style sheet of the reports, which the page begins with.
 
 _LOOK_MS = 700

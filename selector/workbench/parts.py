@@ -241,11 +241,6 @@ class Form:
         app.callback(*heard, *(State(*place) for place in self.beside), prevent_initial_call=True)(self.take)
 
 
-def no_recordings(where: str) -> OptionError:
-    """That there is nothing to work on yet."""
-    return OptionError("no recordings", expected="recordings that can be read", where=where, advice="load some first")
-
-
 @dataclass(frozen=True)
 class Task:
     """What a page has done: its command, which writes a folder, and how the answer in there is shown."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from selector.controllers import read_model
 from selector.controllers.model_file import ModelFile
 from selector.controllers.writers.targets import TARGETS
-from selector.errors import InputError, OptionError
+from selector.errors import InputError
 from selector.readers import Overrides, Reading
 from selector.readers.files import recording_files
 from selector.selection import Options
@@ -26,6 +26,7 @@ from selector.study import (
     write_study,
 )
 from selector.workbench.commands import Export
+from selector.workbench.study_folder import no_recordings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,9 +71,7 @@ def save(folder: Path, asked: Asked, reading: Reading | None, simulated: tuple[P
     Raises OptionError: there is no recording, or an option cannot stand in a study file.
     """
     if reading is None or not asked.runs:
-        raise OptionError(
-            "no recordings", expected="recordings that can be read", where="study file", advice="load some first"
-        )
+        raise no_recordings("study file")
     files: dict[str, InputFile] = {}
     for run in reading.runs:
         files[run.file] = input_file(run.file, folder, "recording", run.sha256)

@@ -12,8 +12,8 @@ from selector.errors import OptionError, ReadError
 
 RECORDINGS, SIMULATION, MACHINE = "recordings", "simulation", "machine.toml"
 MACHINE_BEFORE = "machine.before.toml"
-PICTURES, MODELS, CIRCLES = "pictures", "models", "circles"
-UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES)
+PICTURES, MODELS, CIRCLES, TAP_TESTS = "pictures", "models", "circles", "tap-tests"
+UPLOADS = (RECORDINGS, SIMULATION, PICTURES, MODELS, CIRCLES, TAP_TESTS)
 CYCLE = "cycle.csv"  #: The duty cycle of a prediction
 MOST_UPLOADED_BYTES = 200_000_000
 
@@ -188,3 +188,8 @@ def _probe(folder: Path) -> None:
     probe = folder / f".{secrets.token_hex(8)}.part"
     probe.touch()
     probe.unlink()
+
+
+def no_recordings(where: str) -> OptionError:
+    """That there is nothing to work on yet."""
+    return OptionError("no recordings", expected="recordings that can be read", where=where, advice="load some first")

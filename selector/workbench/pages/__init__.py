@@ -1,17 +1,4 @@
-"""The pages of the workbench.
-
-A page is a module with these names, and knows no other page:
-
-``ID``
-    Short name: the address ``#ID``, and the beginning of every id in its layout (``f"{ID}-run"``).
-``TITLE``
-    Its tab.
-``layout(bench) -> Component``
-    What it looks like when the browser opens it. It is made anew for every visit, from the bench.
-``register(app, bench) -> None``
-    Its callbacks. They read and change `bench` (see `selector.workbench.bench.Bench`) and keep nothing themselves.
-``command(bench) -> tuple of str, or None``
-    The words after ``selector`` that do by hand what the page shows or would start. The frame shows them for copying.
+"""The pages of the workbench: what each of them has, see `Page`; none knows another.
 
 How a page hears of changes: ``Input(parts.REVISION, "data")`` fires after every change of the bench, whichever page
 or job made it; render from `bench` then. A callback that changed the bench calls ``parts.tell(bench)`` last.
@@ -24,3 +11,32 @@ How a page says that something cannot be done: it raises an `InputError` in the 
 Texts of users (names of channels, files, messages) are children of components, never Markdown, never HTML; in a figure
 they go through `selector.figures.style.label`.
 """
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import dash
+from dash.development.base_component import Component
+
+from selector.workbench.bench import Bench
+
+
+class Page(Protocol):
+    """A module, or an object, with these names."""
+
+    @property
+    def ID(self) -> str:  # noqa: N802 - a module has it as a constant
+        """Short name: the address ``#ID``, and the beginning of every id in its layout (``f"{ID}-run"``)."""
+
+    @property
+    def TITLE(self) -> str:  # noqa: N802
+        """Its tab."""
+
+    def layout(self, bench: Bench) -> Component:
+        """What it looks like when the browser opens it, made anew for every visit, from the bench."""
+
+    def register(self, app: dash.Dash, bench: Bench) -> None:
+        """Its callbacks. They read and change `bench` and keep nothing themselves."""
+
+    def command(self, bench: Bench) -> Sequence[str] | None:
+        """The words after ``selector`` that do by hand what it shows or would start; the frame shows them."""

@@ -15,7 +15,7 @@ from selector.telling.predicted.account import prediction_account
 from selector.telling.predicted.document import prediction_of
 from selector.workbench import parts
 from selector.workbench.bench import Bench
-from selector.workbench.boxes import Box, Boxes, one_of, several
+from selector.workbench.boxes import Box, Boxes, one_of, one_path, several
 from selector.workbench.commands import PREDICTION, prediction_command
 from selector.workbench.cycle import Step, steps_text, typed_steps
 from selector.workbench.typed import FIELDS
@@ -35,6 +35,12 @@ def _boxes(bench: Bench) -> Boxes:
         return tuple(path for path in bench.used if str(path) in (paths or ()))
 
     responses = partial(bench.channels, "displacement", "temperature")
+
+    def days() -> dict[str, str]:
+        return {str(one.path): one.path.name for one in bench.loaded}
+
+    thermometers = partial(bench.channels, "temperature")
+    day = "a recording of thermometers, not used as a test: finds stops that were not planned"
     about = "Recordings with a spindle speed. None: all that are used."
     chosen = several("tests", "Heating and cooling tests", about, bench.used_as_options)
     boxes = (
@@ -43,6 +49,8 @@ def _boxes(bench: Bench) -> Boxes:
         one_of("method", FIELDS["--method"], ["modal", "piecewise"]),
         Box("operations", FIELDS["--operations"], "minutes, e.g. 60,60,45; empty: no program"),
         Box("tolerance", FIELDS["--tolerance"], "µm, e.g. 10; one an operation: 10,5,10; empty: no program"),
+        one_path("readings", FIELDS["--readings"], day, days),
+        several("observe", FIELDS["--observe"], "None: all that day and tests have.", thermometers),
     )
     return Boxes(ID, boxes, lambda: bench.prediction, bench.choose_prediction)
 

@@ -14,6 +14,7 @@ from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Box, Boxes, one_of, several, tick
 from selector.workbench.commands import SELECTION, option_arguments, option_of
+from selector.workbench.study_folder import no_recordings
 from selector.workbench.typed import FIELDS, in_words_of_fields
 
 ID, TITLE = "selection", "Selection"
@@ -104,7 +105,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     """Options go to the bench as soon as they are changed, so that the command shows them."""
     form = _boxes(bench).register(app, bench)
 
-    missing = parts.no_recordings(TITLE)
+    missing = no_recordings(TITLE)
     task = parts.Task(ID, TITLE, command, lambda _: SELECTION, missing, [form], answered=_answered)
     parts.register_task(app, bench, task)
 

@@ -13,7 +13,6 @@ from dash.development.base_component import Component
 from selector.errors import InputError, OptionError
 from selector.physics.model_fields import Parameter
 from selector.physics.simulation_kind import RunSettings, simulation_kinds
-from selector.shipped import shipped_models
 from selector.telling.account import Account
 from selector.telling.simulated import account_of
 from selector.telling.simulated.result import SimulationResult
@@ -21,7 +20,7 @@ from selector.workbench import parts, typed
 from selector.workbench.bench import Bench
 from selector.workbench.boxes import Column, Rows
 from selector.workbench.commands import SIMULATED, Simulation, told_path
-from selector.workbench.study_folder import MODELS, files_in
+from selector.workbench.study_folder import MODELS
 
 ID, TITLE = "simulation", "Simulate"
 
@@ -37,7 +36,11 @@ def layout(bench: Bench) -> Component:
         parts.field("What is simulated", parts.choice(f"{ID}-kind", kinds, asked.kind)),
         parts.field("Machine", machine),
     ]
-    drop = parts.drop_zone(MODELS, "Choose a model file …", "or drop it here (.toml); it stands below Machine then.")
+    drop = parts.drop_zone(
+        MODELS,
+        "Choose a model file …",
+        "or drop it here (.toml, with the mesh that it names); it stands below Machine then.",
+    )
     return html.Div(
         [
             html.H1("A simulated machine"),
@@ -56,7 +59,7 @@ def layout(bench: Bench) -> Component:
 def command(bench: Bench) -> tuple[str, ...] | None:
     """`selector simulate` of the machine, its changed parameters in a file of the study folder."""
     asked = bench.simulation
-    if asked.model not in _models(bench, asked.kind):
+    if asked.model not in bench.models(asked.kind):
         return None
     path = Path(asked.model) if not asked.values else bench.folder / MODELS / f"changed-{Path(asked.model).name}"
     return (
@@ -70,7 +73,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
 
     @app.callback(Output(f"{ID}-model", "options"), Output(f"{ID}-model", "value"), Input(parts.REVISION, "data"))
     def _show(_: int) -> tuple[Any, str | None]:
-        models = _models(bench, bench.simulation.kind)
+        models = bench.models(bench.simulation.kind)
         chosen = bench.simulation.model
         return models, chosen if chosen in models else None
 
@@ -87,7 +90,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
     def _draw(_: int, address: str | None, shown: Any, drawn: Any) -> tuple[Any, ...]:
         """Simulated when somebody wants to see it."""
         asked = bench.simulation
-        if address != f"#{ID}" or asked.model not in _models(bench, asked.kind):
+        if address != f"#{ID}" or asked.model not in bench.models(asked.kind):
             raise dash.exceptions.PreventUpdate
         wanted = [asked.kind, asked.model, Path(asked.model).stat().st_mtime_ns]
         now = [*wanted, sorted(asked.values.items())]
@@ -136,7 +139,7 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
 def _rows(bench: Bench) -> Rows:
     def parameters() -> Mapping[str, Parameter]:
         asked = bench.simulation
-        return _parameters(asked) if asked.model in _models(bench, asked.kind) else {}
+        return _parameters(asked) if asked.model in bench.models(asked.kind) else {}
 
     def read(text: str | None, name: str) -> float:
         return typed.number(text, name, unit=parameters()[name].unit)
@@ -151,12 +154,6 @@ def _rows(bench: Bench) -> Rows:
         return bench.simulation.values.get(name, parameters()[name].value)
 
     return Rows(ID, (Column("value", read, now, lambda value: f"{value:.9g}"),), lambda: [*parameters()], choose)
-
-
-def _models(bench: Bench, kind: str) -> dict[str, str]:
-    """Path → name of every model file of this kind: shipped ones, and those of the study folder."""
-    own = [path for path in files_in(bench.folder / MODELS) if path.suffix == ".toml"]
-    return {str(path): path.stem for path in (*shipped_models(kind), *own)}
 
 
 def _parameters(asked: Simulation) -> Mapping[str, Parameter]:

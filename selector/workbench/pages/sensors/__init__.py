@@ -19,6 +19,7 @@ from selector.workbench.commands import SELECTION, command_text, option_argument
 from selector.workbench.live import View
 from selector.workbench.pages.sensors import machine, pictures, wishes
 from selector.workbench.pages.sensors.machine import ID
+from selector.workbench.study_folder import no_recordings
 from selector.workbench.typed import FIELDS, above_zero, in_words_of_fields, number
 
 __all__ = ["ID", "TITLE", "command", "layout", "register"]
@@ -140,7 +141,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except (TypeError, ValueError, OverflowError) as wrong:
             return flask.jsonify({"refused": f"this move cannot be understood: {wrong}"})
 
-    missing = parts.no_recordings(TITLE)
+    missing = no_recordings(TITLE)
     parts.register_start(
         app, bench, ID, parts.Task("selection", "Selection", command, lambda _: SELECTION, missing, forms)
     )
