@@ -215,15 +215,21 @@ def day_readings(
             expected=f"one run with 1 to {MOST_THERMOMETERS} thermometers of the tests ({', '.join(common) or 'none'})",
             where="--readings", advice="name one or two near the heat with --observe",
         )  # fmt: skip
-    faults = inspect(recording, set(chosen))
-    clean, run = without_faults(recording, faults), recording.runs[0]
+    run = recording.runs[0]
+    # how a thermometer goes in the tests, by itself and beside the others, tells whether it still does
+    tables = {f"{run}, test {test}": tests.frame.loc[[test]].droplevel(0) for test in tests.runs}
+    tables[run] = recording.frame.loc[[run]].droplevel(0)
+    whole = Recording.from_runs(tables, [recording.channel(name) for name in common])
+    faults = tuple(one for one in inspect(whole, set(chosen)) if one.where.run in (None, run))
+    clean = without_faults(recording, faults)
     dead = [name for name in chosen if name not in clean.names or not np.isfinite(clean.values(run, [name])).any()]
     if not observe:
         # its fault is among the findings
         chosen = tuple(name for name in chosen if name not in dead)
     if dead and (observe or not chosen):
+        said = next((f": {one.statement.rstrip('.')}" for one in faults if one.where.channel == dead[0]), "")
         raise OptionError(
-            f"no usable reading of {dead[0]}", expected="readings of the day", where="--readings",
+            f"no usable reading of {dead[0]}{said}", expected="readings of the day", where="--readings",
             advice="leave it out with --observe, or correct the file",
         )  # fmt: skip
     time_s = recording.time_s(run)

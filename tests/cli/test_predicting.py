@@ -522,15 +522,44 @@ def test_a_day_that_left_its_plan(capfd, tmp_path):
     assert "By the readings of the day" in (tmp_path / "day" / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_thermometer_that_hangs_makes_no_stop(capfd, tmp_path):
+def test_a_thermometer_that_hangs_leaves_the_other_one(capfd, tmp_path):
     day = pd.read_csv(OBSERVED / "day.csv")
     day["bearing"] = 25.0
     day.to_csv(tmp_path / "day.csv", index=False)
     code, out, err = observed_day(capfd, "--json", readings=tmp_path / "day.csv")
     assert code == 0, err
-    ids = [one["id"] for one in json.loads(out)["findings"]]
-    assert "readings-off-plan" in ids
-    assert "unplanned-stop" not in ids
+    document = json.loads(out)
+    assert "stuck" in [one["id"] for one in document["findings"]]
+    assert document["observed"]["thermometers"] == ["headstock"]
+    (stop,) = document["observed"]["stops"]
+    assert (stop["from_s"], stop["to_s"]) == (pytest.approx(5700, abs=60), pytest.approx(7920, abs=60))
+
+
+def test_a_first_reading_that_lacks_and_doubled_rows_do_no_harm(capfd, tmp_path):
+    day = pd.read_csv(OBSERVED / "day.csv")
+    day.loc[0, "bearing"] = np.nan
+    day.loc[day.index.repeat(2)].to_csv(tmp_path / "day.csv", index=False)
+    code, out, err = observed_day(capfd, "--json", readings=tmp_path / "day.csv")
+    assert code == 0, err
+    seen = json.loads(out)["observed"]
+    assert seen["misfit"] < 2.0
+    assert seen["errors_um"]["Z"]["observed"] < 0.6
+
+
+@pytest.mark.parametrize("begins_s", [5700, 5710, 5720, 5745])
+def test_a_stop_may_begin_at_any_second(capfd, tmp_path, begins_s):
+    """The day of the fixture, its readings later by so much: the stop of 95 min moves between two readings."""
+    day = pd.read_csv(OBSERVED / "day.csv")
+    late_min = (begins_s - 5700) / 60.0
+    shifted = {name: np.interp(day["t_min"] - late_min, day["t_min"], day[name]) for name in ("bearing", "headstock")}
+    before = day["t_min"] < 94.0
+    for name, values in shifted.items():
+        day[name] = np.where(before, day[name], values)
+    day.drop(columns="Z").to_csv(tmp_path / "day.csv", index=False)
+    code, out, err = observed_day(capfd, "--json", readings=tmp_path / "day.csv")
+    assert code == 0, err
+    (stop,) = json.loads(out)["observed"]["stops"]
+    assert stop["from_s"] == pytest.approx(begins_s, abs=15)
 
 
 def test_a_thermometer_that_breaks_at_noon_leaves_the_other_one(capfd, tmp_path):

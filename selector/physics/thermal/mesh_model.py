@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from selector.errors import InputError, ModelFileError
 from selector.physics.model_text import Key, key_text, unknown_name
@@ -97,6 +98,8 @@ def _with_parts(named: NamedMesh, file: MeshFile) -> tuple[SolidMesh, dict[str, 
 
 #: Stiffness of a rigid support at a node, over Young's modulus times the extent of the body.
 _RIGID = 1e5
+#: Faces beside each that are looked at, and how far one is off another that lies on it, over its size.
+_NEIGHBOURS, _ON = 24, 1e-3
 
 
 def _springs(named: NamedMesh, body: SolidMesh, materials: Mapping[str, Material], file: MeshFile) -> Vector:
@@ -115,8 +118,17 @@ def _springs(named: NamedMesh, body: SolidMesh, materials: Mapping[str, Material
 def _require_whole(
     body: SolidMesh, springs: Vector, wetted: Mapping[str, Indices], films: Iterable[Mapping[str, float]]
 ) -> None:
-    """Refuses a piece of the body that floats, or that no film cools."""
+    """Refuses a piece of the body that floats, that no film cools, or that lies on another without common nodes."""
     piece = body.pieces()
+    touching = _touching(body, piece)
+    if len(touching):
+        near = ", ".join(f"{x:.3g}" for x in body.facet_centres_m(touching[:1])[0])
+        raise refused(
+            f"{len(touching)} faces that lie on faces of another piece of the body and share no nodes with them, near "
+            f"({near}) m: neither heat nor force would cross",
+            "pieces that share the nodes where they touch",
+            "join the solids in the mesher (Gmsh: BooleanFragments), or leave a gap where nothing is to cross",
+        )
     for number in range(piece.max() + 1):
         nodes = np.unique(body.cells[piece == number])
         near = ", ".join(f"{x:.3g}" for x in body.nodes_m[nodes].mean(axis=0))
@@ -130,6 +142,25 @@ def _require_whole(
         if not all(any(one.get(name) for name in cooled) for one in films):
             found, expected = f"{what} no film cools, at least while there is no coolant", "a way for heat into a fluid"
             raise refused(found, expected, "add a group of its surface to [films]")
+
+
+def _touching(body: SolidMesh, piece: Indices) -> Indices:
+    """Faces of the surface on which another piece of the body lies."""
+    owners = np.asarray(body.mesh.f2t)
+    surface = np.flatnonzero(owners[1] < 0)
+    of, centre = piece[owners[0, surface]], body.facet_centres_m(surface)
+    if not piece.max():
+        return surface[:0]
+    a, b, c = body.nodes_m[np.asarray(body.mesh.facets)[:3, surface]]
+    normal = np.cross(b - a, c - a)
+    size = np.sqrt(np.linalg.norm(normal, axis=1))
+    outward = ((centre - body.cell_centres_m(owners[0, surface])) * normal).sum(axis=1)
+    normal *= (np.sign(outward) / size**2)[:, None]
+    away, near = cKDTree(centre).query(centre, k=min(_NEIGHBOURS, len(surface)))
+    lifted = np.abs(((centre[near] - centre[:, None]) * normal[:, None]).sum(axis=2))
+    along = (normal[near] * normal[:, None]).sum(axis=2)
+    on = (of[near] != of[:, None]) & (away < size[:, None]) & (lifted < _ON * size[:, None]) & (along < -0.99)
+    return surface[on.any(axis=1)]
 
 
 def _reading(named: NamedMesh, body: SolidMesh, name: str, of: MeshDisplacement) -> Vector:

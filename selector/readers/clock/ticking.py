@@ -176,15 +176,15 @@ def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> 
     if repeated == 0:
         return kept, groups.astype(np.int64), []
     sizes = np.bincount(groups)
-    if repeated >= 0.5 * len(t) and len(kept) >= 3:
+    same = np.all(_same(values[rows], values[rows[np.flatnonzero(new)[groups]]]), axis=1) & ~new
+    differing = int((~new & ~same).sum())
+    if repeated >= 0.5 * len(t) and len(kept) >= 3 and differing:
         spread = _spread(kept, sizes)
         usual_size = float(np.median(sizes[1:-1])) if len(sizes) > 2 else float(np.median(sizes))
         told = f"The stamps of {table.file.name} are coarser than its sampling: about {usual_size:g} rows share each "
         told += "of them. The rows were spread evenly between the stamps."
         coarse = FINDINGS.finding("coarse-stamps", told, evidence={"rows_per_stamp": usual_size})
         return spread, np.arange(len(t), dtype=np.int64), [coarse]
-    same = np.all(_same(values[rows], values[rows[np.flatnonzero(new)[groups]]]), axis=1) & ~new
-    differing = int((~new & ~same).sum())
     places = _places(rows[~new], table)
     findings = []
     if equal := int(same.sum()):

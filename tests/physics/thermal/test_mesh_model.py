@@ -281,6 +281,14 @@ def test_two_bodies_that_share_no_nodes(tmp_path):
     assert thermal_model(read_model_file(plate(tmp_path, with_part(), apart))).name == "a mesh"
 
 
+def test_a_body_that_lies_on_another_without_common_nodes(tmp_path):
+    # blocks that touch share their nodes here; a micrometre apart they do not
+    upper = Block("plate", "", (0.1, 0.05, 0.100001), (0.3, 0.2, 0.200001))
+    both = [Block("plate", "", (0.0, 0.0, 0.0), (0.4, 0.2, 0.1)), upper]
+    with pytest.raises(ModelFileError, match=r"faces that lie on faces of another piece .* near \(.*, 0\.1\) m"):
+        thermal_model(read_model_file(plate(tmp_path, with_part(), both)))
+
+
 class TestFromTheCommandLine:
     @pytest.fixture
     def folder(self, tmp_path, monkeypatch):

@@ -5,7 +5,8 @@ the day that may have been (as planned; a stop since then; a stop that ended, af
 or from where it was left) is carried with the modal states that it leads to, and each reading weighs them by how likely
 it is; the displacement is their mean, and after the last reading that of the likeliest. What a thermometer is off for
 other reasons is a random walk beside white noise, so that a slow drift makes no stop. Nothing is known before it is
-read: the course at a reading uses that and those before it.
+read: the course at a reading uses that and those before it. The moment of the last stop, or of its end, is sought
+with the readings after it, as one of the states of a Kalman filter.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from selector.physics.thermal.modes.cyclogram import Cyclogram
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 STOP_EVERY_S, STOP_LASTS_S = 24 * 3600.0, 45 * 60.0  #: Expected of stops before anything is read.
 STEP_S, MOST_STEPS = 60.0, 600  #: Readings are means over so long, and over longer where the day has more of them.
-PLACES = 3  #: Moments between two readings at which a stop may begin or end.
+MOST_PLACES = 12  #: Moments between two readings, one a step, at which a stop may begin or end.
 #: Courses whose logarithm of the likelihood is further below the best are given up, and do not branch.
 GIVEN_UP, BRANCHES = 10.0, 4.0
 MOST_PATHS = 120
@@ -27,6 +28,7 @@ _MOST_BRANCHING = 12
 #: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
 FAR_OFF = 3.0
 _LEAST_K, _WALK = 0.01, 2.0  #: Least noise [K]; so many times what left-out tests were off, a reading walks in an hour.
+_UNKNOWN_K = 1e3  #: A thermometer that has not been read yet may be off by so much.
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,10 @@ class Observed:
             "read_until_s": self.read_until_s,
             "time_s": self.time_s.tolist(),
             "displacement_um": dict(zip(responses, self.displacement_um.T.tolist(), strict=True)),
-            "stops": [{"from_s": one.from_s, "to_s": one.to_s, "delays_plan": one.delays} for one in self.stops],
+            "stops": [
+                {"from_s": one.from_s, "to_s": one.to_s, "delays_plan": one.delays}
+                for one in (() if self.explains_nothing else self.stops)
+            ],
             "misfit": self.misfit,
             "errors_um": {name: {"plan": plan, "observed": seen} for name, (plan, seen) in self.errors_um.items()},
         }
@@ -100,31 +105,41 @@ class _Path:
     stops: tuple[Stop, ...]
     cyclogram: Cyclogram
     course: Vector  # (n_steps, n_responses)
+    slope: Vector  # (n_steps, n_responses): how it changes with the moment of the last stop, or of its end [1/s]
     log_weight: float
-    off_k: Vector
-    variance_k2: Vector
+    state: Vector  # (n_thermometers + 1,): what each thermometer is off [K], and how much later that moment is [s]
+    covariance: Matrix
     squares: float = 0.0
+
+    @property
+    def settled(self) -> tuple[Stop, ...]:
+        """Its stops, the last moment where the readings have it."""
+        return _later(self.stops, float(self.state[-1])) if self.stops else ()
+
+    def at(self, i: int) -> Vector:
+        """The responses at a step."""
+        return np.asarray(self.course[i] + self.slope[i] * self.state[-1])
 
     @property
     def stands(self) -> bool:
         return bool(self.stops) and self.stops[-1].to_s is None
 
-    def read(self, rise_k: Vector, predicted_k: Vector, noise_k: Vector, drift_k: Vector, step_s: float) -> "_Path":
-        """After one reading; `drift_k` is the random walk of an hour."""
-        known = np.isfinite(rise_k)
-        before = self.variance_k2 + drift_k**2 * step_s / 3600.0
-        variance = before + noise_k**2
-        off = np.where(known, rise_k - predicted_k - self.off_k, 0.0)
-        share = np.where(known, before / variance, 0.0)
-        squares = off**2 / variance
-        lost = 0.5 * float((squares + np.log(variance))[known].sum())
-        return replace(
-            self,
-            log_weight=self.log_weight - lost,
-            off_k=self.off_k + share * off,
-            variance_k2=before * (1.0 - share),
-            squares=self.squares + float(squares.sum()),
-        )
+    def read(self, i: int, rise_k: Vector, columns: list[int], noise_k: Vector, walk_k2: Vector) -> "_Path":
+        """After the readings of a step; `walk_k2` is what each thermometer may have wandered since the last."""
+        state, covariance = self.state.copy(), self.covariance.copy()
+        covariance[np.arange(len(walk_k2)), np.arange(len(walk_k2))] += walk_k2
+        lost = squares = 0.0
+        for k in np.flatnonzero(np.isfinite(rise_k)):
+            slope = self.slope[i, columns[k]]
+            shared = covariance[:, k] + slope * covariance[:, -1]
+            variance = float(shared[k] + slope * shared[-1] + noise_k[k] ** 2)
+            off = float(rise_k[k] - self.course[i, columns[k]] - state[k] - slope * state[-1])
+            state += shared * off / variance
+            covariance -= np.outer(shared, shared) / variance
+            squares += off**2 / variance
+            lost += 0.5 * (off**2 / variance + float(np.log(variance)))
+        weight, all_squares = self.log_weight - lost, self.squares + squares
+        return replace(self, log_weight=weight, state=state, covariance=covariance, squares=all_squares)
 
 
 def as_run(plan: Cyclogram, stops: Sequence[Stop], end_s: float) -> Cyclogram:
@@ -162,41 +177,53 @@ def observed(
     noise_k, drift_k = np.maximum(noise_k, _LEAST_K), _WALK * np.maximum(drift_k, _LEAST_K)
     last_s = float(time_s[-1])
 
-    def path(stops: tuple[Stop, ...], like: _Path | None, chance: float = 1.0) -> _Path:
-        cycle = as_run(plan, stops, last_s + STEP_S)
-        if like is None:
-            return _Path(stops, cycle, course(cycle, time_s), 0.0, np.zeros(len(columns)), noise_k**2)
+    def path(stops: tuple[Stop, ...], like: _Path, chance: float, within_s: float) -> _Path:
+        """A course that has just come to its last moment, which lies anywhere `within_s`."""
+        by_s = 0.1 * within_s
+        cycle, later = (as_run(plan, moved, last_s + STEP_S) for moved in (stops, _later(stops, by_s)))
+        went = course(cycle, time_s)
+        slope = (course(later, time_s) - went) / by_s
+        state, covariance = like.state.copy(), like.covariance.copy()
+        state[-1], covariance[-1], covariance[:, -1] = 0.0, 0.0, 0.0
+        covariance[-1, -1] = within_s**2 / 12.0
         weight = like.log_weight + float(np.log(chance))
-        return replace(like, stops=stops, cyclogram=cycle, course=course(cycle, time_s), log_weight=weight)
+        return _Path(stops, cycle, went, slope, weight, state, covariance, like.squares)
 
     def branches(one: _Path, moments_s: Vector, each_s: float) -> list[_Path]:
-        """It may stop, or go on, at each of these moments."""
+        """It may stop, or go on, around each of these moments."""
         found, planned = [], as_run(plan, (), last_s + STEP_S).speed_at(moments_s)
+        stops = one.settled
         for at_s, speed in zip(moments_s.tolist(), planned.tolist(), strict=True):
             if one.stands:
-                *before, stop = one.stops
+                *before, stop = stops
                 for delays in (True, False) if speed > 0 else (True,):
-                    ended = (*before, replace(stop, to_s=at_s, delays=delays))
-                    found.append(path(ended, one, each_s / STOP_LASTS_S / 2.0))
+                    ended = (*before, replace(stop, to_s=max(at_s, stop.from_s), delays=delays))
+                    found.append(path(ended, one, each_s / STOP_LASTS_S / 2.0, each_s))
             elif one.cyclogram.speed_at(np.array([at_s]))[0] > 0:
-                found.append(path((*one.stops, Stop(at_s)), one, each_s / STOP_EVERY_S))
+                found.append(path((*stops, Stop(at_s)), one, each_s / STOP_EVERY_S, each_s))
         return found
 
-    paths = [path((), None)]
-    followed = paths[0].course.copy()
+    begin = as_run(plan, (), last_s + STEP_S)
+    variances = np.where(np.isfinite(rise_k[0]), noise_k, _UNKNOWN_K) ** 2
+    as_planned, nothing = course(begin, time_s), np.zeros(len(columns) + 1)
+    still = np.zeros_like(as_planned)
+    paths = [_Path((), begin, as_planned, still, 0.0, nothing, np.diag(np.r_[variances, 0.0]))]
+    followed = as_planned.copy()
     for i in range(1, len(time_s)):
         step_s = float(time_s[i] - time_s[i - 1])
-        moments_s = time_s[i - 1] + step_s * (np.arange(PLACES) + 0.5) / PLACES
+        places = int(np.clip(round(step_s / STEP_S), 1, MOST_PLACES))
+        moments_s = time_s[i - 1] + step_s * (np.arange(places) + 0.5) / places
         for one in [one for one in paths[:_MOST_BRANCHING] if one.log_weight > paths[0].log_weight - BRANCHES]:
-            paths += branches(one, moments_s, step_s / PLACES)
-        paths = [one.read(rise_k[i], one.course[i, columns], noise_k, drift_k, step_s) for one in paths]
+            paths += branches(one, moments_s, step_s / places)
+        walk_k2 = drift_k**2 * step_s / 3600.0
+        paths = [one.read(i, rise_k[i], columns, noise_k, walk_k2) for one in paths]
         paths.sort(key=lambda one: -one.log_weight)
         paths = [one for one in paths[:MOST_PATHS] if one.log_weight > paths[0].log_weight - GIVEN_UP]
-        followed[i] = _mean(paths, [one.course[i] for one in paths])
-    likeliest = paths[0]
-    end_s = plan.end_s + sum(stop.to_s - stop.from_s for stop in likeliest.stops if stop.to_s and stop.delays)
+        followed[i] = _mean(paths, [one.at(i) for one in paths])
+    likeliest, stops = paths[0], paths[0].settled
+    end_s = plan.end_s + sum(stop.to_s - stop.from_s for stop in stops if stop.to_s and stop.delays)
     ahead_s = np.arange(last_s + STEP_S, end_s + STEP_S - 1e-6, STEP_S).clip(max=end_s)
-    ahead = course(as_run(plan, likeliest.stops, end_s + STEP_S), ahead_s)
+    ahead = course(as_run(plan, stops, end_s + STEP_S), ahead_s)
     followed = np.vstack([followed, ahead])
     every_s, count = np.r_[time_s, ahead_s], max(int(np.isfinite(rise_k[1:]).sum()), 1)
     errors = {}
@@ -209,7 +236,14 @@ def observed(
         plain, seen = (float(np.sqrt(np.mean((one - one[0] - moved) ** 2))) for one in both)
         errors[name] = plain, seen
     misfit = likeliest.squares / count
-    return Observed(readings.thermometers, last_s, every_s, followed, likeliest.stops, misfit, errors)
+    return Observed(readings.thermometers, last_s, every_s, followed, stops, misfit, errors)
+
+
+def _later(stops: tuple[Stop, ...], by_s: float) -> tuple[Stop, ...]:
+    """The same with the last moment so much later [s]."""
+    *before, last = stops
+    moved = Stop(last.from_s + by_s) if last.to_s is None else replace(last, to_s=max(last.to_s + by_s, last.from_s))
+    return (*before, moved)
 
 
 def _mean(paths: Sequence[_Path], courses: Sequence[Vector]) -> Vector:
