@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.physics.drive.ball_bar.causes import circle_causes
 from selector.physics.drive.ball_bar.circle import BallBarTrace, Circle, circle_references, measured_samples
@@ -20,6 +20,7 @@ from selector.physics.drive.ball_bar.compensation import compensations
 from selector.physics.drive.parts.axis import Axis, Friction, RigidMechanics, Servo, ThreeMassMechanics
 from selector.physics.drive.simulation import circle_step_s, simulate_axis
 from selector.physics.drive.trajectory import Reference
+from selector.types import Vector
 
 RADIUS_M, FEEDS, PERIOD_S = 0.1, (1000.0, 3000.0), 0.002
 NAMES = ("X", "Y")
@@ -59,57 +60,59 @@ def pulsed(reference: Reference, axis: Axis, amplitude_m_per_s: float) -> Refere
     return replace(reference, position_m=reference.position_m + added / servo.position_gain_per_s)
 
 
-def traces_of(
-    axis: Axis, rng: np.random.Generator, pulses_m_per_s: Mapping[tuple[str, float], float]
-) -> list[BallBarTrace]:
-    """Both directions at both feeds, two axes alike, 0.1 µm of noise."""
-    traces = []
-    for feed in FEEDS:
-        for way in (1, -1):
-            circle = Circle(feed, way, RADIUS_M)
-            references = circle_references(circle, NAMES, period_s=PERIOD_S)
-            places = []
-            for name in NAMES:
-                reference = pulsed(references[name], axis, pulses_m_per_s.get((name, feed), 0.0))
-                places.append(simulate_axis(axis, reference, step_s=circle_step_s(axis, PERIOD_S)).table_m)
-            inside = measured_samples(circle, np.arange(len(places[0])) * PERIOD_S)
-            x, y = (one[inside] for one in places)
-            deviation_um = 1e6 * (np.hypot(x, y) - RADIUS_M) + rng.normal(0.0, 0.1, len(x))
-            traces.append(BallBarTrace(np.arctan2(y, x), deviation_um, way, feed, RADIUS_M, NAMES))
-    return traces
+def places_of(axis: Axis, feed: float, way: int, pulse_m_per_s: float = 0.0) -> dict[str, Vector]:
+    """Where two axes alike are on a circle [m]."""
+    references = circle_references(Circle(feed, way, RADIUS_M), NAMES, period_s=PERIOD_S)
+    step_s = circle_step_s(axis, PERIOD_S)
+    return {
+        name: simulate_axis(axis, pulsed(references[name], axis, pulse_m_per_s), step_s=step_s).table_m
+        for name in NAMES
+    }
 
 
-def shares_left(seed: int, masses: int) -> list[tuple[float, float]]:
-    """(height of a spike [µm], share of it that is left) of X at each feed where a pulse was told."""
+def spike_um(places: Vector, free: Vector, inside: NDArray[np.bool_]) -> float:
+    """How far friction moves an axis within 30° after it turns [m, m] → [µm], by the same axis without it."""
+    ends = np.abs(free) > math.cos(math.radians(30.0)) * np.abs(free).max()
+    return 1e6 * float(np.abs((places - free)[inside & ends]).max())
+
+
+def shares_left(seed: int, masses: int) -> list[tuple[float, float, float]]:
+    """(height of X's spike that is told over the true one, true one [µm], share of it that is left), feed by feed."""
     rng = np.random.default_rng(seed)
     axis = axis_of(rng, masses)
     servo = axis.servo
     assert servo is not None
     reset_s = servo.velocity_gain / servo.velocity_integral_gain
-    before = circle_causes(traces_of(axis, rng, {}))
-    told = compensations(before, NAMES, RADIUS_M, dict.fromkeys(NAMES, reset_s))
-    pulses = {
-        (one.axis, one.feed_mm_per_min): one.amplitude_mm_per_min / 60e3
-        for one in told.pulses
-        if one.amplitude_mm_per_min is not None
-    }
-    after = circle_causes(traces_of(axis, rng, pulses))
-    left = []
-    for was, now in zip(before.feeds, after.feeds, strict=True):
-        if ("X", was.feed_mm_per_min) in pulses:
-            height, rest = (one.cause("reversal-spike", "X") for one in (was, now))
-            left.append((height.range_um, (rest.largest_um if rest.found else 0.0) / height.largest_um))
-    return left
+    free_axis = replace(axis, friction=Friction())
+    places = {(feed, way): places_of(axis, feed, way) for feed in FEEDS for way in (1, -1)}
+    traces = []
+    for (feed, way), place in places.items():
+        inside = measured_samples(Circle(feed, way, RADIUS_M), np.arange(len(place["X"])) * PERIOD_S)
+        x, y = (place[name][inside] for name in NAMES)
+        deviation_um = 1e6 * (np.hypot(x, y) - RADIUS_M) + rng.normal(0.0, 0.1, len(x))
+        traces.append(BallBarTrace(np.arctan2(y, x), deviation_um, way, feed, RADIUS_M, NAMES))
+    told = compensations(circle_causes(traces), NAMES, RADIUS_M, dict.fromkeys(NAMES, reset_s))
+    found = []
+    for one in told.pulses:
+        if one.axis == "X" and one.amplitude is not None:
+            feed = one.feed_mm_per_min
+            free = places_of(free_axis, feed, 1)["X"]
+            inside = measured_samples(Circle(feed, 1, RADIUS_M), np.arange(len(free)) * PERIOD_S)
+            # a pulse moves the axis without friction, too, by what friction takes from it with friction
+            after = places_of(axis, feed, 1, one.amplitude.value / 60e3)["X"]
+            before_um = spike_um(places[feed, 1]["X"], free, inside)
+            found.append((one.height_um.value / before_um, before_um, spike_um(after, free, inside) / before_um))
+    return found
 
 
 if __name__ == "__main__":
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 20
     for masses in (1, 3):
         found = [one for seed in range(count) for one in shares_left(seed, masses)]
-        shares = [share for _, share in found]
+        heights, sizes, shares = zip(*found, strict=True)
         low, middle, high = np.quantile(shares, [0.1, 0.5, 0.9])
         print(
             f"{masses} mass(es): {len(found)} of {2 * count} spikes had a pulse, "
-            f"{min(size for size, _ in found):.1f} to {max(size for size, _ in found):.0f} µm; "
+            f"{min(sizes):.1f} to {max(sizes):.0f} µm, told {min(heights):.2f} to {max(heights):.2f} of them; "
             f"left {100 * middle:.0f} % ({100 * low:.0f} to {100 * high:.0f} %), at most {100 * max(shares):.0f} %"
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from itertools import pairwise
 
 import numpy as np
 import plotly.graph_objects as go
@@ -27,7 +26,6 @@ def every_figure(selection):
         yield figures.measured_and_predicted(selection, response)
     yield figures.similarity_and_closure(selection)
     yield figures.sensor_tree(selection)
-    yield figures.lambda_scan(selection)
     yield figures.sensor_places(selection, places_of(selection))
 
 
@@ -126,18 +124,6 @@ def test_tree_merges_at_the_exact_levels():
     assert [tree.leaf_order[row] for row in chosen.y] == [
         i for i in tree.leaf_order if selection.sensors[i] in selection.chosen
     ]
-
-
-def test_scan_shows_the_number_of_groups_that_each_level_gives():
-    selection = studies.small()
-    drawn = figures.lambda_scan(selection)
-    line = next(trace for trace in drawn.data if trace.mode == "lines")
-    assert line.line.shape == "hv"
-    points = list(zip(line.x, line.y, strict=True))
-    assert len(points) > 3
-    for (right, count), (left, _) in pairwise(points):
-        middle = 1 - 10.0 ** -((left + right) / 2)
-        assert len(selection.grouping.axis.at(middle).partition.members) == count
 
 
 def test_places_show_where_the_kept_sensors_sit():

@@ -65,6 +65,9 @@ def ballbar(
             raise _option(f"{option} {value:g}", "a number above 0 and below 1e6", "correct the option")
     leads = dict(_of_axis("--lead", one, "the lead of its screw in mm", "X=10") for one in lead or ())
     resets = dict(_of_axis("--reset-time", one, "a time in ms", "X=20") for one in reset_time or ())
+    for option, asked_for, known in (("--lead", lead, leads), ("--reset-time", reset_time, resets)):
+        if len(known) < len(asked_for or ()):
+            raise _option(f"{option} of an axis twice", "every axis once", "leave one of them out")
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
         refuse_folder_of_inputs(out, files)

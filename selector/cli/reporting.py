@@ -94,10 +94,6 @@ def _selection_page(result: Result, say: Say) -> str:
     from selector.telling.selected.account import selection_account
 
     selection = made_of(result, selection_of)
-    if not selection.readings:
-        say(
-            f"{result.path}: left out: loops and the range of the inputs; an earlier version wrote it, without readings"
-        )
     study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
     description, date = None, None
     if study is not None:

@@ -68,6 +68,8 @@ def taps(
     if out is not None:
         require_writable_folder(out, "--out", ("taps.json", "report.html", "model.toml"))
         refuse_folder_of_inputs(out, [model, *files])
+    if band is not None and not band[0] < band[1]:
+        raise _option(f"--band {band[0]:g} {band[1]:g}", "a lower and a higher frequency", "exchange them")
     if window is not None and not 1e-4 < window < 1e4:
         raise _option(f"--window {window:g}", "a time constant from 0.0001 to 10000 s", "correct the option")
     motion, force = (None, None) if unit is None else _units(unit)

@@ -10,6 +10,7 @@ from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.finding_table import SLOW_REMAINDER, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
+from selector.number_text import listed
 
 _STEPS = {
     "miscalibrated": "Give the simulation the offset, gain and delay below; no new physics is needed.",
@@ -158,11 +159,6 @@ def place_words(place: Place) -> str:
     if place.regime:
         parts.append(f"at {place.regime}" if place.regime.endswith(" Hz") else f"while {place.regime}")
     return ", ".join(parts)
-
-
-def listed(names: Sequence[str], word: str = "and") -> str:
-    """Names in a sentence."""
-    return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]
 
 
 def _named(found: Diagnosis, effect: NamedEffect) -> str:

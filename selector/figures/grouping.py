@@ -1,6 +1,5 @@
 """Pictures of the grouping: at which λ groups merge, who moves with whom, and what every λ would give."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 
 from selector.figures import style
 from selector.figures.style import Changes, changed
-from selector.number_text import number_text
 from selector.selection import Selection
 from selector.sensors.groups import Dendrogram, dendrogram, transitive_closure
 
@@ -250,56 +248,3 @@ def similarity_and_closure(selection: Selection) -> go.Figure:
     told = "below the diagonal: similarity r; above it: closure t"
     drawn.add_annotation(text=told, **corner, showarrow=False, font={"color": "#555555"})
     return drawn
-
-
-def lambda_scan(selection: Selection) -> go.Figure:
-    """Number of groups, F-statistic and held-out error over λ, for every distinct partition."""
-    grouping = selection.grouping
-    axis = grouping.axis
-    chosen = grouping.chosen
-    first, end = level_span(np.array(axis.levels))
-    error = "" if math.isnan(chosen.error) else f", held-out error {number_text(chosen.error)} of the spread"
-    f = "" if chosen.f is None or not math.isfinite(chosen.f.value) else f", F = {number_text(chosen.f.value)}"
-    title = (
-        f"{len(axis)} ways to group; chosen: λ = {style.level_text(chosen.level)} with "
-        f"{len(cut_of(selection).groups)} groups{f}{error}"
-    )
-    drawn = style.figure(title, 560)
-    steps = list(axis)
-    at = [min(float(style.nines(step.high)), end) if step.high < 1 else end for step in steps]
-    counts = [len(step.partition.members) for step in steps]
-    stairs = [*at, first], [*counts, counts[-1]]
-    style.curve(drawn, *stairs, style.PREDICTED, width=2, line={"shape": "hv"}, showlegend=False)
-    told = [f"λ up to {style.level_text(s.high)}<br>{n} groups" for s, n in zip(steps, counts, strict=True)]
-    style.points(drawn, at, counts, style.PREDICTED, None, "%{text}", size=6, text=told, showlegend=False)
-    statistics = [
-        (x, step.f.value, f"{count} groups<br>F = {step.f.value:.4g}")
-        for x, step, count in zip(at, steps, counts, strict=True)
-        if step.f is not None and math.isfinite(step.f.value)
-    ]
-    _panel(drawn, "y2", statistics)
-    errors = []
-    for one in (one for one in grouping.screenings if math.isfinite(one.error)):
-        level = one.rounds[-1].level
-        x = min(float(style.nines(level)), end) if level < 1 else end
-        errors.append((x, one.error, f"{len(one.representatives)} representatives<br>held-out error {one.error:.4g}"))
-    _panel(drawn, "y3", errors)
-    drawn.update_layout(
-        xaxis={
-            "title": {"text": "λ [–]"},
-            "range": [first, end + 0.02 * (end - first)],
-            "anchor": "y3",
-            **style.level_axis(level_at(first), level_at(end), end=end),
-        },
-        yaxis={"domain": [0.70, 1.0], "title": {"text": "groups [–]"}, "rangemode": "tozero"},
-        yaxis2={"domain": [0.36, 0.64], "title": {"text": "F-statistic [–]"}, "rangemode": "tozero", "anchor": "x"},
-        yaxis3={"domain": [0.0, 0.30], "title": {"text": "held-out error<br>/ spread [–]"}, "rangemode": "tozero"},
-    )
-    add_step_marks(drawn)
-    return changed(drawn, step_changes(cut_of(selection), first, end))
-
-
-def _panel(drawn: go.Figure, yaxis: str, points: list[tuple[float, float, str]]) -> None:
-    x, y, text = zip(*sorted(points), strict=True) if points else ((), (), ())
-    look = {"mode": "lines+markers", "line": {"color": "#b9b9b9", "width": 1}, "showlegend": False}
-    style.points(drawn, x, y, style.PREDICTED, None, "%{text}", size=7, text=text, yaxis=yaxis, **look)

@@ -67,35 +67,17 @@ def stacked(
     Dotted lines go through all panels at `marks_s`, and the stretches of time `spans_s` are shaded.
     """
     heights = [max(panel.height_px, _LABEL_PX * sum(bool(line.name) for line in panel.lines)) for panel in panels]
-    inside = sum(heights) + _GAP_PX * (len(panels) - 1)
-    drawn = style.figure(title, inside)
-    top = int(drawn.layout.margin.t)
+    drawn = style.rows(title, heights, _GAP_PX, _BOTTOM_PX)
     letters = max((min(len(line.name), _LONGEST_NAME) for panel in panels for line in panel.lines), default=0)
     right = max(_MARGIN_RIGHT_PX, _BESIDE_PX + _LETTER_PX * letters)
-    drawn.update_layout(height=top + inside + _BOTTOM_PX, margin={"b": _BOTTOM_PX, "r": right}, showlegend=False)
+    drawn.update_layout(margin={"r": right}, showlegend=False)
     unit, seconds = style.time_unit(end_s)
-    edge = inside
+    drawn.update_xaxes(range=[0.0, end_s / seconds], ticks="")
+    drawn.update_xaxes(ticks="outside", title_text=f"time [{unit}]", row=len(panels))
     for number, (panel, height) in enumerate(zip(panels, heights, strict=True), start=1):
         key = "" if number == 1 else str(number)
-        high, low = edge / inside, (edge - height) / inside
-        edge -= height + _GAP_PX
-        is_last = number == len(panels)
-        drawn.layout[f"xaxis{key}"] = {
-            "anchor": f"y{key}",
-            "range": [0.0, end_s / seconds],
-            "showticklabels": is_last,
-            "ticks": "outside" if is_last else "",
-            "title": {"text": f"time [{unit}]" if is_last else ""},
-            **({"matches": "x"} if number > 1 else {}),
-        }
-        drawn.layout[f"yaxis{key}"] = {
-            "anchor": f"x{key}",
-            "domain": [max(low, 0.0), min(high, 1.0)],
-            "title": {"text": panel.axis},
-            "range": _range(panel),
-            "nticks": max(_FEWEST_TICKS, height // 32),
-            "exponentformat": "none",
-        }
+        ticks = {"nticks": max(_FEWEST_TICKS, height // 32), "exponentformat": "none"}
+        drawn.update_yaxes(title_text=panel.axis, range=_range(panel), **ticks, row=number)
         if panel.band is not None:
             style.zone(drawn, *panel.band, style.CHOSEN, 0.12, across=True, panel=key)
         for (start, stop), text in [*((span, "") for span in spans_s), *panel.spans_s.items()]:
@@ -114,7 +96,7 @@ def stacked(
                 width=line.width, dash=line.dash, line={"shape": "hv" if line.steps else "linear"}, xaxis=f"x{key}",
                 yaxis=f"y{key}",
             )  # fmt: skip
-        _name_lines(drawn, panel, low * inside, height, inside)
+        _name_lines(drawn, panel, key, height)
     return drawn
 
 
@@ -146,7 +128,7 @@ def _range(panel: Panel) -> list[float]:
     return [low - room, high + room]
 
 
-def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int, inside_px: int) -> None:
+def _name_lines(drawn: go.Figure, panel: Panel, key: str, height_px: int) -> None:
     """Names to the right of the panel in the order of the lines' ends, each beside its end where there is room."""
     low, high = _range(panel)
     named = [line for line in panel.lines if line.name]
@@ -154,7 +136,5 @@ def _name_lines(drawn: go.Figure, panel: Panel, floor_px: float, height_px: int,
     order = sorted(range(len(named)), key=lambda k: ends[k])
     wanted = [height_px * (ends[k] - low) / (high - low) for k in order]
     for k, at in zip(order, style.spaced(wanted, _LABEL_PX, height_px), strict=True):
-        y = (floor_px + at) / inside_px
-        style.words(
-            drawn, style.label(named[k].name, _LONGEST_NAME), y=y, colour=named[k].colour, **style.BESIDE, yref="paper"
-        )
+        place = {**style.BESIDE, "y": at / height_px, "yref": f"y{key} domain"}
+        style.words(drawn, style.label(named[k].name, _LONGEST_NAME), colour=named[k].colour, **place)

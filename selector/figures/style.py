@@ -81,6 +81,17 @@ def figure(title: str, height: int) -> go.Figure:
     return made
 
 
+def rows(title: str, heights_px: Sequence[int], gap_px: int, below_px: int, *, is_shared: bool = True) -> go.Figure:
+    """As `figure`, with panels of these heights one below the other; `is_shared`: they have one horizontal axis."""
+    inside = sum(heights_px) + gap_px * (len(heights_px) - 1)
+    made = figure(title, inside)
+    made.set_subplots(
+        len(heights_px), 1, row_heights=[*heights_px], vertical_spacing=gap_px / inside, shared_xaxes=is_shared
+    )
+    made.update_layout(height=int(made.layout.margin.t) + inside + below_px, margin={"b": below_px})
+    return made
+
+
 def spaced(places: Sequence[float], distance: float, end: float) -> list[float]:
     """Places near these, in this order, the `distance` apart at least, from half of it to that before the `end`."""
     placed: list[float] = []

@@ -105,10 +105,6 @@ def telling_samples(residual: Vector, points: int) -> NDArray[np.int64]:
     return np.unique([*edges[:-1].tolist(), *peaks, n - 1])
 
 
-MOST_POINTS = 4000
-_HOVER = "%{x:.4g} h: %{y:.4g} µm"
-
-
 def replayed_run(
     run: str, output: str, time_s: np.ndarray, correction_um: np.ndarray, recorded_um: np.ndarray
 ) -> go.Figure:
@@ -116,16 +112,12 @@ def replayed_run(
 
     Recorded displacement is NaN where there is none: then the correction alone is drawn.
     """
-    stride = max(1, -(-len(time_s) // MOST_POINTS))
-    hours, correction, recorded = (of[::stride] for of in (time_s / 3600.0, correction_um, recorded_um))
-    drawn = style.figure(f"{style.label(output)} in run {style.label(run)}: as recorded, and with this program", 380)
-    if np.isfinite(recorded).any():
-        style.curve(drawn, hours, recorded, style.MEASURED, "recorded", _HOVER)
-        style.curve(drawn, hours, recorded + correction, style.RESIDUAL, "with the correction", _HOVER)
-    style.curve(drawn, hours, correction, style.PREDICTED, "correction", _HOVER)
-    drawn.update_xaxes(title="time since the start of the run [h]")
-    drawn.update_yaxes(title="[µm]")
-    return drawn
+    title = f"{style.label(output)} in run {style.label(run)}: as recorded, and with this program"
+    lines = [Line("correction", time_s, correction_um, style.PREDICTED)]
+    if np.isfinite(recorded_um).any():
+        left = Line("with the correction", time_s, recorded_um + correction_um, style.RESIDUAL)
+        lines = [Line("recorded", time_s, recorded_um, style.MEASURED), left, *lines]
+    return stacked(title, [Panel("[µm]", lines, 300)], float(time_s[-1]))
 
 
 def adapted_run(run: JudgedRun, response: str, without_rmse_um: float, rmse_um: float) -> go.Figure:

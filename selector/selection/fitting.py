@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from selector.models.design import Datum, Design, Rows, Scaling, Term, design_matrix, rows_of
-from selector.models.least_squares import FittedModel, fit, validity_hull
+from selector.models.least_squares import FittedModel, fit
 from selector.recording import RunSource
 from selector.selection.choice import Trial
 from selector.selection.library import Shape
@@ -205,83 +204,6 @@ def recipe_without(question: Question, recipe: Recipe, name: str) -> Recipe | No
     return Recipe.of(replace(question, speeds=speeds), recipe.design.datum, sensors, shape)
 
 
-#: Samples of one run, evenly spaced; the extremes of every variable and displacement are kept beside them.
-READING_POINTS = 300
-MOST_RUNS = 20
-#: Samples of all runs of which the distance to the other runs is computed: each costs about a millisecond.
-MOST_JUDGED = 1200
-DIGITS = 4  #: Decimals [K, °C, rpm, µm, s]: they are for pictures, and results hold them as text.
-
-
-@dataclass(frozen=True)
-class Readings:
-    """Samples of one run, thinned."""
-
-    run: str
-    n_samples: int  #: Of the run, before thinning
-    time_s: Array  #: (n_kept,)
-    #: (n_kept, n_variables): Inputs and lags of the model, as its design has them (rises, or readings)
-    variables: Array
-    displacement_um: Array  #: (n_kept, n_responses)
-    #: (n_kept,): Distance to the hull of all that is not left out together with the sample, in standard deviations of
-    #: the inputs; 0 inside, NaN where it was not computed
-    beyond_others: Array
-
-    def as_dict(self, variables: Sequence[str], responses: Sequence[str]) -> dict[str, Any]:
-        """JSON form, with the names of the columns."""
-        return {
-            "run": self.run,
-            "n_samples": self.n_samples,
-            "time_s": self.time_s.tolist(),
-            "variables": dict(zip(variables, self.variables.T.tolist(), strict=True)),
-            "displacement_um": dict(zip(responses, self.displacement_um.T.tolist(), strict=True)),
-            "beyond_others": self.beyond_others.tolist(),
-        }
-
-
-def kept_readings(rows: Rows, parts: Sequence[Part]) -> tuple[Readings, ...]:
-    """At most `MOST_RUNS` runs of the fit: those with an extreme of any column, and others evenly between them."""
-    columns = np.column_stack([rows.variables, rows.responses])
-    present = np.unique(rows.run)
-    extreme = np.unique(rows.run[_extremes(columns)])
-    others = np.setdiff1d(present, extreme)
-    runs = np.union1d(extreme, others[evenly(len(others), MOST_RUNS - len(extreme))])
-    at_run = [at[telling_samples(columns[at], READING_POINTS)] for at in (np.flatnonzero(rows.run == r) for r in runs)]
-    judged = [at[evenly(len(at), MOST_JUDGED // len(runs))] for at in at_run]
-    beyond = _beyond_others(rows, parts, np.concatenate(judged))
-    return tuple(
-        Readings(
-            rows.runs[r],
-            int((rows.run == r).sum()),
-            *(np.round(course[at], DIGITS) for course in (rows.time_s, rows.variables, rows.responses, beyond)),
-        )
-        for r, at in zip(runs.tolist(), at_run, strict=True)
-    )
-
-
-def telling_samples(columns: Array, points: int) -> Indices:
-    """Positions of samples, evenly spaced, with the lowest and the highest of every column beside them."""
-    return np.union1d(evenly(len(columns), points), _extremes(columns))
-
-
 def evenly(n: int, most: int) -> Indices:
     """At most so many of `n` positions, the first and the last among them."""
     return np.unique(np.linspace(0, n - 1, min(max(most, 0), n)).astype(np.int64))
-
-
-def _extremes(columns: Array) -> Indices:
-    return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
-
-
-def _beyond_others(rows: Rows, parts: Sequence[Part], judged: Indices) -> Array:
-    distance = np.full(len(rows.run), np.nan)
-    kept = {rows.runs[r] for r in np.unique(rows.run[judged]).tolist()}
-    for part in parts:
-        # of thousands of runs only some are kept, and to look for the samples of each takes a pass over all of them
-        if kept.isdisjoint(part.runs):
-            continue
-        mine = np.intersect1d(judged, np.flatnonzero(part.unseen(rows)))
-        training = part.training(rows)
-        if len(mine) and training.any():
-            distance[mine] = validity_hull(rows.variables[training]).distance(rows.variables[mine])
-    return distance

@@ -19,7 +19,7 @@ from selector.models.run_before import in_parts
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
 from selector.selection.equal_sets import EqualSets
-from selector.selection.fitting import Fallback, Readings, Recipe
+from selector.selection.fitting import Fallback, Recipe
 from selector.selection.options import Options
 from selector.types import Array
 
@@ -133,7 +133,6 @@ class Selection(ProvenModel):
     stability: Mapping[str, float]
     findings: tuple[Finding, ...]
     equal: EqualSets | None = None  #: All sets as large as the chosen one that are about as good as the best
-    readings: tuple[Readings, ...] = ()  #: Some samples of some runs; none in a result of an earlier version
 
     def fixed_set_errors_um(self, response: str) -> dict[int, float]:
         """Number of sensors → smallest error of a compared fixed set [µm], in the chosen shape."""
@@ -261,7 +260,6 @@ class Selection(ProvenModel):
             "fallbacks": [
                 {"without": one.without, "heldout_rmse_um": dict(one.heldout_rmse_um)} for one in self.fallbacks
             ],
-            "readings": [one.as_dict(self.recipe.design.variables, tuple(self.models)) for one in self.readings],
             "stability": dict(self.stability),
             "options": self.options.as_dict(),
             "provenance": dict(self.provenance),

@@ -12,7 +12,7 @@ from selector.models.least_squares import Diagnostics, FaultGain, FittedModel, V
 from selector.models.moments import ErrorCurvePoint
 from selector.selection.candidates import Grouping, Screening
 from selector.selection.equal_sets import EqualSet, EqualSets
-from selector.selection.fitting import Readings, Recipe
+from selector.selection.fitting import Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
 from selector.selection.result import Combination, Proof, RunProof, Selection, Trace
@@ -142,17 +142,6 @@ class _HullPart(Part):
     points: tuple[tuple[Number, ...], ...]
 
 
-class _ReadingsPart(Part):
-    """Thinned samples of a run; results of earlier versions have none."""
-
-    run: str
-    n_samples: Count
-    time_s: Annotated[tuple[Number, ...], Field(min_length=1)]
-    variables: dict[str, tuple[Number, ...]]
-    displacement_um: dict[str, tuple[Number, ...]]
-    beyond_others: tuple[NumberOrNaN, ...]
-
-
 class _ProofPart(Part):
     left_out: Literal["run", "condition", "block"]
     curve: tuple[_PointPart, ...]
@@ -179,7 +168,6 @@ class _SelectionDocument(Part):
     chosen: _ChosenPart
     valid_range: dict[str, tuple[Number, Number]]
     hull: _HullPart | None = None
-    readings: tuple[_ReadingsPart, ...] = ()
     models: Annotated[dict[str, _ModelPart], Field(min_length=1)]
     proof: _ProofPart
     faults: tuple[Annotated[FaultGain, OfNumbers], ...]
@@ -192,8 +180,8 @@ class _SelectionDocument(Part):
 def selection_of(document: Mapping[str, Any]) -> Selection:
     """The selection whose JSON form this is: its `as_dict` is the same document, but for what no report shows.
 
-    Fallback models and classical covariances are not in a document; the points of the validity hull and the readings
-    are not in one of an earlier version.
+    Fallback models and classical covariances are not in a document; the points of the validity hull are not
+    in one of an earlier version.
 
     Raises pydantic.ValidationError: a field is missing, or of the wrong kind. Raises ValueError, KeyError
     or IndexError: two fields contradict each other, e.g. a matrix without a row for each sensor.
@@ -231,7 +219,6 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         findings=told.findings,
         provenance=told.provenance,
         equal=None if told.equal_sets is None else _equal_sets(told.equal_sets, names),
-        readings=tuple(_readings(part, recipe.design.variables, names) for part in told.readings),
     )
 
 
@@ -370,17 +357,6 @@ def _hull(told: _SelectionDocument, low: Array, high: Array) -> ValidityHull:
         if points.shape[1:] != low.shape or scale.shape != low.shape:
             raise ValueError(f"points of the hull of shape {points.shape} for {len(low)} variables")
     return ValidityHull(points, scale, low, high)
-
-
-def _readings(told: _ReadingsPart, variables: Sequence[str], names: Sequence[str]) -> Readings:
-    read, moved = (
-        _array([courses[name] for name in wanted]).T
-        for courses, wanted in ((told.variables, variables), (told.displacement_um, names))
-    )
-    made = Readings(told.run, told.n_samples, _array(told.time_s), read, moved, _array(told.beyond_others))
-    if len({len(made.time_s), len(made.variables), len(made.displacement_um), len(made.beyond_others)}) > 1:
-        raise ValueError(f"courses of {told.run} that are not equally long")
-    return made
 
 
 def _array(values: Any) -> Array:

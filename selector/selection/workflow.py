@@ -17,7 +17,7 @@ from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
 from selector.selection.doubts import doubts
 from selector.selection.equal_sets import equal_sets
-from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, kept_readings, refined, ridge_penalty
+from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import (
@@ -176,7 +176,6 @@ def select(
         provenance=dict(provenance or {}),
         fallbacks=fallbacks,
         equal=equal,
-        readings=kept_readings(rows, parts),
     )
     say("looking for doubts", 0.95)
     told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}

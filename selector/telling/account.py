@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 from selector.findings import Finding, Kind, known_kinds
-from selector.number_text import number_text
-from selector.telling.numbers import listed, place_text
+from selector.number_text import listed, number_text
+from selector.telling.numbers import place_text
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go

@@ -120,8 +120,3 @@ def place_text(where: Where) -> str:
 def file_name(path: str) -> str:
     """The last part of a path of any system: a report says which file, not where somebody keeps it."""
     return re.split(r"[\\/]", path.rstrip("\\/"))[-1]
-
-
-def listed(names: tuple[str, ...] | list[str]) -> str:
-    """Names in a sentence."""
-    return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + " and " + names[-1]

@@ -44,7 +44,7 @@ def test_what_a_control_needs_is_a_table(written, tmp_path, capsys):
         assert said["backlash"][axis]["value"] == pytest.approx(planted[f"backlash {axis}"], rel=SHARE)
     # the axis with the higher gain is ahead
     assert said["delay"]["axis"] == max("XY", key=lambda axis: planted[f"gain {axis}"])
-    assert {one["axis"] for one in said["pulses"] if one["amplitude_mm_per_min"] is not None} == {"X"}
+    assert {one["axis"] for one in said["pulses"] if one["amplitude"] is not None} == {"X"}
     assert "speed pulse of X" in (out / "report.html").read_text(encoding="utf-8")
 
 

@@ -18,9 +18,9 @@ import pytest
 from selector.errors import OptionError
 from selector.findings import Finding, Where
 from selector.models.design import design_matrix
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.quality.finding_table import FINDINGS as QUALITY
-from selector.telling.numbers import beside_text, given_text, listed, p_text, place_text, span_text, uncertain_text
+from selector.telling.numbers import beside_text, given_text, p_text, place_text, span_text, uncertain_text
 from selector.telling.origin import label_of
 from selector.telling.page import account_page
 from selector.telling.selected import account

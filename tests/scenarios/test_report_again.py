@@ -58,15 +58,6 @@ def test_results_alone_say_what_is_left_out(world, tmp_path, capsys, monkeypatch
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_a_result_without_readings_is_read_and_told(world, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "1000")
-    document = json.loads((world / "selected" / "selection.json").read_text(encoding="utf-8"))
-    del document["readings"], document["hull"]
-    (tmp_path / "selection.json").write_text(json.dumps(document), encoding="utf-8")
-    assert exit_status(["report", str(tmp_path), "-o", str(tmp_path / "a.html")]) == 0
-    assert "left out: loops" in capsys.readouterr().out
-
-
 def test_several_results_are_one_page_whose_places_have_one_name_each(world, tmp_path, capsys):
     results = [str(world / name) for name in ("selected", "diagnosed", "selected", "predicted")]
     results.append(str(world / "selected" / "model.json"))

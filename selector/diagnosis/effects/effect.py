@@ -119,12 +119,10 @@ class Fitted:
         wide = {name: (low, high) for name, (low, high) in self.shape_intervals.items() if low != high}
         object.__setattr__(self, "shape_intervals", wide)
 
-    def coefficient(
-        self, unit: str | None = None, *, column: int = 0, factor: float = 1.0, offset: float = 0.0
-    ) -> Quantity:
-        """`offset` + `factor` × a coefficient with its 95 % interval, in this unit (None: of the response)."""
-        value = offset + factor * float(self.coefficients[column])
-        half = 1.96 * abs(factor) * float(self.standard_errors[column])
+    def coefficient(self, unit: str | None = None, *, factor: float = 1.0, offset: float = 0.0) -> Quantity:
+        """`offset` + `factor` × the first coefficient with its 95 % interval, in this unit (None: of the response)."""
+        value = offset + factor * float(self.coefficients[0])
+        half = 1.96 * abs(factor) * float(self.standard_errors[0])
         return Quantity(value, self.unit if unit is None else unit, value - half, value + half)
 
     def parameter(self, name: str) -> Quantity:

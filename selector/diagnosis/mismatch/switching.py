@@ -16,8 +16,9 @@ from selector.diagnosis.mismatch.background import seen_rows
 from selector.diagnosis.mismatch.location import LARGE, in_words
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import course
-from selector.diagnosis.wording import amount, duration_words, listed
+from selector.diagnosis.wording import amount, duration_words
 from selector.findings import Finding, Where
+from selector.number_text import listed
 from selector.types import Matrix, Vector
 
 Lags = tuple[float, ...]  #: Time constants in a row [s]

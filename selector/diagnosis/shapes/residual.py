@@ -42,11 +42,11 @@ class Remainder:
         self._left = self._off(difference[self._rows])
         self._whole = float(self._left @ self._left)
 
-    def share(self, column: Vector, *, only_positive: bool = True, most: float = np.inf) -> float:
+    def share(self, column: Vector, *, most: float = np.inf) -> float:
         """Share of the remaining squares, 0 … 1, with a coefficient of 0 to `most` (of either sign if not positive)."""
         part = self._off(column[self._rows])
         squares, along = float(part @ part), float(part @ self._left)
-        if squares <= 1e-20 * float(column @ column) or self._whole <= 0.0 or (only_positive and along < 0.0):
+        if squares <= 1e-20 * float(column @ column) or self._whole <= 0.0 or along < 0.0:
             return 0.0
         size = min(along / squares, most)
         return (2.0 * along - size * squares) * size / self._whole

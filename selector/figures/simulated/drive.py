@@ -85,7 +85,7 @@ def frequency_response(
     Amplitudes and phases stand by what the line is called, in the same order; `title` is plain text, as `style.label`
     makes it.
     """
-    drawn = style.figure(title, 480)
+    drawn = style.rows(title, [220, 165], 25, 50)
     for number, (name, amplitude) in enumerate(amplitudes.items()):
         colour = style.GROUPS[number % len(style.GROUPS)]
         decibels = 20.0 * np.log10(np.maximum(np.abs(amplitude), 10.0 ** (1.5 * _FLOOR_DB / 20.0)))
@@ -93,25 +93,28 @@ def frequency_response(
             hover = f"%{{x:.4g}} Hz: %{{y:.4g}} {unit}<extra>{style.label(name)}</extra>"
             legend = {"legendgroup": str(number), "showlegend": axis == "y" and len(amplitudes) > 1}
             dash = ("solid", "dash", "dot")[number % 3]
-            style.curve(drawn, frequency_hz, values, colour, style.label(name), hover, dash=dash, yaxis=axis, **legend)
+            style.curve(
+                drawn,
+                frequency_hz,
+                values,
+                colour,
+                style.label(name),
+                hover,
+                dash=dash,
+                yaxis=axis,
+                xaxis=axis.replace("y", "x"),
+                **legend,
+            )
     every = 20.0 * np.log10(np.maximum(np.abs(np.concatenate(list(amplitudes.values()))), 1e-12))
     low, high = float(every.min()), float(every.max())
     style.rule(drawn, -20.0 * math.log10(math.sqrt(2.0)), across=True)
     least = min(float(np.min(p)) for p in phases_deg.values())
     ticks = _PHASE_STEP * max(1, math.ceil(abs(least) / _PHASE_STEP / 6))
-    drawn.update_layout(
-        xaxis={
-            "type": "log", "anchor": "y2", "title": {"text": "frequency [Hz]"}, "dtick": 1,
-            "range": [math.log10(frequency_hz[0]), math.log10(frequency_hz[-1])],
-        },
-        yaxis={
-            "domain": [0.46, 1.0], "title": {"text": "amplitude [dB]"},
-            "range": [max(low, _FLOOR_DB) - 3.0, high + 3.0],
-        },
-        yaxis2={
-            "domain": [0.0, 0.40], "anchor": "x", "title": {"text": "phase [°]"}, "dtick": ticks,
-        },
-    )  # fmt: skip
+    ends = np.log10(frequency_hz[[0, -1]]).tolist()
+    drawn.update_xaxes(type="log", dtick=1, range=ends)
+    drawn.update_xaxes(title_text="frequency [Hz]", row=2)
+    drawn.update_yaxes(title_text="amplitude [dB]", range=[max(low, _FLOOR_DB) - 3.0, high + 3.0], row=1)
+    drawn.update_yaxes(title_text="phase [°]", dtick=ticks, row=2)
     return drawn
 
 

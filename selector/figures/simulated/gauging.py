@@ -43,11 +43,8 @@ def gauge_characteristic(
         f"Computed: {number_text(gauge.gain_v_per_um * 1e3)} mV/µm at {number_text(gauge.allowance_um)} µm; the line "
         f"holds from {number_text(line_um[0])} to {number_text(line_um[1])} µm"
     )
-    inside = _CURVE_PX + _GAP_PX + _ERROR_PX
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BOTTOM_PX, showlegend=False)
-    drawn.update_layout(margin={"b": _BOTTOM_PX})
-    split = (_ERROR_PX + _GAP_PX / 2) / inside
+    drawn = style.rows(title, [_CURVE_PX, _ERROR_PX], _GAP_PX, _BOTTOM_PX)
+    drawn.update_layout(showlegend=False)
     ends_v = [float(voltage_v.min()), float(voltage_v.max()), *(volts for _, volts in thresholds)]
     room = 0.08 * max(max(ends_v) - min(ends_v), 1e-9)
     low, high = min(ends_v) - room, max(ends_v) + room
@@ -71,15 +68,11 @@ def gauge_characteristic(
         hover = f"stage {stage} ends: %{{y:.4g}} V, reads %{{x:.4g}} µm, wanted {until:.4g}"
         look = {"marker": {"line": {"color": "#ffffff", "width": 1.4}}, "showlegend": False}
         style.points(drawn, [reads], [volts], THRESHOLD, f"stage {stage}", hover, **look)
-    across = {"range": [float(allowance_um[0]), float(allowance_um[-1])]}
-    drawn.update_layout(
-        xaxis={"anchor": "y", "showticklabels": False, "ticks": "", "matches": "x2", **across},
-        yaxis={"anchor": "x", "domain": [split + _GAP_PX / 2 / inside, 1.0], "range": [low, high],
-               "title": {"text": "voltage [V]"}},
-        xaxis2={"anchor": "y2", "title": {"text": "allowance [µm]"}, **across},
-        yaxis2={"anchor": "x2", "domain": [0.0, split - _GAP_PX / 2 / inside], "range": [-most, most],
-                "title": {"text": "line is off [µm]"}, "nticks": 5, "zeroline": True, "zerolinecolor": style.MUTED},
-    )  # fmt: skip
+    drawn.update_xaxes(range=[float(allowance_um[0]), float(allowance_um[-1])], ticks="")
+    drawn.update_xaxes(title_text="allowance [µm]", ticks="outside", row=2)
+    drawn.update_yaxes(range=[low, high], title_text="voltage [V]", row=1)
+    zero = {"nticks": 5, "zeroline": True, "zerolinecolor": style.MUTED}
+    drawn.update_yaxes(range=[-most, most], title_text="line is off [µm]", **zero, row=2)
     return drawn
 
 

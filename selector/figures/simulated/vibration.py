@@ -50,15 +50,14 @@ def response_over_frequency(
     `answers` is final member → its answer to every source, `colours` that of `source_colours`, `title` plain text, as
     `style.label` makes it. At `split_hz` the chains of the low range end and those of the high one begin [Hz].
     """
-    count = len(answers)
-    drawn, domains = _stack(title, count, _PANEL_PX, _GAP_PX)
-    ends = np.log10(frequency_hz[[0, -1]])
+    ends = np.log10(frequency_hz[[0, -1]]).tolist()
+    axes = [f"{style.label(final, 12)} [µm/N]" for final in answers]
+    drawn = _over_frequency(title, axes, _PANEL_PX, ends)
     has_chains = any(one.chains_um_per_n is not None for ones in answers.values() for one in ones)
     named: set[str] = set()
-    for number, (final, ones) in enumerate(answers.items()):
+    for key, ones in zip(map(_key, range(len(axes))), answers.values(), strict=True):
         strongest = np.log10(max(float(one.coupled_um_per_n.max()) for one in ones))
         weakest = np.log10(min(float(one.coupled_um_per_n.min()) for one in ones))
-        key = _over_frequency(drawn, number, domains, ends.tolist(), f"{style.label(final, 12)} [µm/N]")
         drawn.layout[f"yaxis{key}"].range = [max(weakest - 0.15, strongest - _DECADES), strongest + 0.25]
         for one in ones:
             is_first = one.source not in named
@@ -72,29 +71,20 @@ def response_over_frequency(
     return drawn
 
 
-def _over_frequency(
-    drawn: go.Figure, number: int, domains: Sequence[Sequence[float]], ends: Sequence[float], axis: str
-) -> str:
-    """The key of a panel of `_stack` whose axes are logarithmic, over frequencies from 10^ends to 10^ends."""
-    key, is_last = "" if number == 0 else str(number + 1), number == len(domains) - 1
-    drawn.layout[f"xaxis{key}"] = {
-        "type": "log", "anchor": f"y{key}", "range": ends, "showticklabels": is_last, **log_ticks(*ends),
-        "title": {"text": "frequency [Hz]" if is_last else ""}, **({"matches": "x"} if number else {}),
-    }  # fmt: skip
-    drawn.layout[f"yaxis{key}"] = {
-        "type": "log", "anchor": f"x{key}", "domain": domains[number], "dtick": 1, "title": {"text": axis},
-        "exponentformat": "power",
-    }  # fmt: skip
-    return key
+def _over_frequency(title: str, axes: Sequence[str], panel_px: int, ends: Sequence[float]) -> go.Figure:
+    """Panels whose axes are logarithmic, with these titles, over frequencies from 10^ends to 10^ends."""
+    drawn = style.rows(title, [panel_px] * len(axes), _GAP_PX, _BELOW_PX)
+    drawn.update_xaxes(type="log", range=ends, **log_ticks(*ends))
+    drawn.update_xaxes(title_text="frequency [Hz]", row=len(axes))
+    drawn.update_yaxes(type="log", dtick=1, exponentformat="power")
+    for number, axis in enumerate(axes, start=1):
+        drawn.update_yaxes(title_text=axis, row=number)
+    return drawn
 
 
-def _stack(title: str, count: int, panel_px: int, gap_px: int) -> tuple[go.Figure, list[list[float]]]:
-    """A figure for panels one below the other, and the part of its height that each of them has."""
-    inside = count * panel_px + (count - 1) * gap_px
-    drawn = style.figure(title, inside)
-    drawn.update_layout(height=int(drawn.layout.margin.t) + inside + _BELOW_PX)
-    tops = [1.0 - number * (panel_px + gap_px) / inside for number in range(count)]
-    return drawn, [[max(top - panel_px / inside, 0.0), top] for top in tops]
+def _key(number: int) -> str:
+    """What the axes of a panel end with; they are counted from 0."""
+    return str(number + 1) if number else ""
 
 
 def _add_answer(drawn: go.Figure, frequency_hz: Vector, one: Answer, colour: str, key: str, *, is_first: bool) -> None:
@@ -187,10 +177,10 @@ def errors_over_wavelength(
     highest = max(max(one.published_um, one.kinematic_um) for one in errors)
     panels = [(key, [one for one in errors if one.direction == key]) for key in _ALONG]
     panels = [(direction, ones) for direction, ones in panels if ones]
-    drawn, domains = _stack(title, len(panels), _HEIGHT_PANEL_PX, _HEIGHT_GAP_PX)
+    drawn = style.rows(title, [_HEIGHT_PANEL_PX] * len(panels), _HEIGHT_GAP_PX, _BELOW_PX, is_shared=False)
     top = math.log10(highest) if highest > 0 else 0.0
     for number, (direction, ones) in enumerate(panels):
-        key = "" if number == 0 else str(number + 1)
+        key = _key(number)
         waves = np.log10([one.wavelength_mm for one in ones])
         low, high = float(waves.min()) - 0.3, float(waves.max()) + 0.3
         if direction == "cut":
@@ -199,15 +189,10 @@ def errors_over_wavelength(
             high = max(high, _lobing_mm(cutting, surface)[0])
         _add_zones(drawn, direction, cutting, surface, key, (low, high))
         _add_errors(drawn, ones, colours, key, is_first=number == 0)
-        drawn.layout[f"xaxis{key}"] = {
-            "type": "log", "anchor": f"y{key}", "range": [low, high], "title": {"text": _ALONG[direction]},
-            "showgrid": False, **log_ticks(low, high),
-        }  # fmt: skip
-        drawn.layout[f"yaxis{key}"] = {
-            "type": "log", "anchor": f"x{key}", "domain": domains[number],
-            "dtick": 1, "range": [top - _HEIGHT_DECADES, top + 0.45], "title": {"text": "height [µm]"},
-            "exponentformat": "none",
-        }  # fmt: skip
+        look = {"showgrid": False, **log_ticks(low, high)}
+        drawn.update_xaxes(type="log", range=[low, high], title_text=_ALONG[direction], **look, row=number + 1)
+    heights = {"range": [top - _HEIGHT_DECADES, top + 0.45], "title_text": "height [µm]"}
+    drawn.update_yaxes(type="log", dtick=1, exponentformat="none", **heights)
     for name, fill in (("copied motion", style.INK), ("W by the force", "#ffffff")):
         style.points(drawn, [None], [None], fill, name, marker={"line": {"color": style.INK, "width": 1.8}})
     return drawn
@@ -273,12 +258,12 @@ def tapped_compliances(panels: Mapping[str, Mapping[str, tuple[Vector, Vector]]]
 
     `panels` is title → curve → (frequency [Hz], amplitude [µm/N]); `title` plain text, as `style.label` makes it.
     """
-    drawn, domains = _stack(title, len(panels), _TAPPED_PX, _GAP_PX)
     every = np.concatenate([x for curves in panels.values() for x, _ in curves.values()])
     ends = np.log10([every.min(), every.max()]).tolist()
+    drawn = _over_frequency(title, [f"{style.label(called, 24)}<br>[µm/N]" for called in panels], _TAPPED_PX, ends)
     looks = {"by the file": (style.MUTED, "dash"), "fitted": (style.PREDICTED, "solid")}
-    for number, (called, curves) in enumerate(panels.items()):
-        key = _over_frequency(drawn, number, domains, ends, f"{style.label(called, 24)}<br>[µm/N]")
+    for number, curves in enumerate(panels.values()):
+        key = _key(number)
         axes: dict[str, Any] = {"xaxis": f"x{key}", "yaxis": f"y{key}", "showlegend": number == 0}
         for name, (x, y) in curves.items():
             if name in looks:

@@ -18,6 +18,8 @@ height-beyond-motion [warning] the published height of a periodic error is large
     → believe the copied motion, unless a measured surface says otherwise
 line-beyond-sampling [warning] a line of a source is faster than the sampling carries; it is left out there
     → Sample more often if this line matters.
+chatters-at-any-depth [warning] nothing damps a mode: with the law of the cutting force any cut chatters in it
+    → Give the joints a dissipation.
 run-up-too-quick [warning] a run-up passes a resonance too quickly for the motion to be the steady one
     → Let the frequency change more slowly there.
 line-changes-chains [info] a line passes from the chains of one range to those of another: the motion jumps there

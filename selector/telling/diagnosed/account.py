@@ -13,14 +13,13 @@ from selector.diagnosis.wording import (
     amount,
     duration_words,
     headline,
-    listed,
     name_of,
     quantity_words,
     sure_words,
     suspicion_words,
     what_to_do,
 )
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.telling import origin
 from selector.telling.account import (
     Account,

@@ -8,7 +8,7 @@ from typing import Any
 from selector.atomic_file import write_whole
 from selector.findings import Finding
 from selector.models.moments import WORTH_OF_A_SENSOR
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.selection import Selection
 from selector.selection.result import BEST_OF_SIZE, FIXED_SET, PROCEDURE, Combination, told_apart
 from selector.telling import origin
@@ -30,7 +30,7 @@ from selector.telling.account import (
     sections,
     table,
 )
-from selector.telling.numbers import NONE, beside_text, listed, p_text, rounded_text, share_text
+from selector.telling.numbers import NONE, beside_text, p_text, rounded_text, share_text
 from selector.telling.origin import label_text
 from selector.telling.selected.advice import advice, rmse_error_um, useless_responses
 from selector.telling.selected.formula import coefficient_rows, formula_text, legend_rows
@@ -241,11 +241,6 @@ def _r2(value: float) -> str:
 
 Description = Mapping[str, Any]
 
-NO_READINGS = (
-    "Not drawn: loops of the displacement over each temperature, and the range of the inputs. An earlier version of "
-    "selector wrote this result, without readings; `selector select` on the same recordings writes it with them."
-)
-
 
 def selection_account(
     selection: Selection,
@@ -291,7 +286,6 @@ def selection_account(
                 *drawings.get("curve", ()),
                 Captioned("Error against number of sensors", curve_table(selection)),
                 *drawings.get("proof", ()),
-                None if selection.readings else Note(NO_READINGS),
                 link="Proof",
             ),
             section(

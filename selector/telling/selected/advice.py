@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from selector.models.least_squares import FaultGain
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.selection import Selection
 from selector.selection.finding_table import FEW_RUNS
 from selector.selection.result import PROCEDURE, RunProof
 from selector.telling.account import Verdict
-from selector.telling.numbers import listed, rounded_text
+from selector.telling.numbers import rounded_text
 
 _UNUSABLE = ("constant-sensor", "sensor-missing")
 USELESS = "no-better-than-nothing"

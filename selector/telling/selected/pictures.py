@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from selector import figures
-from selector.figures.loops import MOST_SENSORS, LoopShown
 from selector.selection import Selection
 from selector.telling.account import Block, Drawing
-from selector.telling.numbers import listed, span_text
 
 MOST_RUNS = 12
 RUNS_PER_PICTURE = 6
@@ -23,7 +21,6 @@ def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, 
         "proof": [
             *(Drawing(figures.errors_per_run(selection, name), _PER_RUN) for name in names),
             *(drawing for name in names for drawing in _traces(selection, name)),
-            *loops(selection),
         ],
         "groups": [*_places(selection, description), *_grouping(selection)],
     }
@@ -56,13 +53,8 @@ def _traces(selection: Selection, response: str) -> list[Drawing]:
 def _grouping(selection: Selection) -> list[Drawing]:
     if len(selection.sensors) < 2:
         return []
-    # fuzzy groups have no λ to look over
-    scan = [Drawing(figures.lambda_scan(selection), _SCAN)] if selection.grouping.chosen.fuzzy is None else []
-    return [
-        *scan,
-        Drawing(figures.sensor_tree(selection), _TREE),
-        Drawing(figures.similarity_and_closure(selection), _SIMILARITY),
-    ]
+    drawn = (figures.sensor_tree(selection), _TREE), (figures.similarity_and_closure(selection), _SIMILARITY)
+    return [Drawing(figure, text) for figure, text in drawn]
 
 
 def _places(selection: Selection, description: Mapping[str, Any]) -> list[Drawing]:
@@ -79,11 +71,6 @@ def _places(selection: Selection, description: Mapping[str, Any]) -> list[Drawin
 _PLACES = "Where the sensors sit, as the machine file says. Sensors of one colour move together."
 _PER_RUN = "Each of them was predicted by sensors, terms and coefficients that were chosen without it."
 _TRACES = "The residual is measured minus predicted. All panels have the same scales."
-_SCAN = (
-    "Every level at which the groups change. The green band is the range of λ that gives the chosen groups. The "
-    "held-out error is that of the best linear model of the representatives, relative to the spread of the "
-    "displacement."
-)
 _TREE = (
     "Read from right to left: as λ falls, sensors merge into groups. Colours: groups at the chosen λ; grey: single "
     "sensors, and merges that the cut undoes. The axis stretches the levels close to 1."
@@ -92,51 +79,3 @@ _SIMILARITY = (
     "The stronger the colour, the more alike two sensors move. A cell above the diagonal that is stronger than its "
     "mirror image below says that the two are grouped through others, not by their own likeness. Bold: chosen."
 )
-_LOOPS = (
-    "A temperature that tells all gives one line, the same on the way up and on the way down. A loop says that the "
-    "displacement lags behind this temperature, or runs ahead of it: the machine remembers, and no coefficient of this "
-    "reading closes the loop; another sensor, or a memory term (the same reading, lagged), can. Above each panel: the "
-    "widest loop, and what the fitted model leaves of such loops."
-)
-
-
-def loops(selection: Selection) -> list[Drawing]:
-    """Each displacement over the readings of the chosen sensors, with what the model leaves of the loops."""
-    if not selection.readings:
-        return []
-    text = [_LOOPS, _memory(selection)]
-    if len(selection.chosen) > MOST_SENSORS:
-        text.append(f"The first {MOST_SENSORS} of {len(selection.chosen)} sensors are drawn.")
-    rise = selection.options.reference == "rise"
-    return [
-        Drawing(
-            figures.displacement_loops(selection.chosen, name, _loops(selection, at), rise=rise),
-            " ".join(text) if at == 0 else "",
-        )
-        for at, name in enumerate(selection.models)
-    ]
-
-
-def _loops(selection: Selection, at: int) -> list[LoopShown]:
-    variables = selection.recipe.design.variables
-    column = [variables.index(name) for name in selection.chosen]
-    model = list(selection.models.values())[at]
-    return [
-        LoopShown(
-            one.run,
-            one.variables[:, column],
-            one.displacement_um[:, at],
-            one.displacement_um[:, at] - model.predicted(one.variables),
-        )
-        for one in selection.readings
-    ]
-
-
-def _memory(selection: Selection) -> str:
-    lags = selection.recipe.design.lags
-    if not lags:
-        offered = "they were offered and did not pay" if selection.options.memory else "--memory offers them"
-        return f"This model has no memory terms; {offered}."
-    taus = list(dict.fromkeys(span_text(lag.tau_s) for lag in lags))
-    constants = "a time constant" if len(taus) == 1 else "time constants"
-    return f"This model has memory terms with {constants} of {listed(taus)}."

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from selector.findings import Finding
@@ -219,7 +220,7 @@ def compensation_table(needed: Compensations) -> Captioned:
         rows.append((f"delay of {ahead}, ahead", amount_text(amount), None, "always"))
     for one in needed.pulses:
         where = f"{_feed(one.feed_mm_per_min)} mm/min, {number_text(one.acceleration_m_per_s2)} m/s²"
-        size = None if one.amplitude_mm_per_min is None else f"{number_text(one.amplitude_mm_per_min)} mm/min"
+        size = None if one.amplitude is None else amount_text(one.amplitude)
         rows.append((f"speed pulse of {one.axis}", size, amount_text(one.height_um), where))
     note = (
         "For compensations that were off in the test. The pulse, amplitude · exp(−t / reset time) of set speed in the "
@@ -235,7 +236,7 @@ def _compensation_data(needed: Compensations) -> dict[str, Any]:
     return {
         "backlash": {axis: dict(vars(one)) for axis, one in needed.backlash.items()},
         "delay": None if needed.delay is None else {"axis": needed.delay[0], **vars(needed.delay[1])},
-        "pulses": [vars(one) | {"height_um": dict(vars(one.height_um))} for one in needed.pulses],
+        "pulses": [asdict(one) for one in needed.pulses],
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from selector.json_text import fields_of
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.physics.gauging.gauging_advice import BEST_CENTRED, CENTRED, PRESENT, UNCORRECTED, Setting
 from selector.physics.gauging.gauging_model import ALLOWANCE, GAUGE, MEASURED, GaugingModel, GaugingSimulation
 from selector.physics.gauging.gauging_summary import CAPABLE, GaugingSummary
@@ -14,7 +14,7 @@ from selector.physics.gauging.grinding.gauged_grinding import FinishedSizes
 from selector.physics.gauging.process import Tolerance
 from selector.physics.gauging.sizes import CONFIDENCE, Capability, SizesByFormula
 from selector.telling.account import Account, Block, Captioned, Drawing, Note, Table, Verdict, captioned, section, table
-from selector.telling.numbers import NONE, listed, ms_text, uncertain_text
+from selector.telling.numbers import NONE, ms_text, uncertain_text
 from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 

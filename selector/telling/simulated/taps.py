@@ -7,11 +7,11 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.json_text import fields_of
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.physics.vibration.taps.response import TapMode
 from selector.physics.vibration.taps.tap_fit import TapFit, TapParameter
 from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
-from selector.telling.numbers import NONE, listed, share_text
+from selector.telling.numbers import NONE, share_text
 from selector.types import Vector
 
 _READ = "Motion of one member per newton on another, where taps agree; with the exponential window, if there was one."
@@ -74,9 +74,11 @@ def fit_head(fit: TapFit) -> str:
 
 
 def _sentences(fit: TapFit) -> list[str]:
+    counts = [(len(fit.parameters), "number"), (len(fit.responses), "compliance")]
+    counts.append((min(len(one.taps) for one in fit.responses), "tap"))
+    numbers, compliances, taps = (f"{count} {what}{'s' * (count != 1)}" for count, what in counts)
     said = [
-        f"{len(fit.parameters)} numbers were fitted to {len(fit.responses)} compliances by "
-        f"{min(len(one.taps) for one in fit.responses)} taps or more: {_left(fit)}."
+        f"{numbers} {'was' if counts[0][0] == 1 else 'were'} fitted to {compliances} of {taps} or more: {_left(fit)}."
     ]
     known = [one for one in fit.parameters if not one.unseen and min(one.before, one.value) > 0]
     if known:
@@ -124,7 +126,10 @@ def _parameters_table(fit: TapFit) -> Table:
     rows = []
     for one in fit.parameters:
         unit, told = _told(one, one.before, one.value, one.low, one.high)
-        before, value, *ends = (number_text(number, 4) for number in told)
+        half = (told[3] - told[2]) / 2.0 if len(told) == 4 else 0.0
+        # an interval shows its width
+        digits = 4 if half <= 0 else min(max(4, math.ceil(math.log10(abs(told[1]) / half + 1.0)) + 1), 9)
+        before, value, *ends = (number_text(number, digits if k else 4) for k, number in enumerate(told))
         rows.append((_name(fit, one), unit, before, value, " to ".join(ends) or NONE, one.unseen))
     note = "ψ: share of the energy that is lost in a cycle. A dash: the taps do not tell it, for the reason beside it."
     return table(["", "unit", ">file", ">fitted", ">95 % interval", "why none"], rows, note)

@@ -11,7 +11,7 @@ import numpy as np
 
 from selector.errors import InputError
 from selector.json_text import fields_of
-from selector.number_text import number_text
+from selector.number_text import listed, number_text
 from selector.physics.vibration.chains import ChainAccuracy
 from selector.physics.vibration.motion.chatter import StabilityLimit
 from selector.physics.vibration.motion.final_motion import ChainMethod, final_receptance
@@ -27,7 +27,7 @@ from selector.physics.vibration.structure.structure import (
 from selector.physics.vibration.vibration_model import FINALS, RELATIVE, VibrationModel
 from selector.physics.vibration.vibration_summary import LineSummary, VibrationSummary
 from selector.telling.account import Account, Block, Drawing, Table, captioned, section, table
-from selector.telling.numbers import listed, share_text, span_text
+from selector.telling.numbers import share_text, span_text
 from selector.telling.simulated.result import THINNED, SimulationResult, simulation_account
 from selector.types import Vector
 
@@ -38,6 +38,7 @@ MOST_RUNS = 3
 MOST_ROWS = 40
 _MOTIONS = {"tool": "tool", "workpiece": "workpiece", RELATIVE: "tool − workpiece"}
 _PERIODS = 6.0  #: Of the largest line, that a stretch of time shows.
+_SPEED_HOLDS = 0.02  #: To either side of a speed that is advised.
 _WORTH = 1.1  #: Times the depth without chatter from which on another speed is worth a word.
 _FAR = 1.5  #: Amplification below which a line is not said to be near a resonance.
 _ALONG = {"cut": "along the cut", "feed": "along the feed"}
@@ -276,7 +277,10 @@ def stability_sentence(limit: StabilityLimit) -> str:
     """From which depth of cut on it chatters: at the speed of the workpiece, and at its best speed near by."""
     rpm = limit.cutting.workpiece_rpm
     depth, at_hz = limit.at_speed(rpm)
-    speed, depths = (values[np.abs(np.log2(limit.lobes[0] / rpm)) <= 1.0] for values in limit.lobes)
+    speed, depths = limit.lobes
+    # beside the best depth stands the worst: what a speed allows holds a little above and below it, too
+    depths = np.array([depths[np.abs(speed / one - 1.0) <= _SPEED_HOLDS].min() for one in speed])
+    depths[np.abs(np.log2(speed / rpm)) > 1.0] = 0.0
     best = int(np.argmax(depths))
     if math.isinf(depth):
         return f"At {rpm:.6g} r/min no depth of cut that the workpiece has chatters."
@@ -287,7 +291,7 @@ def stability_sentence(limit: StabilityLimit) -> str:
     if depths[best] < _WORTH * depth:
         return f"{text}; half or twice the speed changes that by less than {share_text(_WORTH - 1.0)}."
     allowed = "any depth" if math.isinf(depths[best]) else f"{number_text(float(depths[best]))} mm"
-    return f"{text}; {speed[best]:.4g} r/min allows {allowed}."
+    return f"{text}; {float(f'{speed[best]:.3g}'):g} r/min ± {_SPEED_HOLDS:.0%} allows {allowed}."
 
 
 def kinds_table(heights: Sequence[KindHeight]) -> Table:
@@ -553,12 +557,12 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
 def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
     if limit is None:
         return None
-    least = int(np.argmin(limit.stiffness_n_per_m))
+    stiffness, frequency_hz = limit.least
     rpm = limit.cutting.workpiece_rpm
     speed, depth = limit.lobes
     return {
-        "least_stiffness_n_per_um": 1e-6 * float(limit.stiffness_n_per_m[least]),
-        "frequency_hz": float(limit.frequency_hz[least]),
+        "least_stiffness_n_per_um": 1e-6 * stiffness,
+        "frequency_hz": frequency_hz,
         "depth_mm": _finite(limit.at_speed(rpm)[0]),
         "speed_rpm": speed.tolist(),
         "limit_depth_mm": [_finite(one) for one in depth.tolist()],

@@ -5,6 +5,7 @@ that follow a ball on a rotary table (`circle`); p′ is their change with θ, s
 error e of the first axis moves the radius by e·cos θ, one of the second by e·sin θ.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -229,17 +230,31 @@ def backlash_columns(pair: CirclePair, axis: int, gap_um: tuple[float, float]) -
 def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Matrix:
     """Spikes of an axis after the reversals at its positive and negative end, (n_samples, 2); each multiplies µm.
 
-    ((s/w)·exp(1 − s/w))^k with (w, k) = `spike`: 1 at its highest, at s = w [s]; its width falls as w/√k. Positive
-    towards the end: the axis stays where it turned, and follows when it breaks away.
+    1 at its highest, at s = w [s], with (w, k) = `spike`. From k = 1 on ((s/w)·exp(1 − s/w))^k, whose width falls as
+    w/√k. Below, an axis that sticks for a time T, falls behind by s²/2 meanwhile, and then follows as a critically
+    damped loop does, ((s/τ + …)·exp(−s/τ) with T/τ = k⁻² − 1: of T = 0 the shape of k = 1, of a long T a sawtooth.
+    Positive towards the end.
     """
     columns = []
     for arc, sign in zip(pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
         reached = np.clip(arc * pair.radius_um / pair.speed_um_per_s / spike[0], 1e-300, 1e6)
-        power = spike[1] * (np.log(reached) + 1.0 - reached)
-        # no more than 1e-43 of the spike, and its square would be too small for a normal number: a hundred times slower
-        height = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
+        if spike[1] < 1.0:
+            height = _let_go(reached, spike[1] ** -2 - 1.0)
+        else:
+            power = spike[1] * (np.log(reached) + 1.0 - reached)
+            # no more than 1e-43, and its square would be too small for a normal number: a hundred times slower
+            height = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
         columns.append(sign * pair.along[axis] * height)
     return np.column_stack(columns)
+
+
+def _let_go(reached: Vector, stuck: float) -> Vector:
+    """How far an axis is behind over its largest, at times over that of the largest; it sticks for `stuck` × τ."""
+    times = reached * (stuck + 2.0 / (2.0 + stuck))  # over τ
+    after = np.clip(times - stuck, 0.0, 100.0)
+    behind, pushed = stuck**2 / 2.0, stuck + stuck**2 / 2.0
+    gone = (behind + pushed * after) * np.exp(-after) * (after < 100.0)
+    return np.asarray(np.where(times < stuck, times**2 / 2.0, gone) / (pushed * math.exp(-2.0 / (2.0 + stuck))))
 
 
 def cyclic_columns(pair: CirclePair, axis: int, wavelength_um: float) -> Matrix:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from scipy import optimize
 
-from selector.physics.drive.ball_bar.causes import RADIUS_GAIN, Amount, CircleCauses, FeedCauses
+from selector.physics.drive.ball_bar.causes import RADIUS_GAIN, Amount, CircleCauses, FeedCauses, SharedAmount
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class ReversalPulse:
     feed_mm_per_min: float
     acceleration_m_per_s2: float  #: Of the axis where it turns, v²/R: the scale of an adaptation characteristic
     height_um: Amount  #: Of the spikes that it is to take away, mean of both ends
-    amplitude_mm_per_min: float | None  #: In the new direction; None where gain or reset time is not known
+    amplitude: Amount | None  #: In the new direction [mm/min]; None where gain or reset time is not known
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def compensations(
         delay = (axes[1] if late.value > 0 else axes[0], Amount(abs(late.value), late.standard_error, "ms"))
     gain = through.get(RADIUS_GAIN)
     pulses = [
-        _pulse(axis, feed, cause.amounts["mean"], radius_m, None if gain is None else gain.value, reset_s.get(axis))
+        _pulse(axis, feed, cause.amounts["mean"], radius_m, gain, reset_s.get(axis))
         for axis in axes[:2]
         for feed in causes.feeds
         for cause in [feed.cause("reversal-spike", axis)]
@@ -59,12 +59,19 @@ def compensations(
 
 
 def _pulse(
-    axis: str, feed: FeedCauses, height: Amount, radius_m: float, gain_per_s: float | None, reset_s: float | None
+    axis: str, feed: FeedCauses, height: Amount, radius_m: float, gain: SharedAmount | None, reset_s: float | None
 ) -> ReversalPulse:
     acceleration = (feed.feed_mm_per_min / 60e3) ** 2 / radius_m
     amplitude = None
-    if gain_per_s is not None and reset_s is not None:
-        amplitude = 60e3 * pulse_m_per_s(height.value * 1e-6, acceleration, gain_per_s, reset_s)
+    if gain is not None and reset_s is not None:
+
+        def pulse(height_um: float, gain_per_s: float) -> float:
+            return 60e3 * pulse_m_per_s(height_um * 1e-6, acceleration, gain_per_s, reset_s)
+
+        value, by = pulse(height.value, gain.value), 1e-3
+        of_height = (pulse(height.value * (1.0 + by), gain.value) - value) / by * height.standard_error / height.value
+        of_gain = (pulse(height.value, gain.value * (1.0 + by)) - value) / by * gain.standard_error / gain.value
+        amplitude = Amount(value, math.hypot(of_height, of_gain), "mm/min")
     return ReversalPulse(axis, feed.feed_mm_per_min, acceleration, height, amplitude)
 
 

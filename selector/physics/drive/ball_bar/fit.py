@@ -16,8 +16,8 @@ Two = tuple[float, float]
 WIDEST_SPIKE_RAD = np.radians(15.0)  #: A longer course after a reversal is no spike.
 SHORTEST_WAVE_UM = 1000.0
 WIDTHS = 24
-STEEPNESSES = (1.0, 2.0, 4.0, 8.0)
-_STEEPEST = 16.0
+STEEPNESSES = (0.15, 0.3, 0.6, 1.0, 2.0, 4.0, 8.0)
+_FLATTEST, _STEEPEST = 0.05, 16.0
 _BINS = 3600
 
 
@@ -59,7 +59,8 @@ def nearest_spike(pair: CirclePair, rest: Matrix, axis: int, last: Two, anywhere
     def shape(logs: Vector) -> Two:
         # flanks of two samples at least: less is a stray sample, not a spike
         width = math.exp(logs[0])
-        return width, min(math.exp(logs[1]), max(1.0, (width / widths[0]) ** 2))
+        wide = width / widths[0]
+        return width, min(max(math.exp(logs[1]), (1.0 + wide) ** -0.5), max(1.0, wide**2))
 
     def lost(logs: Vector) -> float:
         return -gain(spike_columns(pair, axis, shape(logs)))
@@ -72,7 +73,7 @@ def nearest_spike(pair: CirclePair, rest: Matrix, axis: int, last: Two, anywhere
         lost,
         begin,
         method="Nelder-Mead",
-        bounds=[(math.log(widths[0]), math.log(widths[-1])), (0.0, math.log(_STEEPEST))],
+        bounds=[(math.log(widths[0]), math.log(widths[-1])), (math.log(_FLATTEST), math.log(_STEEPEST))],
         options={"xatol": 1e-3, "fatol": 1e-9 * float(pair.deviation_um @ pair.deviation_um), "maxfev": 60},
     )
     return shape(found.x)
@@ -202,7 +203,7 @@ def circle_fit(pair: CirclePair, wavelengths_um: Mapping[int, float] | None = No
     """
     known = dict(wavelengths_um or {})
     widths = spike_widths_s(pair)
-    middle = (float(widths[WIDTHS // 2]), STEEPNESSES[1])
+    middle = (float(widths[WIDTHS // 2]), 2.0)
     shapes, kept = Shapes(spike=(middle, middle)), tuple(SEARCHED)
     for number in range(_ROUNDS):
         before = shapes
@@ -340,11 +341,17 @@ def _mistaken(
 ) -> Vector:
     """Factor by which errors grow since a spike is not of the shape fitted: the amounts without arcs after reversals.
 
-    What moves more than noise moves it (two standard deviations) when the arcs are left out is uncertain by that.
-    `spread`: variances of the amounts and of the shapes over `variance`.
+    What moves more than noise moves it (two standard deviations) when the arcs are left out is uncertain by that, and
+    a spike by what remains where it is, beyond what remains elsewhere. `spread`: variances of the amounts and of the
+    shapes over `variance`.
     """
     axes = [axis for axis in (0, 1) if f"spike {axis}" in kept]
     moved = np.zeros(len(spread))
+    for number, name in enumerate(_names(pair, kept)):
+        if name.startswith("spike"):
+            share = columns[:, number] ** 2
+            elsewhere = float(np.mean(residual[share < 1e-4] ** 2))
+            moved[number] = max(float(share @ residual**2 / share.sum()) - elsewhere, 0.0)
     linear = columns[:, [not name.startswith("spike") for name in _names(pair, kept)]]
     at = np.flatnonzero([not name.startswith("spike") for name in _names(pair, kept)])
     plain = np.diag(inverse_gram(linear))
