@@ -71,6 +71,16 @@ class Asked:
             "--order", metavar="", help="Also find the order of the operations that needs the fewest corrections."
         ),
     ] = False
+    warm_up: Annotated[
+        float | None,
+        _of_program(
+            "--warm-up",
+            metavar="MIN",
+            min=5.0,
+            max=600.0,
+            help="Also find the warm-up before the duty cycle, up to so long, that leaves the fewest corrections.",
+        ),
+    ] = None
     start: Annotated[
         Literal["cold", "tests"] | None,
         typer.Option(
@@ -122,6 +132,11 @@ class Asked:
             raise OptionError(
                 "--invert without --nc", expected="an NC subprogram, whose sign it turns", where="--invert",
                 advice="add --nc fanuc or --nc sinumerik, or leave it out",
+            )  # fmt: skip
+        if self.warm_up is not None and self.operations is None and not self.tolerance:
+            raise OptionError(
+                "--warm-up without a correction program", expected="--operations or --tolerance beside it",
+                where="--warm-up", advice="say which drift is allowed, e.g. --tolerance 10",
             )  # fmt: skip
         if self.order and len(self.operations_s() or ()) < 2:
             raise OptionError(
@@ -244,6 +259,7 @@ def predict(
         tolerance_um=asked.tolerances_um(),
         resolution_s=None if asked.resolution is None else 60.0 * asked.resolution,
         find_order=asked.order,
+        warm_up_s=60.0 * (asked.warm_up or 0.0),
         temperatures=[name for name in responses if name in recording.with_role("temperature")],
         readings=day,
         told=(*of_recording, *of_cycle),

@@ -10,6 +10,8 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import ArrayLike, NDArray
 
+from selector import number_text
+
 # Okabe and Ito's palette (2008): told apart with every common kind of colour blindness, and in grey.
 INK = "#1a1a1a"
 MUTED = "#8c8c8c"
@@ -185,10 +187,7 @@ def label(name: str, longest: int = LONGEST_LABEL) -> str:
 
 def listed(names: Sequence[str], most: int = 6) -> str:
     """Names in a sentence; from `most` on the rest is counted."""
-    shown = [label(name) for name in names[:most]]
-    if len(names) > most:
-        return ", ".join(shown) + f" and {len(names) - most} more"
-    return shown[0] if len(shown) == 1 else ", ".join(shown[:-1]) + " and " + shown[-1]
+    return number_text.listed([*map(label, names[:most]), *[f"{len(names) - most} more"] * (len(names) > most)])
 
 
 def level_text(level: float) -> str:

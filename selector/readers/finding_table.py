@@ -42,6 +42,8 @@ infinite-values [warning] a column has infinite values; they are missing values
 words-as-numbers [info] a column holds words, such as on and off, that are read as numbers
 ball-bar-unit-assumed [info] a column of a ball-bar file has no unit; one was assumed
     → write the unit into its heading: deviation_um, deviation_mm, feed_mm_per_min
+uff-no-such-node [warning] a node of --point is in no file
+    → correct the number of the node
 uff-left-out [info] datasets of UFF files are not used
     → Look whether one of them should count: its type, its direction (--axis), its node (--point).
 no-header [warning] a table has no row of channel names; the columns are numbered

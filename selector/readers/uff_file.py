@@ -159,12 +159,6 @@ def read_taps(paths: Sequence[Path], asked: TapOptions) -> tuple[tuple[TapRespon
             left["at a point that is left out"] += 1
         else:
             kept.append(one)
-    there = {int(one.content[f"{end}_node"]) for one in functions for end in ("rsp", "ref")}
-    if absent := sorted(set(asked.points) - there):
-        raise refused(
-            f"node {absent[0]}, which no file has", f"one of {', '.join(map(str, sorted(there)[:20]))}",
-            f"--point {absent[0]}={asked.points[absent[0]]}", "correct the number of the node",
-        )  # fmt: skip
     lost = {one.tap for one in chosen if one.kind == _RECORD and one.is_force and one not in kept}
     left["of taps that are left out"] += sum(one.tap in lost for one in kept)
     kept, left = [one for one in kept if one.tap not in lost], +left
@@ -175,10 +169,15 @@ def read_taps(paths: Sequence[Path], asked: TapOptions) -> tuple[tuple[TapRespon
             f"no frequency response that is left ({_counts(left)})", "one at least between members", "--point, --axis",
             "name points and direction that the files have",
         )  # fmt: skip
-    if not left:
-        return found, ()
-    told = f"{left.total()} datasets were left out: {_counts(left)}."
-    return found, (FINDINGS.finding("uff-left-out", told, evidence=dict(left)),)
+    said = []
+    if left:
+        told = f"{left.total()} datasets were left out: {_counts(left)}."
+        said.append(FINDINGS.finding("uff-left-out", told, evidence=dict(left)))
+    there = {int(one.content[f"{end}_node"]) for one in functions for end in ("rsp", "ref")}
+    if absent := sorted(set(asked.points) - there):
+        told = f"No file has the nodes {', '.join(map(str, absent))} of --point; there are {sorted(there)[:20]}."
+        said.append(FINDINGS.finding("uff-no-such-node", told, evidence={"nodes": absent}))
+    return found, tuple(said)
 
 
 def _counts(left: Counter[str]) -> str:

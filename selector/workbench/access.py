@@ -255,6 +255,12 @@ class CheckedDash(dash.Dash):
         return lambda function: register(checked(function))
 
 
+def of_another_kind(error: ValidationError, where: str) -> OptionError:
+    """What a browser sent, and which kind was expected."""
+    first = error.errors(include_url=False)[0]
+    return not_sent(first["input"], first["msg"].removeprefix("Input should be "), where)
+
+
 def checked(function: Callable[..., Any]) -> Callable[..., Any]:
     """A function that is called only with arguments of the kinds that its annotations name."""
     judged = validate_call(config=ConfigDict(strict=True))(function)
@@ -264,8 +270,6 @@ def checked(function: Callable[..., Any]) -> Callable[..., Any]:
         try:
             return judged(*sent)
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            expected = first["msg"].removeprefix("Input should be ")
-            raise not_sent(first["input"], expected, function.__name__.strip("_")) from None
+            raise of_another_kind(error, function.__name__.strip("_")) from None
 
     return called

@@ -11,7 +11,7 @@ from dash.development.base_component import Component
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from selector.workbench import parts
-from selector.workbench.access import not_sent
+from selector.workbench.access import not_sent, of_another_kind
 from selector.workbench.bench import Bench
 
 
@@ -82,8 +82,7 @@ def _require(kind: TypeAdapter[Any], value: Any, where: str) -> None:
     try:
         kind.validate_python(value)
     except ValidationError as error:
-        expected = error.errors(include_url=False)[0]["msg"].removeprefix("Input should be ")
-        raise not_sent(value, expected, where) from None
+        raise of_another_kind(error, where) from None
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,10 @@ class Prediction:
     method: str = "modal"
     operations: str = ""  #: As the options are typed
     tolerance: str = ""
+    warm_up: str = ""
+    order: bool = False
+    nc: str = ""  #: Target of the NC subprogram; empty: none
+    invert: str = ""
     readings: str = ""  #: Recording of a day, in the study folder; empty: none
     observe: tuple[str, ...] = ()
 
@@ -172,12 +176,16 @@ def prediction_command(
     folder: Path, asked: Prediction, used: Sequence[Path], machine: Path | None, overrides: Overrides
 ) -> tuple[str, ...]:
     """`selector predict` for the duty cycle of the study folder."""
-    tests = [path for path in used if path in asked.tests] or used
+    others = [path for path in used if str(path) != asked.readings]
+    tests = [path for path in others if path in asked.tests] or others
     words = ["predict", *source_arguments(folder, tests, machine, overrides), "--cycle", CYCLE]
     words += [
         *_each("--response", asked.responses),
-        *_changed(asked, Prediction(), ("method", "operations", "tolerance")),
+        *_changed(asked, Prediction(), ("method", "operations", "tolerance", "warm_up")),
+        *["--order"] * asked.order,
     ]
+    if asked.nc:
+        words += ["--nc", asked.nc, *_each("--invert", asked.invert.split())]
     if asked.readings:
         words += ["--readings", told_path(folder, Path(asked.readings)), *_each("--observe", asked.observe)]
     return (*words, "--out", PREDICTION)

@@ -484,6 +484,31 @@ def test_another_order_of_operations_may_need_fewer_corrections(one_mode, tmp_pa
     assert f" {order} {found['corrections']} corrections" in " ".join(asked((0, 1, 2), "--order").split())
 
 
+def test_a_warm_up_leaves_the_corrections_that_its_course_needs(one_mode, tmp_path, capsys):
+    """One mode: the drift after a warm-up is that of the duty cycle with the warm-up as its first operation."""
+    arguments = ["--machine", str(one_mode / "machine.toml"), "--tolerance", "5", "--json"]
+
+    def asked(rows, *more):
+        cycle = tmp_path / "cycle.csv"
+        cycle.write_text("\n".join(["time_s,spindle_speed", *rows]) + "\n", encoding="utf-8")
+        assert exit_status(["predict", str(one_mode), "--cycle", str(cycle), *arguments, *more]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    found = asked(["0,2000", "7200,0"], "--operations", "120", "--warm-up", "60")["warm_up"]
+    assert found["tried"] == 12
+    assert found["corrections"] < found["without"]
+    before_s, speed = 60.0 * found["minutes"], found["speed_rpm"]
+    rows = [f"0,{speed:g}", f"{before_s:g},2000", f"{before_s + 7200:g},0"]
+    program = asked(rows, "--operations", f"{found['minutes']:g},120")["program"]
+    assert [len(one["corrections_um"]) - 1 for one in program if one["operation"] == 2] == [found["corrections"]]
+    # five minutes less leave more
+    shorter = asked(
+        [f"0,{speed:g}", f"{before_s - 300:g},2000", f"{before_s + 6900:g},0"],
+        "--operations", f"{found['minutes'] - 5:g},120",
+    )["program"]  # fmt: skip
+    assert len(shorter[1]["corrections_um"]) - 1 > found["corrections"]
+
+
 def test_an_order_of_one_operation_is_refused(one_mode, tmp_path, capsys):
     cycle = tmp_path / "cycle.csv"
     cycle.write_text("time_s,spindle_speed\n0,1000\n3600,0\n", encoding="utf-8")

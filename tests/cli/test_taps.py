@@ -64,7 +64,7 @@ def test_a_point_that_is_left_out_takes_its_taps_along(capsys):
         (["--unit", "mm"], "--unit mm"),
         (["--unit", "N/m"], "--unit N/m"),
         (["--unit", "um/kN"], "motion of type 12"),
-        (["--band", "400", "20"], "from 400 to 20 Hz"),
+        (["--band", "400", "20"], "--band 400 20"),
         (["--band", "x", "400"], "--band"),
         (["--band", "9000", "9900"], "lines that count"),
         (["--window", "0"], "--window 0"),

@@ -26,8 +26,12 @@ def test_the_commands_say_what_was_asked_and_nothing_else(tmp_path):
         *("taps", "models/lathe.toml", "tap-tests/a.uff", "--point", "2=workpiece", "--point", "3=tool"),
         *("--axis", "X", "--out", "taps"),
     )
-    bench.choose_prediction(readings=str(tmp_path / "recordings" / "day.csv"), observe=("T1", "T4"))
+    bench.choose_prediction(
+        nc="fanuc", invert="Z", order=True, readings=str(tmp_path / "recordings" / "day.csv"), observe=("T1", "T4")
+    )
     asked = prediction_command(tmp_path, bench.prediction, [tmp_path / "recordings" / "a.csv"], None, bench.overrides)
+    at = asked.index("--order")
+    assert asked[at : at + 5] == ("--order", "--nc", "fanuc", "--invert", "Z")
     at = asked.index("--readings")
     assert asked[at : at + 6] == ("--readings", "recordings/day.csv", "--observe", "T1", "--observe", "T4")
 

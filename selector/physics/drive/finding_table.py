@@ -11,6 +11,8 @@ ball-bar-single-feed [info] at one feed, lag of the drives, the bar's length and
     → Run the circle at a second feed, three times faster or more.
 ball-bar-unexplained [warning] part of a ball-bar trace follows none of the causes and is not noise
     → Look at the polar plot: vibration, stick-slip and lateral play are not among the causes.
+ball-bar-narrow-spike [warning] something at the reversals of an axis is too narrow for the samples to be told
+    → Sample more often, or run the circle more slowly.
 ball-bar-rotary-lag-hidden [info] lag of a rotary axis moves the ball across the bar and does not show
     → Set the ball a quarter turn from the bar (table_ball, angle).
 ball-bar-set-up-turns [info] what the set-up of a ball on a rotary axis is off looks like another length or centre

@@ -120,8 +120,7 @@ def _require_whole(
 ) -> None:
     """Refuses a piece of the body that floats, that no film cools, or that lies on another without common nodes."""
     piece = body.pieces()
-    touching = _touching(body, piece)
-    if len(touching):
+    if piece.max() and len(touching := _touching(body, piece)):
         near = ", ".join(f"{x:.3g}" for x in body.facet_centres_m(touching[:1])[0])
         raise refused(
             f"{len(touching)} faces that lie on faces of another piece of the body and share no nodes with them, near "
@@ -149,8 +148,6 @@ def _touching(body: SolidMesh, piece: Indices) -> Indices:
     owners = np.asarray(body.mesh.f2t)
     surface = np.flatnonzero(owners[1] < 0)
     of, centre = piece[owners[0, surface]], body.facet_centres_m(surface)
-    if not piece.max():
-        return surface[:0]
     a, b, c = body.nodes_m[np.asarray(body.mesh.facets)[:3, surface]]
     normal = np.cross(b - a, c - a)
     size = np.sqrt(np.linalg.norm(normal, axis=1))

@@ -10,6 +10,7 @@ import numpy as np
 from selector.number_text import listed, number_text
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
+    BestWarmUp,
     CorrectionProgram,
     Operation,
     program_blocks,
@@ -60,6 +61,8 @@ def prediction_account(
     described, provenance, cyclogram = description or {}, provenance or {}, prediction.cyclogram
     drawings = _drawings(prediction) if drawn else {}
     verdict, sentences = prediction_advice(prediction)
+    if prediction.warm_up is not None:
+        sentences = (*sentences, warm_up_sentence(prediction.warm_up))
     if prediction.order is not None:
         sentences = (*sentences, order_sentence(prediction.order))
     if prediction.observed is not None:
@@ -140,6 +143,14 @@ def prediction_advice(prediction: Prediction) -> tuple[Verdict, tuple[str, ...]]
         warning = f"Do not correct {listed(doubtful)}: the prediction is not good enough for {told} µm. "
         return "bad", (warning + first, _trust(prediction), _SIGN)
     return "good", (first, _trust(prediction), _SIGN)
+
+
+def warm_up_sentence(found: BestWarmUp) -> str:
+    """Whether a warm-up leaves fewer corrections."""
+    if found.corrections == found.without:
+        return f"No warm-up of {found.tried} that were tried saves a correction."
+    would = "no correction is" if found.corrections == 0 else f"{found.corrections} corrections are"
+    return f"After {found.minutes:g} min at {found.speed_rpm:g} r/min {would} left of {found.without}."
 
 
 def order_sentence(found: BestOrder) -> str:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from selector.findings import Finding
 from selector.physics.thermal.prediction.answer import Mode, Start
-from selector.physics.thermal.prediction.correction_program import BestOrder, CorrectionProgram, Operation
+from selector.physics.thermal.prediction.correction_program import BestOrder, BestWarmUp, CorrectionProgram, Operation
 from selector.physics.thermal.prediction.observer import Observed, Stop
 from selector.physics.thermal.prediction.prediction import Method, Prediction
 from selector.selection.result_file import Number, Part
@@ -77,6 +77,7 @@ class PredictionDocument(Part):
     accuracy: dict[str, _Accuracy] = Field(default_factory=dict)
     left_out: dict[str, dict[str, Perhaps]] = Field(default_factory=dict)
     start: Start = "cold"
+    warm_up: BestWarmUp | None = None
     order: BestOrder | None = None
     observed: _Observed | None = None
     findings: tuple[Finding, ...] = ()
@@ -116,6 +117,7 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
         },
         start=told.start,
         temperatures=tuple(told.temperature_k),
+        warm_up=told.warm_up,
         order=told.order,
         observed=None if told.observed is None else told.observed.again(names),
     )

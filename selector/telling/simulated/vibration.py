@@ -278,16 +278,14 @@ def stability_sentence(limit: StabilityLimit) -> str:
     rpm = limit.cutting.workpiece_rpm
     depth, at_hz = limit.at_speed(rpm)
     speed, depths = limit.lobes
-    # beside the best depth stands the worst: what a speed allows holds a little above and below it, too
+    # what a speed allows holds a little above and below it, too
     depths = np.array([depths[np.abs(speed / one - 1.0) <= _SPEED_HOLDS].min() for one in speed])
     depths[np.abs(np.log2(speed / rpm)) > 1.0] = 0.0
     best = int(np.argmax(depths))
     if math.isinf(depth):
         return f"At {rpm:.6g} r/min no depth of cut that the workpiece has chatters."
-    text = (
-        f"At {rpm:.6g} r/min the cut chatters from a depth of {number_text(depth)} mm on, at {at_hz:.4g} Hz, if it "
-        "swings along the thickness of the chip"
-    )
+    text = f"At {rpm:.6g} r/min the cut chatters from a depth of {number_text(depth)} mm on, at {at_hz:.4g} Hz, if it "
+    text += "swings along the thickness of the chip"
     if depths[best] < _WORTH * depth:
         return f"{text}; half or twice the speed changes that by less than {share_text(_WORTH - 1.0)}."
     allowed = "any depth" if math.isinf(depths[best]) else f"{number_text(float(depths[best]))} mm"

@@ -9,13 +9,14 @@ import dash
 from dash import Input, Output, State, dcc, html
 from dash.development.base_component import Component
 
+from selector.controllers.timed_program import TARGETS
 from selector.errors import OptionError
 from selector.figures.duty_cycle import drawn_cycle
 from selector.telling.predicted.account import prediction_account
 from selector.telling.predicted.document import prediction_of
 from selector.workbench import parts
 from selector.workbench.bench import Bench
-from selector.workbench.boxes import Box, Boxes, one_of, one_path, several
+from selector.workbench.boxes import Box, Boxes, one_of, one_path, several, tick
 from selector.workbench.commands import PREDICTION, prediction_command
 from selector.workbench.cycle import Step, steps_text, typed_steps
 from selector.workbench.typed import FIELDS
@@ -34,23 +35,22 @@ def _boxes(bench: Bench) -> Boxes:
     def tests(paths: list[str] | None) -> tuple[Path, ...]:
         return tuple(path for path in bench.used if str(path) in (paths or ()))
 
-    responses = partial(bench.channels, "displacement", "temperature")
-
-    def days() -> dict[str, str]:
-        return {str(one.path): one.path.name for one in bench.loaded}
-
-    thermometers = partial(bench.channels, "temperature")
+    of_role = partial(partial, bench.channels)
     day = "a recording of thermometers, not used as a test: finds stops that were not planned"
     about = "Recordings with a spindle speed. None: all that are used."
     chosen = several("tests", "Heating and cooling tests", about, bench.used_as_options)
     boxes = (
         dataclasses.replace(chosen, read=tests, shown=lambda paths: [str(path) for path in paths]),
-        several("responses", FIELDS["--response"], "None: all that are there.", responses),
+        several("responses", FIELDS["--response"], "None: all that are there.", of_role("displacement", "temperature")),
         one_of("method", FIELDS["--method"], ["modal", "piecewise"]),
         Box("operations", FIELDS["--operations"], "minutes, e.g. 60,60,45; empty: no program"),
         Box("tolerance", FIELDS["--tolerance"], "µm, e.g. 10; one an operation: 10,5,10; empty: no program"),
-        one_path("readings", FIELDS["--readings"], day, days),
-        several("observe", FIELDS["--observe"], "None: all that day and tests have.", thermometers),
+        Box("warm_up", FIELDS["--warm-up"], "at most so many minutes, e.g. 60; empty: none is looked for"),
+        tick("order", FIELDS["--order"]),
+        one_of("nc", FIELDS["--nc"], ["", *TARGETS]),
+        Box("invert", "Counted the other way", "responses whose axis the control turns round, for the NC program"),
+        one_path("readings", FIELDS["--readings"], day, lambda: {str(one.path): one.path.name for one in bench.loaded}),
+        several("observe", FIELDS["--observe"], "None: all that day and tests have.", of_role("temperature")),
     )
     return Boxes(ID, boxes, lambda: bench.prediction, bench.choose_prediction)
 
@@ -145,4 +145,6 @@ def _answered(bench: Bench, stamp: str, _: Any) -> Component | None:
     if result is None:
         return None
     told = parts.told(prediction_account(prediction_of(result), drawn=True), ("cycle", "program"))
-    return parts.answer(bench, PREDICTION, _FILES, "Report of the prediction", stamp, *told)
+    nc = result.get("nc")
+    files = _FILES if nc is None else (*_FILES, (nc["file"], "NC subprogram"), ("nc_sheet.txt", "Its sheet"))
+    return parts.answer(bench, PREDICTION, files, "Report of the prediction", stamp, *told)

@@ -98,6 +98,18 @@ def test_an_axis_that_sticks_for_long_makes_a_sawtooth():
         assert abs(one.amplitude.value - 60e3 * pulse) < 3.0 * one.amplitude.standard_error
 
 
+@pytest.mark.parametrize("height_um", [0.0, 16.0])
+def test_a_spike_of_one_sample_is_told_as_too_narrow(height_um):
+    traces = []
+    for way in (1, -1):
+        angle = (np.arange(460) + 0.5) * 2.0 * np.pi / 460 * way
+        deviation = np.random.default_rng(way + 2).normal(0.0, 0.1, 460)
+        deviation[0] += height_um
+        traces.append(BallBarTrace(angle, deviation, way, 1500.0, RADIUS_M, ("X", "Y")))
+    found = [one for one in circle_causes(traces).findings if one.id == "ball-bar-narrow-spike"]
+    assert [one.where.channel for one in found] == ["X"] * bool(height_um)
+
+
 def _course_after_reversal(pulse: float, acceleration: float, gain: float, reset_s: float):
     """Times [s] and how far the axis is behind [µm], from the equations of the loop step by step."""
     step_s, behind, pushed, integral, stuck = 1e-5, 0.0, 0.0, 0.0, True

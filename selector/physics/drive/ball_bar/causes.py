@@ -205,6 +205,8 @@ Kind = Literal[
 
 _PLAIN = 0.1
 _STRUCTURED = 3.0
+#: After a reversal; so many usual residuals are no chance, of 100 samples there.
+_NARROW_SAMPLES, _NARROW_STANDS_OUT = 3, 8.0
 
 
 @dataclass(frozen=True)
@@ -286,7 +288,7 @@ def circle_causes(traces: Sequence[BallBarTrace], *, lead_m: Mapping[str, float]
     shared = shared_amounts(fits, names)
     fits = list(zip(circles, steady_fits(fits), strict=True))
     feeds = tuple(_feed(pair, fit, names) for pair, fit in fits)
-    return CircleCauses(feeds, shared, (*_not_apart(circles[0], names), *_findings(feeds, fits)))
+    return CircleCauses(feeds, shared, (*_not_apart(circles[0], names), *_findings(feeds, fits, names)))
 
 
 def _feed(pair: CirclePair, fit: CircleFit, names: tuple[str, ...]) -> FeedCauses:
@@ -393,7 +395,24 @@ def _cyclic(fit: CircleFit, axis: int, waves: Sequence[str]) -> dict[str, Amount
     }
 
 
-def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]]) -> Iterator[Finding]:
+def _narrow_spikes(feed: FeedCauses, pair: CirclePair, fit: CircleFit, names: Sequence[str]) -> Iterator[Finding]:
+    """Axes with something at their reversals that stands out and is too narrow for these samples to be fitted."""
+    step_rad = 2.0 * math.pi * len(pair.parts) / len(pair.angle_rad)
+    spread = 1.4826 * float(np.median(np.abs(fit.residual_um)))
+    for axis, name in enumerate(names[:2]):
+        near = np.min(pair.courses[axis].since_reversal_rad, axis=0) < _NARROW_SAMPLES * step_rad
+        off = float(np.abs(fit.residual_um[near]).max(initial=0.0))
+        if off > _NARROW_STANDS_OUT * spread and not feed.cause("reversal-spike", name).found:
+            found = f"Within {_NARROW_SAMPLES} samples after {name} turns, at {feed.feed_mm_per_min:.4g} mm/min, "
+            found += f"{off:.3g} µm are left where {spread:.2g} µm are usual: a spike too narrow for samples "
+            found += f"{np.degrees(step_rad):.2g}° apart."
+            evidence = {"feed_mm_per_min": feed.feed_mm_per_min, "left_um": off, "spread_um": spread}
+            yield FINDINGS.finding("ball-bar-narrow-spike", found, Where(channel=name), evidence)
+
+
+def _findings(
+    feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, CircleFit]], names: Sequence[str]
+) -> Iterator[Finding]:
     if len(feeds) == 1:
         yield FINDINGS.finding(
             "ball-bar-single-feed",
@@ -401,7 +420,8 @@ def _findings(feeds: Sequence[FeedCauses], fits: Sequence[tuple[CirclePair, Circ
             "a scale error of both axes all change the radius alike, and different scales look like different "
             "amplitudes.",
         )
-    for feed, (_, fit) in zip(feeds, fits, strict=True):
+    for feed, (pair, fit) in zip(feeds, fits, strict=True):
+        yield from _narrow_spikes(feed, pair, fit, names)
         if feed.remaining_share > _PLAIN and fit.resemblance > _STRUCTURED:
             yield FINDINGS.finding(
                 "ball-bar-unexplained",

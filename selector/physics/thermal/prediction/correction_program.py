@@ -360,7 +360,9 @@ def _one_line(text: str) -> str:
 
 #: Operations of which every order is tried; of more, two change places as long as that saves corrections.
 MOST_TRIED_ALL = 6
-_STEP_S = 60.0
+_STEP_S, _WARM_UP_STEP_S = 60.0, 300.0
+#: Duty cycle and times (n_times,) [s] → displacements (n_times, n_responses) [µm].
+Course = Callable[[Cyclogram, Vector], Vector]
 
 
 @dataclass(frozen=True)
@@ -375,7 +377,7 @@ class BestOrder:
 
 
 def best_order(
-    course: Callable[[Cyclogram, Vector], Vector],
+    course: Course,
     cyclogram: Cyclogram,
     operations_s: Sequence[float],
     tolerances_um: Mapping[int, float | Sequence[float]],
@@ -384,26 +386,15 @@ def best_order(
     """The order of operations whose correction programs are the shortest; of equal ones the nearest to the given one.
 
     Each operation keeps its length, its speeds and its tolerance; what comes after the last stays there, and the hall
-    moves by the clock. `course` is duty cycle and times (n_times,) [s] → displacements (n_times, n_responses) [µm],
-    `tolerances_um` the position of a response → its tolerance, one for all operations or one for each [µm].
+    moves by the clock. `tolerances_um` is the position of a response → its tolerance, one for all operations or one
+    for each [µm].
     """
     count = len(operations_s)
 
     def needed(order: Sequence[int]) -> float:
+        own = {r: [one[k] for k in order] if isinstance(one, Sequence) else one for r, one in tolerances_um.items()}
         lengths = [operations_s[k] for k in order]
-        changed = reordered(cyclogram, operations_s, order)
-        time = np.union1d(np.arange(0.0, changed.end_s, _STEP_S), np.r_[changed.start_s, np.cumsum(lengths)])
-        displacement = course(changed, time)
-        total = 0
-        for r, tolerance in tolerances_um.items():
-            own = [tolerance[k] for k in order] if isinstance(tolerance, Sequence) else tolerance
-            try:
-                program = correction_program(time, displacement[:, r], lengths, own, resolution_s)
-            except InputError:
-                # too steep for the resolution in this order
-                return np.inf
-            total += sum(len(one.times_s) - 1 for one in program.operations)
-        return total
+        return _corrections(course, reordered(cyclogram, operations_s, order), lengths, own, resolution_s)
 
     given = tuple(range(count))
     first = best = (needed(given), given)
@@ -419,6 +410,59 @@ def best_order(
         if is_exact or not is_better:
             break
     return BestOrder(tuple(k + 1 for k in best[1]), int(best[0]), int(first[0]), tried, is_exact)
+
+
+def _corrections(
+    course: Course,
+    cyclogram: Cyclogram,
+    operations_s: Sequence[float],
+    tolerances_um: Mapping[int, float | Sequence[float]],
+    resolution_s: float | None,
+) -> float:
+    """How many all displacements need together; infinite where one is too steep for the resolution."""
+    time = np.union1d(np.arange(0.0, cyclogram.end_s, _STEP_S), np.r_[cyclogram.start_s, np.cumsum(operations_s)])
+    displacement, total = course(cyclogram, time), 0
+    for r, tolerance in tolerances_um.items():
+        try:
+            program = correction_program(time, displacement[:, r], operations_s, tolerance, resolution_s)
+        except InputError:
+            return np.inf
+        total += sum(len(one.times_s) - 1 for one in program.operations)
+    return total
+
+
+@dataclass(frozen=True)
+class BestWarmUp:
+    """The warm-up before the duty cycle that leaves the fewest corrections, the shortest of these."""
+
+    minutes: float  #: 0 if none needs fewer
+    speed_rpm: float
+    corrections: int  #: Of all displacements together
+    without: int  #: Those without a warm-up
+    tried: int
+
+
+def best_warm_up(
+    course: Course,
+    cyclogram: Cyclogram,
+    operations_s: Sequence[float],
+    tolerances_um: Mapping[int, float | Sequence[float]],
+    resolution_s: float | None,
+    longest_s: float,
+) -> BestWarmUp:
+    """As `best_order`, of warm-ups of up to so long, in steps of 5 min, at the speeds of the duty cycle."""
+    without = _corrections(course, cyclogram, operations_s, tolerances_um, resolution_s)
+    best, tried = (without, 0.0, 0.0), 0
+    for speed in np.unique(cyclogram.speed_rpm[cyclogram.speed_rpm > 0]).tolist():
+        for length_s in np.arange(_WARM_UP_STEP_S, longest_s + 1e-6, _WARM_UP_STEP_S).tolist():
+
+            def warmed(cycle: Cyclogram, time_s: Vector, before: tuple[float, float] = (length_s, speed)) -> Vector:
+                starts, speeds = np.r_[0.0, cycle.start_s + before[0]], np.r_[before[1], cycle.speed_rpm]
+                return course(Cyclogram(starts, speeds, cycle.end_s + before[0]), time_s + before[0])
+
+            needed = _corrections(warmed, cyclogram, operations_s, tolerances_um, resolution_s)
+            best, tried = min(best, (needed, length_s, speed)), tried + 1
+    return BestWarmUp(best[1] / 60.0, best[2], int(best[0]), int(without), tried)
 
 
 def _swapped(order: tuple[int, ...]) -> Iterable[tuple[int, ...]]:

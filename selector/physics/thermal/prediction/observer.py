@@ -28,6 +28,8 @@ _MOST_BRANCHING = 12
 #: Mean square of what readings differ from the likeliest course, in units of what is expected, that is no chance.
 FAR_OFF = 3.0
 _LEAST_K, _WALK = 0.01, 2.0  #: Least noise [K]; so many times what left-out tests were off, a reading walks in an hour.
+#: A stop that begins so shortly before a planned one is the planned one: no operation begins to the second.
+_AHEAD_S = np.array([0.0, 60.0, 120.0])
 _UNKNOWN_K = 1e3  #: A thermometer that has not been read yet may be off by so much.
 
 
@@ -199,7 +201,7 @@ def observed(
                 for delays in (True, False) if speed > 0 else (True,):
                     ended = (*before, replace(stop, to_s=max(at_s, stop.from_s), delays=delays))
                     found.append(path(ended, one, each_s / STOP_LASTS_S / 2.0, each_s))
-            elif one.cyclogram.speed_at(np.array([at_s]))[0] > 0:
+            elif (one.cyclogram.speed_at(at_s + _AHEAD_S) > 0).all():
                 found.append(path((*stops, Stop(at_s)), one, each_s / STOP_EVERY_S, each_s))
         return found
 

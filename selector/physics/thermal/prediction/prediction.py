@@ -16,8 +16,10 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Star
 from selector.physics.thermal.prediction.characteristics import characteristics
 from selector.physics.thermal.prediction.correction_program import (
     BestOrder,
+    BestWarmUp,
     CorrectionProgram,
     best_order,
+    best_warm_up,
     correction_program,
     notation,
 )
@@ -73,6 +75,7 @@ class Prediction:
     left_out_um: Mapping[str, Vector] = field(default_factory=dict)
     start: Start = "cold"  #: {"cold", "tests"}: Whether it begins cold and at rest, or where the tests end
     temperatures: tuple[str, ...] = ()  #: Responses that are temperatures: for them all µm are K
+    warm_up: BestWarmUp | None = None  #: The warm-up that leaves the fewest corrections, if it was asked for
     order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
     observed: Observed | None = None  #: What readings of the day make of it, if there were some
 
@@ -97,6 +100,7 @@ class Prediction:
                 for name, program in self.programs.items()
                 for number, operation in enumerate(program.operations, start=1)
             ],
+            **({} if self.warm_up is None else {"warm_up": dict(vars(self.warm_up))}),
             **({} if self.order is None else {"order": dict(vars(self.order))}),
             **({} if self.observed is None else {"observed": self.observed.as_dict(self.responses)}),
             "tolerance_um": tolerances.pop() if len(tolerances) == 1 else None,
@@ -184,6 +188,7 @@ def predict(
     tolerance_um: Tolerance | None = None,
     resolution_s: float | None = None,
     find_order: bool = False,
+    warm_up_s: float = 0.0,
     temperatures: Sequence[str] = (),
     readings: DayReadings | None = None,
     told: Sequence[Finding] = (),
@@ -195,7 +200,8 @@ def predict(
     A correction program is made for displacements if `operations_s` or `tolerance_um` is given: without operations the
     whole duty cycle is one, without a tolerance it is `USUAL_TOLERANCE_UM`; a tolerance is for all, or by response, one
     for all operations or for each. `resolution_s` rounds its times, see `correction_program`. With `find_order` the
-    order of the operations that needs the fewest corrections is found, too. With `readings` of the day, whose
+    order of the operations that needs the fewest corrections is found, too, and with `warm_up_s` the best warm-up of
+    up to so long before them. With `readings` of the day, whose
     thermometers are among the responses, it is followed beside the plan. What was `told` before stands first among the
     findings.
 
@@ -219,16 +225,20 @@ def predict(
     displacement = answer.course(cyclogram, time)
     programs: dict[str, CorrectionProgram] = {}
     order: BestOrder | None = None
+    warm_up: BestWarmUp | None = None
     if operations_s is not None or tolerance_um is not None:
         lengths = [cyclogram.end_s] if operations_s is None else list(operations_s)
         for r, name in enumerate(responses):
             if name not in temperatures:
                 tolerance = _tolerance_of(tolerance_um, name, len(lengths))
                 programs[name] = correction_program(time, displacement[:, r], lengths, tolerance, resolution_s)
+        tolerances = {
+            r: _tolerance_of(tolerance_um, name, len(lengths)) for r, name in enumerate(responses) if name in programs
+        }
         if find_order and operations_s is not None:
-            tolerances = {r: _tolerance_of(tolerance_um, name, len(lengths)) for r, name in enumerate(responses)}
-            tolerances = {r: one for r, one in tolerances.items() if responses[r] in programs}
             order = best_order(answer.course, cyclogram, lengths, tolerances, resolution_s)
+        if warm_up_s > 0:
+            warm_up = best_warm_up(answer.course, cyclogram, lengths, tolerances, resolution_s, warm_up_s)
         claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
         named = tolerance_um if isinstance(tolerance_um, Mapping) else dict.fromkeys(responses, tolerance_um)
         usual = [name for name in programs if named.get(name) is None]
@@ -256,6 +266,7 @@ def predict(
         answer.left_out_um,
         answer.start,
         tuple(temperatures),
+        warm_up,
         order,
         seen,
     )

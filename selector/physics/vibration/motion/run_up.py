@@ -288,16 +288,9 @@ def motion_signal(
 
 def _parted(shaft_rpm: Mapping[str, float | ShaftCourse]) -> tuple[dict[str, float], dict[str, ShaftCourse]]:
     """Shafts of constant speed, and those that change it."""
-    constant: dict[str, float] = {}
-    courses: dict[str, ShaftCourse] = {}
-    for name, speed in shaft_rpm.items():
-        if not isinstance(speed, ShaftCourse):
-            constant[name] = speed
-        elif speed.is_level:
-            constant[name] = float(speed.rpm[0])
-        else:
-            courses[name] = speed
-    return constant, courses
+    courses = {name: one for name, one in shaft_rpm.items() if isinstance(one, ShaftCourse) and not one.is_level}
+    others = {name: one for name, one in shaft_rpm.items() if name not in courses}
+    return {name: float(one.rpm[0]) if isinstance(one, ShaftCourse) else one for name, one in others.items()}, courses
 
 
 def _sinusoids(amplitude: Complex, frequency_hz: Vector, time: Vector) -> Matrix:
