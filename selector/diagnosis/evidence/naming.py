@@ -97,8 +97,9 @@ _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could be
 #: How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows: the more it
 #: surely carries, the more.
 _HALF, _CARRIED = 0.5, 0.6
-#: Weights, and how often names of such a weight are right: 102 names of real recordings and a development seed.
-_RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.8, 0.95, 0.99)
+#: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
+#: 451 of an exam that was over.
+_RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.99)
 _FAR_ABOVE = 4.0
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
