@@ -110,7 +110,7 @@ class StabilityLimit:
 
 
 def limit_stiffness(compliance: Complex) -> Vector:
-    """K of the cut at the limit [N/m] of compliances [m/N]; infinite where their real part is not negative."""
+    """Stiffness of the cut at the limit [N/m] of compliances [m/N]; infinite where their real part is not negative."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.where(compliance.real < 0.0, -0.5 / compliance.real, np.inf))
 
