@@ -178,11 +178,12 @@ def observed(
     columns = [responses.index(name) for name in readings.thermometers]
     noise_k, drift_k = np.maximum(noise_k, _LEAST_K), _WALK * np.maximum(drift_k, _LEAST_K)
     last_s = float(time_s[-1])
+    until_s = last_s + STEP_S + float(_AHEAD_S[-1])
 
     def path(stops: tuple[Stop, ...], like: _Path, chance: float, within_s: float) -> _Path:
         """A course that has just come to its last moment, which lies anywhere `within_s`."""
         by_s = 0.1 * within_s
-        cycle, later = (as_run(plan, moved, last_s + STEP_S) for moved in (stops, _later(stops, by_s)))
+        cycle, later = (as_run(plan, moved, until_s) for moved in (stops, _later(stops, by_s)))
         went = course(cycle, time_s)
         slope = (course(later, time_s) - went) / by_s
         state, covariance = like.state.copy(), like.covariance.copy()
@@ -193,7 +194,7 @@ def observed(
 
     def branches(one: _Path, moments_s: Vector, each_s: float) -> list[_Path]:
         """It may stop, or go on, around each of these moments."""
-        found, planned = [], as_run(plan, (), last_s + STEP_S).speed_at(moments_s)
+        found, planned = [], as_run(plan, (), until_s).speed_at(moments_s)
         stops = one.settled
         for at_s, speed in zip(moments_s.tolist(), planned.tolist(), strict=True):
             if one.stands:
@@ -205,7 +206,7 @@ def observed(
                 found.append(path((*stops, Stop(at_s)), one, each_s / STOP_EVERY_S, each_s))
         return found
 
-    begin = as_run(plan, (), last_s + STEP_S)
+    begin = as_run(plan, (), until_s)
     variances = np.where(np.isfinite(rise_k[0]), noise_k, _UNKNOWN_K) ** 2
     as_planned, nothing = course(begin, time_s), np.zeros(len(columns) + 1)
     still = np.zeros_like(as_planned)
