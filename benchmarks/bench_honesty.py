@@ -26,7 +26,6 @@ from selector.models.design import Design, datum_of, rows_of
 from selector.recording import Channel, Recording
 from selector.selection import Options, Selection, select
 from selector.selection.doubts import PROMISED_FACTOR
-from selector.selection.finding_table import FEW_RUNS
 from selector.telling.selected.advice import useless_responses
 
 PERIOD_S, N_SENSORS, N_FURTHER = 60.0, 12, 40
@@ -174,8 +173,7 @@ def main() -> None:
             selection = select(seen, options)
             true, before = true_rmse_um(selection, further)
             ratios.append(true / selection.proof.rmse_um("Z"))
-            doubted = (one.evidence["factor"] for one in selection.findings if one.id == FEW_RUNS)
-            factors.append(next(doubted, PROMISED_FACTOR))
+            factors.append(selection.known.factor if selection.known else PROMISED_FACTOR)
             over_best.append(true / best_four_um(seen, further))
             if not useless_responses(selection):
                 proposed += 1

@@ -102,6 +102,17 @@ class Proof:
         return max((part.max_um for part in self.per_response[response]), default=float("nan"))
 
 
+@dataclass(frozen=True)
+class Known:
+    """How well the error on unseen runs is known."""
+
+    factor: float  #: On further runs the error is within this factor of the one that is told, 19 times in 20
+    runs: int  #: Runs or conditions that it rests on
+    in_a_row: int = 0  #: Runs that begin where another ended
+    starts_apart_k: float = 0.0  #: By how much sensors begin apart, from run to run [K]
+    is_warm: bool = False  #: Whether that is more than a cold machine shows
+
+
 @dataclass(frozen=True, kw_only=True)
 class ProvenModel:
     """What a model file says: models, how good they are, and where they come from."""
@@ -132,6 +143,7 @@ class Selection(ProvenModel):
     #: Share of bootstrap resamples of the runs in which each sensor (or a group mate) was chosen
     stability: Mapping[str, float]
     findings: tuple[Finding, ...]
+    known: Known | None = None  #: Of the told errors; None where no run was left out
     equal: EqualSets | None = None  #: All sets as large as the chosen one that are about as good as the best
 
     def fixed_set_errors_um(self, response: str) -> dict[int, float]:
@@ -255,6 +267,7 @@ class Selection(ProvenModel):
                 "baselines_um": {name: dict(values) for name, values in self.proof.baselines_um.items()},
                 "traces": [self._trace(trace) for trace in self.proof.traces],
                 **({"not_covered": dict(self.proof.not_covered)} if self.proof.not_covered else {}),
+                **({"known": vars(self.known)} if self.known else {}),
             },
             "faults": [{**vars(gain), "worst_um": gain.worst_um} for gain in self.faults],
             "fallbacks": [

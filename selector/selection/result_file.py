@@ -15,7 +15,7 @@ from selector.selection.equal_sets import EqualSet, EqualSets
 from selector.selection.fitting import Recipe
 from selector.selection.library import Shape
 from selector.selection.options import Options
-from selector.selection.result import Combination, Proof, RunProof, Selection, Trace
+from selector.selection.result import Combination, Known, Proof, RunProof, Selection, Trace
 from selector.sensors.fuzzy import FuzzyGroups
 from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound
@@ -148,6 +148,7 @@ class _ProofPart(Part):
     baselines_um: dict[str, dict[str, NumberOrNaN]]
     traces: tuple[_TracePart, ...]
     not_covered: dict[str, Names] = {}
+    known: Known | None = None
 
 
 def _asked(options: dict[str, Any]) -> dict[str, Any]:
@@ -218,6 +219,7 @@ def selection_of(document: Mapping[str, Any]) -> Selection:
         stability=told.stability,
         findings=told.findings,
         provenance=told.provenance,
+        known=told.proof.known,
         equal=None if told.equal_sets is None else _equal_sets(told.equal_sets, names),
     )
 

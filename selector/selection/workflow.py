@@ -15,7 +15,7 @@ from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
 from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
-from selector.selection.doubts import doubts
+from selector.selection.doubts import doubts, known
 from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
 from selector.selection.library import Bench, Library
@@ -179,6 +179,7 @@ def select(
     )
     say("looking for doubts", 0.95)
     told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
+    selection = replace(selection, known=known(selection, surveyed, datum, rows))
     doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}

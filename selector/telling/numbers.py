@@ -35,19 +35,6 @@ def uncertain_text(value: float, error: float, least: int = 4) -> str:
     return f"{told:.{decimals}f} ± {error:.{max(0, min(wanted[0], 9))}f}".replace("-", "−")
 
 
-def rounded_text(value: float, error: float) -> str:
-    """A value ± its standard error of one digit, or of two where the first is a 1; the value has no more decimals.
-
-    >>> rounded_text(6.04762, 0.312), rounded_text(12.34, 1.26)
-    ('6.0 ± 0.3', '12.3 ± 1.3')
-    """
-    if not math.isfinite(error) or error <= 0:
-        return number_text(value, 2)
-    power = math.floor(math.log10(error))
-    decimals = max(0, (1 if error < 2 * 10.0**power else 0) - power)
-    return f"{value:.{decimals}f} ± {error:.{decimals}f}".replace("-", "−")
-
-
 def given_text(value: float) -> str:
     """A number that somebody gave, as it was given: up to six digits, without those that say nothing.
 

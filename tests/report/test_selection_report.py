@@ -8,7 +8,6 @@ import hashlib
 import html
 import importlib
 import json
-import math
 import re
 from html.parser import HTMLParser
 
@@ -24,8 +23,8 @@ from selector.telling.numbers import beside_text, given_text, p_text, place_text
 from selector.telling.origin import label_of
 from selector.telling.page import account_page
 from selector.telling.selected import account
-from selector.telling.selected.account import selection_account, write_report
-from selector.telling.selected.advice import advice, rmse_error_um
+from selector.telling.selected.account import gain_table, selection_account, write_report
+from selector.telling.selected.advice import advice
 from selector.telling.selected.formula import coefficient_rows, formula_text
 from tests.report import studies
 
@@ -123,7 +122,7 @@ def test_what_to_do_comes_first():
     assert said[0].startswith(f"Keep sensors {listed(selection.chosen)}")
     for name in ("Z", "Y"):
         before, after = selection.proof.baselines_um[name]["none"], selection.proof.rmse_um(name)
-        assert re.search(rf"{name} from {re.escape(number_text(before, 2))} to {after:.1f}\d* ± [\d.]+ µm", said[0])
+        assert f"{name} from {number_text(before, 2)} to {number_text(after, 2)} µm" in said[0]
     worst = max(selection.faults, key=lambda gain: gain.worst_um)
     assert (
         f"worst single sensor fault {number_text(worst.worst_um, 2)} µm in {worst.response}, {worst.sensor}" in said[0]
@@ -151,14 +150,13 @@ def test_many_displacements_are_said_by_their_span():
     assert all(name not in said[0] for name in names[2:])
 
 
-def test_the_standard_error_is_that_of_a_mean_square_carried_through_the_root():
-    parts = [studies.small().proof.per_response["Z"][0]] * 2
-    parts = [
-        dataclasses.replace(part, rmse_um=rmse, n_samples=10) for part, rmse in zip(parts, (1.0, 2.0), strict=True)
-    ]
-    # mean square 2.5, standard deviation of the two 3/√2, of their mean 3/2; root 1.5811, error 1.5/(2·1.5811)
-    assert rmse_error_um(parts) == pytest.approx(0.47434, abs=1e-5)
-    assert math.isnan(rmse_error_um(parts[:1]))
+def test_how_well_an_error_is_known_stands_beside_it():
+    selection = studies.small()
+    factor, rmse = selection.known.factor, selection.proof.rmse_um("Z")
+    (row,) = [row for row in gain_table(selection).rows if row[0] == "Z"]
+    assert row[3] == f"{number_text(rmse / factor, 2)} to {number_text(rmse * factor, 2)}"
+    assert f"known to a factor of {number_text(factor, 2)}" in advice(selection)[1][0]
+    assert "factor" not in advice(dataclasses.replace(selection, known=None))[1][0]
 
 
 def test_runs_that_get_worse_are_said():

@@ -30,9 +30,9 @@ from selector.telling.account import (
     sections,
     table,
 )
-from selector.telling.numbers import NONE, beside_text, p_text, rounded_text, share_text
+from selector.telling.numbers import NONE, beside_text, p_text, share_text
 from selector.telling.origin import label_text
-from selector.telling.selected.advice import advice, rmse_error_um, useless_responses
+from selector.telling.selected.advice import advice, useless_responses
 from selector.telling.selected.formula import coefficient_rows, formula_text, legend_rows
 
 MOST_COMBINATIONS = 12
@@ -41,6 +41,7 @@ MOST_COMBINATIONS = 12
 def gain_table(selection: Selection) -> Table:
     """What the model gains and what its faults cost, one row a displacement."""
     proof = selection.proof
+    known = () if selection.known is None else (1.0 / selection.known.factor, selection.known.factor)
     rows = []
     for name, parts in proof.per_response.items():
         faults = [one for one in selection.faults if one.response == name]
@@ -50,7 +51,8 @@ def gain_table(selection: Selection) -> Table:
             (
                 name,
                 proof.baselines_um[name]["none"],
-                rounded_text(proof.rmse_um(name), rmse_error_um(parts)),
+                proof.rmse_um(name),
+                " to ".join(number_text(proof.rmse_um(name) * by, 2) for by in known) or None,
                 f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
                 proof.max_um(name),
                 None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
@@ -58,12 +60,12 @@ def gain_table(selection: Selection) -> Table:
             )
         )
     headings = [
-        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", f">single {proof.left_out}s [µm]", ">largest [µm]",
-        ">worst sensor fault [µm]", ">1 K too high [µm]",
+        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", ">on further runs [µm]",
+        f">single {proof.left_out}s [µm]", ">largest [µm]", ">worst sensor fault [µm]", ">1 K too high [µm]",
     ]  # fmt: skip
     note = (
-        f"Root mean square over all {proof.left_out}s that were left out in turn, ± its standard error from their "
-        "scatter; largest: of all their samples. The worst fault is a sensor that is stuck or open."
+        f"Root mean square over all {proof.left_out}s that were left out in turn, and what that of further ones is "
+        "between, 19 times in 20; largest: of all their samples. The worst fault is a sensor that is stuck or open."
     )
     return table(headings, rows, note)
 
@@ -74,8 +76,7 @@ def curve_table(selection: Selection) -> Table:
     for at, name in enumerate(selection.models):
         fixed = selection.fixed_set_errors_um(name)
         for point in selection.proof.curve:
-            best = rounded_text(float(point.rmse_um[at]), float(point.standard_error_um[at]))
-            rows.append((name, str(point.n_sensors), best, fixed.get(point.n_sensors)))
+            rows.append((name, str(point.n_sensors), float(point.rmse_um[at]), fixed.get(point.n_sensors)))
     headings = ["error of", ">sensors", f">unseen, {BEST_OF_SIZE} [µm]", f">unseen, {FIXED_SET} [µm]"]
     return table(headings, rows, f"Root mean squares. {told_apart(selection.proof.left_out)}")
 

@@ -1,17 +1,10 @@
 """What a selection says one should do, in plain words."""
 
-import math
-from collections.abc import Sequence
-
-import numpy as np
-
 from selector.models.least_squares import FaultGain
 from selector.number_text import listed, number_text
 from selector.selection import Selection
-from selector.selection.finding_table import FEW_RUNS
-from selector.selection.result import PROCEDURE, RunProof
+from selector.selection.result import PROCEDURE
 from selector.telling.account import Verdict
-from selector.telling.numbers import rounded_text
 
 _UNUSABLE = ("constant-sensor", "sensor-missing")
 USELESS = "no-better-than-nothing"
@@ -39,21 +32,6 @@ def advice(selection: Selection) -> tuple[Verdict, tuple[str, ...]]:
         first = f"Do not use the model of {listed(useless)}; for {listed(useful)}, {keep[0].lower()}{keep[1:]}. {gain}"
         return "bad", (first, *warnings, *more)
     return "good", (f"{keep}. {gain}", *more)
-
-
-def rmse_error_um(parts: Sequence[RunProof]) -> float:
-    """Standard error of the pooled root mean square error of some left-out parts [µm], from their scatter.
-
-    That of the mean square, carried through the root; NaN for a single part.
-    """
-    squares = np.array([part.rmse_um**2 for part in parts])
-    weights = np.array([part.n_samples for part in parts], dtype=np.float64)
-    if len(parts) < 2 or weights.sum() <= 0 or not squares.any():
-        return float("nan")
-    weights = weights / weights.sum()
-    mean = float(weights @ squares)
-    variance = float(weights**2 @ (squares - mean) ** 2) * len(parts) / (len(parts) - 1)
-    return math.sqrt(variance) / (2.0 * math.sqrt(mean))
 
 
 def useless_responses(selection: Selection) -> frozenset[str]:
@@ -87,21 +65,15 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
         where = (
             f"On {covered} of {covered + len(proof.not_covered)} runs, unseen by the model (the others lack a sensor),"
         )
-    doubt = next(
-        (one.evidence["factor"] for one in selection.findings if one.id == FEW_RUNS and "factor" in one.evidence), 0
-    )
-    how = f"rms, {PROCEDURE}" + (f", known to a factor of {number_text(doubt, 2)}" if doubt else "")
+    known = selection.known
+    how = f"rms, {PROCEDURE}" + (f", known to a factor of {number_text(known.factor, 2)}" if known else "")
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
         before, after = falls[names[0]]
-        error = rmse_error_um(proof.per_response[names[0]])
-        return (
-            f"{where} the {names[0]} error falls from {number_text(before, 2)} to {rounded_text(after, error)} µm "
-            f"({how})"
-        )
+        return f"{where} the {names[0]} error falls from {number_text(before, 2)} to {number_text(after, 2)} µm ({how})"
     if len(names) <= MOST_SAID:
         said = (
-            f"{name} from {number_text(before, 2)} to {rounded_text(after, rmse_error_um(proof.per_response[name]))} µm"
+            f"{name} from {number_text(before, 2)} to {number_text(after, 2)} µm"
             for name, (before, after) in falls.items()
         )
         return f"{where} the errors fall: {', '.join(said)} ({how})"
