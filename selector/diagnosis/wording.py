@@ -240,24 +240,31 @@ def _short(effect: NamedEffect) -> str:
     return f"{name_of(effect.id)}{channel}{where} ({sure_words(effect.confidence)})"
 
 
+_MOST_TOLD = 3
+
+
 def _miscalibrated(found: Diagnosis) -> str:
+    # of offset, gain and delay what is surely off, by four standard errors; a model has its refitted parameters instead
+    model = list(found.recalibration.get("model", {}).items())
     parts = []
-    for response, quantities in found.recalibration.items():
+    for response, fit in found.fit.items():
         said = [
             f"{name} {quantity_words(one)}"
-            for name, one in quantities.items()
-            if one.low is None or one.high is None or not one.low <= float(name == "gain") <= one.high
+            for name, one in recalibration_of(found.recalibration.get(response, {})).items()
+            if one.low is None or one.high is None or abs(one.value - (name == "gain")) > one.high - one.low
         ]
-        fit = found.fit.get(response)
-        if said and fit is not None and _falls_alone(fit):
+        if (said or model) and _falls_alone(fit):
             factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
             before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
-            fall = f"{_digits(before)} to {_digits(after)} {unit}"
-            parts.append(f"{response} needs {listed(said)}, and its error falls from {fall}")
-    unseen = held_out_words(found.comparison)
+            needs = f"{response} needs {listed(said)}, and its error" if not model else f"the error of {response}"
+            parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
     if not parts:
         return "No physics is missing: the simulation's own offset, gain or delay explain the difference."
-    return f"No physics is missing; the simulation is out of calibration: {'; '.join(parts)} on {unseen}."
+    numbers = [f"{name} {quantity_words(one)}" for name, one in model[:_MOST_TOLD]]
+    more = [f"{len(model) - _MOST_TOLD} more"] if len(model) > _MOST_TOLD else []
+    of_model = f"with {listed([*numbers, *more])}, " if model else ""
+    unseen = held_out_words(found.comparison)
+    return f"No physics is missing; the simulation is out of calibration: {of_model}{'; '.join(parts)} on {unseen}."
 
 
 def _nothing(found: Diagnosis) -> str:

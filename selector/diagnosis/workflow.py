@@ -353,6 +353,9 @@ def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
     effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
     found = state.search.only({effect.id for effect in effects})
+    if len(found.named) < len(state.search.named):
+        # beside what is no name after all an offset may have come out anywhere
+        state = _recalibrated(replace(state, search=found))
     gains = any(
         (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()

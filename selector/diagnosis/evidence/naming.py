@@ -351,9 +351,11 @@ def is_recalibrated(found: Search, response: str) -> bool:
 
 
 def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
-    """Of a position that a control loop keeps no share of its way says what matters."""
-    is_commanded = bool(comparison.with_role("position_command")) and comparison.channel(response).role in PLACE_ROLES
-    least = _NOTHING if found.misfit[response] == 1.0 else _LITTLE
+    """Of an axis' position, or its error beside a command, no share of its way says what matters."""
+    is_noise, role = found.misfit[response] == 1.0, comparison.channel(response).role
+    is_commanded = bool(comparison.with_role("position_command")) and role in PLACE_ROLES
+    is_commanded |= is_noise and role == "position"
+    least = _NOTHING if is_noise else _LITTLE
     return not is_commanded and _of_movement(comparison, found, response) < least
 
 

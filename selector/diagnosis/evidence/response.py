@@ -28,6 +28,7 @@ _ROUNDS = 4
 _MOST_SAMPLES = 2.0
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
 _AT_ONCE = 32
+_APART = 1e-4  #: Part of a column that is not the columns before it, without which it is no other one.
 OF_MODEL = "model: "  #: Begins the name of a column that is a parameter of a simulation that can be run again.
 
 
@@ -91,6 +92,13 @@ class Bench:
         kept = np.r_[: gone.start, gone.stop : self.nuisance.shape[1]]
         names = (*self.nuisance_names[: gone.start], *self.nuisance_names[gone.stop :])
         return replace(self, nuisance=self.nuisance[:, kept], nuisance_names=names, own=own)
+
+    def with_own(self, id: str, v: int) -> Bench:  # noqa: A002 - the word of the contract
+        """The same with the shape of a candidate as an own parameter."""
+        nuisance = np.column_stack([self.nuisance, self.raw(v)])
+        names = (*self.nuisance_names, *(f"{id}: {name}" for name in self.candidates[v].variant.names))
+        own = {**self.own, id: slice(self.nuisance.shape[1], nuisance.shape[1])}
+        return replace(self, nuisance=nuisance, nuisance_names=names, own=own)
 
     def with_noise(self, noise: NoiseModel) -> Bench:
         """The same with another noise filter."""
@@ -335,7 +343,9 @@ def recalibration_columns(
             names.append(name)
     for name, column in comparison.tangents.get(response, {}).items():
         size = float(np.sqrt(np.mean(column[fitted] ** 2)))
-        if size > 0.0:
+        known = np.column_stack(found)[fitted]
+        # what is the same as an offset, gain or delay (a force per ampere) would make each of them come out anywhere
+        if size > 0.0 and rms(column[fitted] - known @ least_squares(known, column[fitted])) > _APART * size:
             found.append(column / size)
             names.append(f"{OF_MODEL}{name}")
     return np.column_stack(found), tuple(names)

@@ -323,6 +323,10 @@ def _answer(runnable: Runnable, tried: _Tried, seed: int) -> Modelled:
         for channel in effect.channels
         for place in active_windows(answer.comparison, channel, effect.courses[channel])
     ]
+    if len(beside) < len(answer.effects):
+        # what is told of offset, gain and delay stands beside what is told, and nothing else
+        alone = diagnosis(last.comparison, seed=seed, effects=[effect_of(one.id) for one in beside])
+        answer = replace(answer, recalibration=alone.recalibration)
     result = replace(
         answer,
         comparison=replace(answer.comparison, simulated=first.nominal.simulated, findings=tuple(findings)),
