@@ -124,6 +124,10 @@ class DriveSimulation:
     #: Run → what a ball-bar shows of it; empty unless the axes went in circles
     traces: Mapping[str, BallBarTrace] = field(default_factory=dict)
 
+    def runs_of(self, name: str) -> list[AxisRun]:
+        """What an axis did in every run that it takes part in."""
+        return [axes[name] for axes in self.axes.values() if name in axes]
+
 
 @dataclass(frozen=True)
 class DriveModel:

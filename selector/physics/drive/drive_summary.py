@@ -1,7 +1,7 @@
 """What does a simulated feed drive amount to: what its error goes with, whether it sticks, its loops and circles."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +11,7 @@ from selector.errors import InputError
 from selector.physics.drive.ball_bar.causes import CircleCauses, circle_causes
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, circle_quantities
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
-from selector.physics.drive.loop.stability import LoopFigures, Stability, loop_figures, stability
+from selector.physics.drive.loop.stability import LoopFigures, Stability, frozen, loop_figures, stability
 from selector.physics.drive.parts.axis import Axis, ThreeMassMechanics, wind_up_m
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.parts.stiffness import axial_stiffness_n_per_m
@@ -222,11 +222,43 @@ class LoopSummary:
 
     stability: Stability
     figures: LoopFigures
+    axis: Axis  #: Whose loop this is: stiffness and damping may be those of one instant of its runs
+    at_m: float | None = None  #: Where its table is then [m; rad]; None: as the axis stands in the file
+    at: str = ""  #: The same in words
 
 
 def loop_summary(axis: Axis) -> LoopSummary | None:
     """Poles, limits, bandwidth and margins of the loop of an axis; None without a servo."""
-    return None if axis.servo is None else LoopSummary(stability(axis), loop_figures(axis))
+    return None if axis.servo is None else LoopSummary(stability(axis), loop_figures(axis), axis)
+
+
+def tightest_loop(model: DriveModel, name: str, runs: Sequence[AxisRun]) -> LoopSummary | None:
+    """The loop where it has the least gain margin: as it stands in the file, or at its softest or stiffest in a run.
+
+    None without a servo.
+    """
+    nearest = loop_summary(runs[0].axis)
+    if nearest is None:
+        return None
+    measures = ROTARY if model.file_axes[name].rotary else LINEAR
+    ends: list[tuple[float, AxisRun, ParameterCourse, int]] = []
+    for run in runs:
+        course = course_of(model, name, run)
+        if course is not None and course.varying is not None:
+            ends += [(float(course.varying[k]), run, course, k) for k in map(int, _ends(course.varying))]
+    if ends:
+        for end in (min, max):
+            _, run, course, k = end(ends, key=lambda one: one[0])
+            axis = frozen(run.axis, course, k * course.period_s)
+            at_m, (unit, times) = float(run.motion.table_m[k]), measures.position
+            at = f" at table position {at_m * times:.4g} {unit}"
+            there = LoopSummary(stability(axis), loop_figures(axis), axis, at_m, at)
+            nearest = min(nearest, there, key=lambda one: (one.stability.stable, abs(one.figures.gain_margin_db)))
+    return nearest
+
+
+def _ends(values: Vector) -> tuple[np.intp, np.intp]:
+    return np.argmin(values), np.argmax(values)
 
 
 def axis_summary(axis: Axis, reference: Reference, motion: Motion, course: ParameterCourse | None) -> AxisSummary:
@@ -309,7 +341,7 @@ def drive_summary(model: DriveModel, simulation: DriveSimulation) -> DriveSummar
         for run, done in simulation.axes.items()
     }
     known = {name: one.axis for done in simulation.axes.values() for name, one in done.items()}
-    loops = {name: loop_summary(axis) for name, axis in known.items()}
+    loops = {name: tightest_loop(model, name, simulation.runs_of(name)) for name in known}
     traces = tuple(simulation.traces.values())
     mechanics = {name: one.axis.mechanics for name, one in model.axes.items()}
     leads = {name: one.lead_m for name, one in mechanics.items() if isinstance(one, ThreeMassMechanics)}

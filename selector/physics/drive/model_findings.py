@@ -7,10 +7,10 @@ import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
-from selector.physics.drive.drive_summary import limited_samples, stick_slip
+from selector.physics.drive.drive_summary import limited_samples, stick_slip, tightest_loop
 from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
-from selector.physics.drive.loop.closed_loop import fastest_rate_per_s, growing_poles, loop_poles
+from selector.physics.drive.loop.closed_loop import fastest_rate_per_s
 from selector.physics.drive.loop.stability import stability_findings
 from selector.physics.drive.parts.axis import Axis, passive_bristle_damping_ns_per_m, passive_fading_speed_m_per_s
 from selector.physics.drive.parts.catalogue import Parts
@@ -81,18 +81,24 @@ def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, drive
     names = dict.fromkeys(name for done in simulation.axes.values() for name in done)
     for name in names:
         told: dict[str, list[tuple[float, Finding]]] = {}
+        loop = tightest_loop(model, name, simulation.runs_of(name))
+        if loop is not None and loop.at_m is not None:
+            found += stability_findings(loop.axis, name, loop.at)
+        stable = loop is None or loop.stability.stable
         for run, done in simulation.axes.items():
             if name in done:
-                for size, one in _of_run(name, run, done[name], model.file_axes[name], kind):
+                for size, one in _of_run(name, run, done[name], model.file_axes[name], kind, stable):
                     told.setdefault(one.id, []).append((size, one))
         found += [_worst(ones, len(simulation.axes)) for ones in told.values()]
     return tuple(found)
 
 
-def _of_run(name: str, run: str, done: AxisRun, made: FileAxis, kind: str) -> Iterator[tuple[float, Finding]]:
+def _of_run(
+    name: str, run: str, done: AxisRun, made: FileAxis, kind: str, stable: bool
+) -> Iterator[tuple[float, Finding]]:
     """(how bad, finding) of one axis in one run; `kind` of the motion, empty of a recording."""
     where = Where(channel=name, run=run or None)
-    yield from _limits(name, where, done.recorded, made)
+    yield from _limits(name, where, done.recorded, stable)
     yield from _too_fast(name, where, done, made.rotary)
     yield from _jolt(name, where, done, made.rotary, kind)
     if made.parts is not None:
@@ -100,7 +106,7 @@ def _of_run(name: str, run: str, done: AxisRun, made: FileAxis, kind: str) -> It
     yield from _sticks(name, where, done.recorded)
 
 
-def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[tuple[float, Finding]]:
+def _limits(name: str, where: Where, done: AxisRun, stable: bool) -> Iterator[tuple[float, Finding]]:
     share = float(limited_samples(done.axis, done.reference, done.motion).mean())
     if share == 0:
         return
@@ -110,7 +116,7 @@ def _limits(name: str, where: Where, done: AxisRun, made: FileAxis) -> Iterator[
     )
     advice = (
         "the loop is unstable, and so swings from limit to limit: lower its gains first"
-        if done.axis.servo is not None and len(growing_poles(loop_poles(done.axis)))
+        if not stable
         else "ask for less speed or acceleration, check friction, load and actuator_gain, or raise command_limit or "
         "speed_limit of the servo if the machine has more"
     )

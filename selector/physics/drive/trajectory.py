@@ -110,6 +110,12 @@ class ParameterCourse:
     axial_stiffness_n_per_m: Vector | None = None
     guide_damping_ns_per_m: Vector | None = None  #: (n_samples,): Ct [N·s/m]; None: the constant of the mechanics
 
+    @property
+    def varying(self) -> Vector | None:
+        """(n_samples,): The stiffness if it varies, else the damping; None if neither is given."""
+        values = self.axial_stiffness_n_per_m
+        return self.guide_damping_ns_per_m if values is None or np.ptp(values) == 0 else values
+
     def __post_init__(self) -> None:
         keep_arrays(self, *COURSES)
         for name, least in zip(COURSES, ("above 0", "0 or more"), strict=True):

@@ -98,7 +98,7 @@ def drive_account(result: SimulationResult, drawn: bool) -> Account:
     loops: list[Block] = []
     for name, loop in summary.loops.items():
         axis = next(one.axis for one in axes if one.name == name)
-        of = f" of {name}" if len(summary.loops) > 1 else ""
+        of = f"{f' of {name}' * (len(summary.loops) > 1)}{loop.at}"
         loops += drawings.get(f"loop {name}", ())
         loops += [Captioned(f"{caption}{of}", one) for caption, one in loop_tables(loop, axis)]
     first_run = list(done.axes.items())[:1]
@@ -381,9 +381,7 @@ def _loop(name: str, loop: LoopSummary, response: Response, *, several: bool) ->
 
 def _instants_s(course: ParameterCourse) -> tuple[float, ...]:
     """When the axis is softest, stiffest, and in the middle between; of a rigid one by its damping."""
-    values = course.axial_stiffness_n_per_m
-    if values is None or np.ptp(values) == 0:
-        values = course.guide_damping_ns_per_m
+    values = course.varying
     if values is None:
         return (0.0,)
     middle = (values.min() + values.max()) / 2.0
@@ -432,5 +430,6 @@ def _loop_data(loop: LoopSummary | None) -> dict[str, Any] | None:
         "poles_per_s": [[pole.real, pole.imag] for pole in found.poles.tolist()],
         "gain_limits": dict(found.gain_limits),
         "gain_floors": dict(found.gain_floors),
+        "at_m": loop.at_m,
         **fields_of(figures, "bandwidth_hz", "peak", "peak_hz", "gain_margin_db", "phase_margin_deg"),
     }

@@ -7,7 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.physics.drive.drive_summary import axis_summary, limited_samples, loop_summary, parameters_along
+from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.drive_summary import (
+    axis_summary,
+    limited_samples,
+    loop_summary,
+    parameters_along,
+    tightest_loop,
+)
+from selector.physics.drive.file.model_file import parsed_model_file
+from selector.physics.drive.loop.stability import stability
+from selector.physics.drive.model_findings import simulation_findings
 from selector.physics.drive.parts.axis import Axis, RigidMechanics, Servo
 from selector.physics.drive.parts.catalogue import thc6350_x_axis
 from selector.physics.drive.parts.stiffness import axial_compliance, three_mass_mechanics
@@ -85,3 +95,44 @@ def test_an_axis_without_a_control_has_no_loop():
     assert loop is not None
     assert loop.stability.stable
     assert loop.figures.bandwidth_hz > 0
+
+
+def test_the_loop_is_told_where_it_is_nearest_to_its_edge():
+    """A screw held at one end is softer further out, and its loop unstable there with a gain that does near it."""
+    text = """
+        [model]
+        kind = "drive"
+        name = "long screw"
+        [motion]
+        kind = "moves"
+        targets_mm = [10.0, {far}, 0.0]
+        feed_mm_per_min = 20000
+        acceleration_m_per_s2 = 3.0
+        jerk_m_per_s3 = 60.0
+        [axes.X]
+        varying = "state"
+        [axes.X.parts]
+        like = "thc6350-x"
+        [axes.X.parts.screw]
+        length_mm = 3000.0
+        origin_mm = 100.0
+        both_ends = false
+        [axes.X.servo]
+        position_gain_per_s = 40.0
+        velocity_gain = 14.0
+        velocity_integral_gain = 800.0
+        """
+    near, far = (drive_model(parsed_model_file(text.format(far=far))) for far in (20.0, 2500.0))
+    loops = []
+    for model in (near, far):
+        done = model.simulation()
+        loops.append(tightest_loop(model, "X", done.runs_of("X")))
+        told = [one for one in simulation_findings(model, done) if "table position" in one.statement]
+        assert bool(told) == (model is far)
+    assert loops[1].at_m == pytest.approx(2.5, abs=0.02)
+    assert loops[1].figures.gain_margin_db < loops[0].figures.gain_margin_db - 5.0
+    # the same axis, with the nut's origin there
+    axis = done.runs_of("X")[0].axis
+    there = replace(axis.compliance, origin_m=axis.compliance.origin_m + loops[1].at_m)
+    limits = stability(replace(axis, compliance=there)).gain_limits
+    assert loops[1].stability.gain_limits == pytest.approx(limits, rel=0.1)  # the load of the motion stiffens the nut

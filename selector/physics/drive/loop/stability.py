@@ -315,8 +315,10 @@ def stability(axis: Axis) -> Stability:
     )
 
 
-def stability_findings(axis: Axis, where: str) -> Iterator[Finding]:
+def stability_findings(axis: Axis, where: str, at: str = "") -> Iterator[Finding]:
     """What a person must know about the loop of the axis called `where`: unstable, or less than 6 dB or 20° from it.
+
+    `at` says where along its travel it is so.
 
     An axis without a servo has no loop and no findings.
     """
@@ -335,7 +337,7 @@ def stability_findings(axis: Axis, where: str) -> Iterator[Finding]:
             told.append(f"{len(growing) - _MOST_POLES} more")
         yield FINDINGS.finding(
             "unstable-loop",
-            f"The control loop of {where} is unstable: it has {_joined(told)}.",
+            f"The control loop of {where}{at} is unstable: it has {_joined(told)}.",
             Where(channel=where),
             evidence={
                 **evidence,
@@ -360,7 +362,7 @@ def stability_findings(axis: Axis, where: str) -> Iterator[Finding]:
             evidence[name] = value if math.isfinite(value) else None
         yield FINDINGS.finding(
             "little-stability-margin",
-            f"The position loop of {where} is stable with {_joined(little)}.",
+            f"The position loop of {where}{at} is stable with {_joined(little)}.",
             Where(channel=where),
             evidence,
             suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
