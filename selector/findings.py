@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Literal
 
 Level = Literal["info", "warning", "error"]
@@ -91,6 +92,11 @@ class Kinds(dict[str, Kind]):
             kinds[id_] = Kind(several[0] if len(several) == 1 else several, title, advice)
         known_kinds.update(kinds)
         return kinds
+
+    @classmethod
+    def beside(cls, file: str) -> "Kinds":
+        """The kinds of the text file beside a Python file: of the same name, ending in ``.txt``."""
+        return cls.of(Path(file).with_suffix(".txt").read_text(encoding="utf-8"))
 
     def finding(
         self,

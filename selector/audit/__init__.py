@@ -35,7 +35,14 @@ def audit_patent(recording: Path | None = None) -> tuple[AuditLine, ...]:
         *checks.model_lines(rises, z, y, z_second),
         *checks.symbol_lines(rises, z),
         *checks.effect_lines(rises),
+        *_remarks(),
     )
+
+
+def _remarks() -> list[AuditLine]:
+    """What is read in the text, and needs no calculation."""
+    with Path(__file__).with_name("remarks.csv").open(encoding="utf-8", newline="") as stream:
+        return [AuditLine(**row) for row in csv.DictReader(stream)]  # type: ignore[arg-type]
 
 
 def _table(path: Path) -> dict[str, np.ndarray[tuple[int], np.dtype[np.float64]]]:

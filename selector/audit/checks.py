@@ -391,13 +391,6 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
             "cannot be checked",
             "the printed model is for the mean; one gauge may reach 56 µm, and the patent speaks of 25–56 µm",
         ),
-        open_line(
-            "Z, mean, oil cooler alone",
-            "65 µm",
-            "40 µm in the background section",
-            "cannot be checked",
-            "65 µm is said of the warm phase, 40 µm of the whole curve; neither curve is printed",
-        ),
         told(
             "error after compensation against R² 0.9989",
             "6–8 µm on average",
@@ -415,27 +408,6 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
             "if 25 and 56 µm are what the lower and the upper gauge reach (figure 7), the mean over the warm phase is "
             "at the largest value; 41 is printed as 0.041 mm, so up to rounding both can hold",
             no="in tension",
-        ),
-        open_line(
-            "tilt between the gauges of Y, 250 mm apart",
-            "250 mm, 25–56 µm",
-            "(56 − 25) µm / 250 mm = 0.124 mrad",
-            "cannot be checked",
-            "the model is for the mean of both; no tilt is printed",
-        ),
-        open_line(
-            "share of heat inside the machine in the machining error",
-            "40–70 %",
-            "no data",
-            "cannot be checked",
-            "said to be found by surveys, of precision machining at large; none is named",
-        ),
-        open_line(
-            "X stays within 5 µm",
-            "5 µm",
-            "no model and no data of X",
-            "cannot be checked",
-            "plausible for a machine that is symmetric about its YZ plane",
         ),
         open_line(
             "protocol",
@@ -460,27 +432,6 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
     two_ways = 1 - penalty * sse / sst, 1 - penalty * (1 - ssr / sst)
     return [
         told(
-            "(c) SST",
-            '"residual sum of squares SST", which never changes',
-            "SST = Σ(y − ȳ)² is the total sum of squares",
-            False,
-            "the definition under eq. 2; the total never changes, the residual sum does",
-        ),
-        told(
-            "(c) SSE",
-            '"corrected sum of squares SSE", which never grows',
-            "SSE = Σ(y − ŷ)² is the residual sum of squares",
-            False,
-            "the definition under eq. 2; the two names are exchanged in the text, the formulas are right",
-        ),
-        told(
-            "(c) R²",
-            '"ratio of the regression sum SSR to the residual sum SST"',
-            "R² = SSR/SST, the share of the total",
-            False,
-            "a ratio to the residual sum would not be confined to [0, 1]",
-        ),
-        told(
             "SSE = SST − SSR",
             "an identity",
             f"{sse:.4f} = {sst:.4f} − {ssr:.4f}",
@@ -494,13 +445,6 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
             f"{two_ways[0]:.10f} and {two_ways[1]:.10f}",
             bool(np.isclose(*two_ways, rtol=0, atol=1e-10)),
             "the same fit, with m observations and p regressors beside the intercept",
-        ),
-        told(
-            "(c) eq. 1: X_ik",
-            "i = 1…n, k = 1…N, summed over k = 1…n",
-            "i = 1…N variables, k = 1…n samples",
-            False,
-            "the two ends are exchanged in the definition; only with samples as k does the sum give correlations",
         ),
         told(
             "(c) eq. 7: ∂θ/∂b, sums over i of terms in t",
@@ -517,13 +461,6 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
             False,
             "the first index is that of the samples, as in its own last member; with it eq. 11 gives the two-sensor "
             "model of Z on the reconstruction",
-        ),
-        told(
-            "(c) ȳ",
-            "mean of the measured x_i",
-            "mean of the measured y_i",
-            False,
-            "the sums of squares are about the mean of the displacement",
         ),
     ]
 

@@ -20,6 +20,7 @@ _STEPS = {
     "would let it be named.",
 }
 _LEAST_FALL = 0.02
+_SURE = 0.9  #: Confidence from which a fault of the data is no fault of the simulation.
 
 
 def headline(found: Diagnosis) -> str:
@@ -115,6 +116,8 @@ def held_out_words(comparison: Comparison) -> str:
 
 def sure_words(confidence: float) -> str:
     """A probability of being right."""
+    if confidence < 0.05:
+        return "hardly more than a guess"
     return "more than 99 % sure" if confidence >= 0.995 else f"{100 * confidence:.0f} % sure"
 
 
@@ -165,8 +168,13 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
     statement = _inside(effect.statement.rstrip(" ."), found.comparison)
     sure = sure_words(effect.confidence)
     if is_data(effect.id):
-        gain = f"{'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}"
-        return f"The recording is at fault, not the simulation: {statement} ({sure}); {gain}."
+        is_sure = effect.confidence >= _SURE
+        fault = "The recording is at fault, not the simulation" if is_sure else "The recording may be at fault"
+        text = f"{fault}: {statement} ({sure})"
+        if not effect.is_fitted:
+            # the errors of the answer are those without it
+            return f"{text}."
+        return f"{text}; {'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}."
     verb = "may leave out" if effect.suspected else "leaves out"
     names = _or_rivals(effect)
     where = f" ({effect.place})" if effect.place else ""
@@ -196,6 +204,8 @@ def _gain(found: Diagnosis, effect: NamedEffect) -> str:
     error += f" on {held_out_words(found.comparison)}"
     if _is_left_out(effect):
         return f"without that stretch {error} is {after} {unit}"
+    if _falls_alone(fit) and fit.recalibrated_heldout <= fit.heldout.rmse_after:
+        return f"{error} falls from {before} to {after} {unit}, as by recalibration alone"
     if _falls(fit):
         also = f"; recalibration alone gives {alone}" if _falls_alone(fit) else ""
         return f"{error} falls from {before} to {after} {unit}{also}"

@@ -11,7 +11,7 @@ from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Pla
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
-from selector.diagnosis.evidence.confirmation import confirmation, held_out_faults, not_ruinous
+from selector.diagnosis.evidence.confirmation import as_unseen_rows_have_it, confirmation, held_out_faults, not_ruinous
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
@@ -53,6 +53,7 @@ _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
+_NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
 Progress = Callable[[int, int, str], None]  #: Told how far the work is: steps done, steps in all, what is done now.
@@ -179,7 +180,7 @@ def _tested(state: _State) -> _State:
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = beside_discrepancy(comparison, found)
-    found = not_ruinous(comparison, _worth_naming(comparison, found))
+    found = not_ruinous(comparison, _worth_naming(comparison, as_unseen_rows_have_it(found)))
     found, also = of_practical_size(comparison, found)
     return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
 
@@ -334,7 +335,14 @@ def _named_by_whole_record(state: _State) -> _State:
     if state.effects or state.structures:
         return state
     comparison, benches = state.comparison, dict(state.search.benches)
-    right = [name for name in state.again if _recalibration_holds(benches[name]) and name not in state.search.wrong]
+    right = [
+        name
+        for name, one in state.again.items()
+        if _recalibration_holds(benches[name])
+        and name not in state.search.wrong
+        # what leaves a third of an error that is no noise is not the fault
+        and (one.share >= _NEARLY_ALL or not is_far_above_noise(state.search, name))
+    ]
     again = {name: state.again[name] for name in right}
     whole = whole_record_names(comparison, again)
     effects = [whole_record_effect(comparison, benches, state.again, id_, shown) for id_, shown in whole.items()]

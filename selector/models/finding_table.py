@@ -2,11 +2,4 @@
 
 from selector.findings import Kinds
 
-FINDINGS = Kinds.of(
-    """
-constant-column [warning] columns do not vary: they add nothing to any set
-    → leave them out
-dependent-columns [warning] columns are linearly dependent: several sets of them explain the same
-    → keep one of them, or forbid the ones that are harder to measure
-"""
-)
+FINDINGS = Kinds.beside(__file__)

@@ -3,10 +3,5 @@
 from selector.findings import Kinds
 from selector.quality.finding_table import FINDINGS as QUALITY
 
-FINDINGS = Kinds.of(
-    """
-start-missing [warning] a sensor has no reading at the start of a run; its rise counts from its first reading
-    → record from the start of the run, or use a model that was selected with --reference absolute
-"""
-)
+FINDINGS = Kinds.beside(__file__)
 FINDINGS["gauge-not-zeroed"] = QUALITY["gauge-not-zeroed"]

@@ -42,6 +42,7 @@ def zero_effect(course) -> NamedEffect:
         parameters={"offset_um": Quantity(-3.65, "um", -3.9, -3.4)},
         channels=("Z",),
         courses={"Z": course},
+        is_fitted=True,
         experiment="Read the reference point before and after every run.",
     )
 

@@ -12,6 +12,7 @@ from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
+from selector.diagnosis.workflow import diagnosis
 from tests.diagnosis.made import comparison
 
 N = 3 * 600
@@ -62,3 +63,25 @@ def test_nothing_is_said_where_nothing_was_seen(slow):
     held = confirmation(blind, result, "thermal.memory")
     assert held.energy == 0.0
     assert not held.refutes
+
+
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_fault_that_began_in_the_last_fitted_run_goes_on_or_not_as_the_unseen_run_has_it(goes_on):
+    made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
+    level = np.repeat([0.0, 9.0, 9.0 * goes_on], N // 3)
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + level})
+    answer = diagnosis(made, effects=[effect_of(name) for name in ("data.zero", "data.gain", "thermal.instant_speed")])
+    (named,) = answer.effects
+    assert named.id == "data.zero"
+    assert named.parameters["zero"].value == pytest.approx(9.0, abs=0.3)
+    assert ("from run r2 on" in named.statement) == goes_on
+    assert answer.fit["Z"].heldout.rmse_after == pytest.approx(1.0, abs=0.1)  # the noise
+
+
+def test_a_fault_of_an_unseen_run_has_no_words_of_what_correcting_it_gains():
+    """The errors of an answer are those of the model, which knows nothing of a fault found in the unseen run alone."""
+    made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + np.repeat([0.0, 0.0, 9.0], N // 3)})
+    answer = diagnosis(made, effects=[effect_of("data.zero")])
+    assert [(one.id, one.is_fitted) for one in answer.effects] == [("data.zero", False)]
+    assert "corrected" not in answer.headline

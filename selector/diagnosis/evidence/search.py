@@ -224,7 +224,7 @@ def _without_excess(benches: Benches, named: Named, given: _Given) -> tuple[Benc
 
     Dry friction fitted at one speed has taken in what was viscous, and then pushes the axis where it does not go.
     """
-    for id_, of in named.items():
+    for id_, of in named.items() if all(bench.is_dry for bench in benches.values()) else ():
         if not all(_is_below_nothing(bench, numbers(named, name), of.get(name)) for name, bench in benches.items()):
             continue
         others = without(named, id_)
@@ -249,8 +249,8 @@ def _is_below_nothing(bench: Bench, named: Sequence[int], v: int | None) -> bool
     """Whether an effect that has an amount by its law has one below 0; True of one that does not show."""
     if v is None:
         return True
-    has_amount = bench.candidates[v].effect.parameters[0].low == 0.0
-    return has_amount and _last(bench, [*(k for k in named if k != v), v]) < 0.0
+    parameters = bench.candidates[v].effect.parameters
+    return bool(parameters) and parameters[0].low == 0.0 and _last(bench, [*(k for k in named if k != v), v]) < 0.0
 
 
 def with_noise_of_full_fit(bench: Bench) -> tuple[Bench, list[int]]:

@@ -13,7 +13,7 @@ from selector.findings import Finding, Level
 from selector.physics.model_fields import unlikely_values
 from selector.physics.vibration.chains import ChainAccuracy, chain_accuracy
 from selector.physics.vibration.finding_table import FINDINGS
-from selector.physics.vibration.motion.chatter import LEAST_LOSS, StabilityLimit, stability_limit
+from selector.physics.vibration.motion.chatter import LEAST_LOSS, StabilityLimit, least_loss, stability_limit
 from selector.physics.vibration.motion.final_motion import FinalMotions
 from selector.physics.vibration.motion.periodic_error import (
     KindHeight,
@@ -272,9 +272,12 @@ def vibration_summary(model: VibrationModel, simulation: VibrationSimulation) ->
         errors = periodic_errors(motions, cut, surface=model.surface, phases=model.file.realisations.phases)
     heights = () if cut is None else kind_heights(errors, cut)
     stability = None if cut is None else stability_limit(model.structure, modes, cut, **model.finals)
-    loss = float(modes.loss_factor.min())
+    loss = least_loss(model.structure, modes, **model.finals)
     if cut is not None and cut.feed_exponent > 0 and loss < LEAST_LOSS:
-        told = f"A mode has a loss factor of {loss:.2g}: any depth of cut chatters in it, and no limit is told."
+        told = (
+            f"A mode in which tool and workpiece move against each other has a loss factor of {loss:.2g}: at some "
+            "speeds any depth of cut chatters in it, and no limit is told."
+        )
         findings.append(FINDINGS.finding("chatters-at-any-depth", told, evidence={"loss_factor": loss}))
     accuracy, said = _accuracy(model, motions.frequency_hz, split_hz)
     return VibrationSummary(

@@ -76,10 +76,10 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
     runs = fitted_runs(comparison)
     singles: tuple[str, ...] = runs
     onwards: tuple[str, ...] = ()
+    # what begins in the last fitted run may go on in the runs that are held out: these say which it is
+    lasting = runs[-1:] != comparison.runs[-1:]
     if oddness is None:
         yield everywhere(comparison)
-        # what begins in the last fitted run goes on in the runs that are held out
-        lasting = runs[-1:] != comparison.runs[-1:]
         onwards = runs[1:] if lasting else runs[1:-1]
         singles = () if len(runs) < 2 else runs[:-1] if lasting else runs
     elif len(runs) < 2:
@@ -88,8 +88,10 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
         far = {run: abs(oddness(rows)) for run, rows in comparison.rows_of_runs() if run in runs}
         singles = (max(runs, key=lambda run: far[run]),)
     else:
-        # from the second on is all but the first, from the last on is the last alone
+        # from the second on is all but the first
         onwards = runs[2:-1]
+    if oddness is not None and lasting and runs[-1] in singles:
+        onwards = (*onwards, runs[-1])
     yield from (in_one_run(comparison, run) for run in singles)
     for run in onwards:
         yield Part(comparison.run_index >= comparison.runs.index(run), None, f"from run {run} on")

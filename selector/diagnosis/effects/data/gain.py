@@ -24,6 +24,7 @@ _FACTORS = {
     -1.0: "the sign is reversed",
 }
 _NEAR = 0.02  #: How near a fitted factor must come to one of a table to be recognised, if its interval is not wider.
+_KNOWN = 0.1  #: Of a factor, within which it has to be known to be one that is known.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -57,6 +58,8 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def known_factor(gain: Quantity) -> str | None:
     """What a factor that separates units or habits means; None of any other."""
     half = 0.0 if gain.high is None else gain.high - gain.value
+    if half > _KNOWN * abs(gain.value):
+        return None
     for factor, words in _FACTORS.items():
         for times in (factor, 1.0 / factor):
             if abs(gain.value - times) <= max(_NEAR * abs(times), min(half, 2.0 * _NEAR * abs(times))):

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import later_parts
 from selector.diagnosis.effects.drive._forces import YIELD, direct, force_key, of_forces
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.force_response import responds
@@ -14,7 +13,6 @@ from selector.diagnosis.shapes.signals import course, in_run
 from selector.types import Vector
 
 _CONSTANT = "constant force"
-_MOMENTS = 18  #: At which it may set in, in a run.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -22,11 +20,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     yield from _shown(comparison, response, ones)
     for run in comparison.runs if len(comparison.runs) > 1 else ():
         yield from _shown(comparison, response, in_run(comparison, run, ones), run=run)
-    # a load that is taken up, a counterbalance that lets go: from then on, in later runs as well
-    for part in later_parts(comparison, _MOMENTS, 2 * _MOMENTS):
-        since = np.where(comparison.run_index > comparison.runs.index(part.run or ""), 1.0, part.over(ones))
-        for variant in of_forces(comparison, response, {_CONSTANT: since}, {"from_s": part.shape["from_s"]}, most=1):
-            yield replace(variant, regime=part.words)
     for name in comparison.with_role("state"):
         state = course(comparison, name)
         values = np.unique(state)
@@ -48,8 +41,7 @@ def _shown(
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     run, regime = fitted.variant.run, fitted.variant.regime
     shift = fitted.coefficient()
-    while_ = "in" if "from_s" in fitted.variant.shape else "while"
-    when = ("" if run is None else f" in run {run}") + ("" if regime is None else f" {while_} {regime}")
+    when = ("" if run is None else f" in run {run}") + ("" if regime is None else f" while {regime}")
     key = force_key(fitted, comparison)
     if key:
         text = f"A constant force of {shift.words()} acts on the axis{when}, at rest and in motion alike"

@@ -24,6 +24,7 @@ from selector.types import Complex, Vector
 #: Frequencies about every mode, evenly over so many of its half widths, beside as many over all modes.
 _NEAR, _HALF_WIDTHS, _WIDE = 120, 6.0, 600
 LEAST_LOSS = 1e-5  #: Loss factor below which a mode has no width that could be looked through: nothing damps it.
+_STILL = 1e-20  #: Of the largest square of a mode between tool and workpiece: rounding.
 _SPEEDS = 400
 _HARDLY_LESS = 1.05  #: Between two frequencies k is less than at both by a share below this.
 _HALVINGS = 40  #: Of the distance between two frequencies, to find where a lobe, or a negative real part, ends.
@@ -115,17 +116,24 @@ def limit_stiffness(compliance: Complex) -> Vector:
         return np.asarray(np.where(compliance.real < 0.0, -0.5 / compliance.real, np.inf))
 
 
+def least_loss(structure: Structure, modes: StructureModes, *, tool: str, workpiece: str) -> float:
+    """Least loss factor of the modes in which tool and workpiece move against each other."""
+    gain = (modes.shapes.T @ unit_force(structure, tool, workpiece)) ** 2
+    return float(modes.loss_factor[gain > _STILL * gain.max()].min(initial=math.inf))
+
+
 def stability_limit(
     structure: Structure, modes: StructureModes, cutting: Cutting, *, tool: str, workpiece: str
 ) -> StabilityLimit | None:
     """Where chatter begins between two members.
 
-    None if no frequency has a negative real part of the compliance, nothing damps a mode (any cut chatters in it), or
-    the force does not grow with the thickness of the chip.
+    None if no frequency has a negative real part of the compliance, nothing damps a mode in which the two move against
+    each other (any cut chatters in it), or the force does not grow with the thickness of the chip.
     """
-    if cutting.feed_exponent <= 0.0 or modes.loss_factor.min() < LEAST_LOSS:
+    loss = least_loss(structure, modes, tool=tool, workpiece=workpiece)
+    if cutting.feed_exponent <= 0.0 or loss < LEAST_LOSS:
         return None
-    width = modes.loss_factor / 2.0
+    width = np.maximum(modes.loss_factor, loss) / 2.0
     steps = np.linspace(-_HALF_WIDTHS, _HALF_WIDTHS, _NEAR)
     near = modes.frequency_hz[:, None] * np.maximum(1.0 + width[:, None] * steps, 0.1)
     wide = np.geomspace(modes.frequency_hz[0] / 2.0, 2.0 * modes.frequency_hz[-1], _WIDE)
