@@ -98,6 +98,14 @@ def adaptation(
 def _of_response(name: str, of: Judged, *, is_probed: bool) -> Iterator[Finding]:
     n_runs, overall = len(of.runs), of.overall
     if not is_probed:
+        if n_runs < FEW_RUNS:
+            yield FINDINGS.finding(
+                "adaptation-few-runs",
+                f"What the model of {name} alone holds is seen in {n_runs} run{'s' * (n_runs > 1)} only: another day "
+                "may be worse.",
+                Where(channel=name),
+                {"runs": n_runs},
+            )
         return
     untouched = [run.course.run for run in of.runs if not len(run.course.touched_at)]
     if untouched:

@@ -74,6 +74,7 @@ def _of_policy(found: Adaptation) -> Iterator[str]:
     policy = found.policy
     if policy is None:
         return
+    share = share_text(min(policy.share_within, policy.share_within_unseen))
     if not policy.is_reached:
         how = "without probing" if policy.every_s is None else f"with a touch-off every {span_text(policy.every_s)}"
         yield (
@@ -82,14 +83,13 @@ def _of_policy(found: Adaptation) -> Iterator[str]:
         )
     elif policy.every_s is None:
         yield (
-            f"No probing is needed: the model alone is within ± {number_text(policy.within_um)} µm in "
-            f"{share_text(policy.share_within)} of the time."
+            f"No probing is needed: the model alone is within ± {number_text(policy.within_um)} µm in {share} of the "
+            "time."
         )
     else:
         yield (
             f"Probe every {span_text(policy.every_s)}, {number_text(policy.touch_offs_per_day)} times a day: that "
-            f"holds ± {number_text(policy.within_um)} µm in {share_text(policy.share_within)} of the time on runs that "
-            "did not teach it."
+            f"holds ± {number_text(policy.within_um)} µm in {share} of the time on runs that did not teach it."
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,9 +88,21 @@ def test_a_limit_that_no_probing_holds_is_told():
 
 
 def test_no_probing_is_needed_where_the_model_holds_the_limit():
-    found = adaptation({"Z": machines(3, 3, walk=0.0, start=0.0)}, within_um=5.0)
+    found = adaptation({"Z": machines(4, 3, walk=0.0, start=0.0)}, within_um=5.0)
     assert (found.policy.every_s, found.policy.touch_offs_per_day) == (None, 0.0)
     assert ids(found) == ["within-without-probing"]
+    few = adaptation({"Z": machines(3, 3, walk=0.0, start=0.0)}, within_um=5.0)
+    assert ids(few) == ["adaptation-few-runs", "within-without-probing"]
+
+
+def test_what_one_long_quiet_run_allows_is_not_enough_for_the_other():
+    """Of both runs together more than 95 % are within the limit, of the short one less."""
+    long, short = machines(1, 3, walk=0.0, start=0.0, hours=9.0), machines(1, 5, walk=0.0, start=0.0, hours=2.0)
+    step = np.where(np.arange(len(short[0].time_s)) < 0.85 * len(short[0].time_s), 0.0, 20.0)
+    both = [*long, replace(short[0], recorded_um=short[0].recorded_um + step)]
+    inside = [np.abs(run.error_um) <= 5.0 for run in judged(both, None).runs]
+    assert np.mean(inside[1]) < 0.95 < np.mean(np.concatenate(inside))
+    assert "within-without-probing" not in ids(adaptation({"Z": both}, within_um=5.0))
 
 
 @pytest.mark.parametrize("every_s", [3600.0, 7200.0])

@@ -85,3 +85,10 @@ def test_a_fault_of_an_unseen_run_has_no_words_of_what_correcting_it_gains():
     answer = diagnosis(made, effects=[effect_of("data.zero")])
     assert [(one.id, one.is_fitted) for one in answer.effects] == [("data.zero", False)]
     assert "corrected" not in answer.headline
+
+
+def test_runs_that_ask_for_other_calibrations_are_not_noise():
+    """Both fitted runs are 9 too high; the unseen one, which the simulation has right, is made worse by an offset."""
+    made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + np.repeat([9.0, 9.0, 0.0], N // 3)})
+    assert diagnosis(made, effects=[effect_of("thermal.instant_speed")]).verdict == "unexplained"

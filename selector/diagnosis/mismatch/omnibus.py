@@ -29,7 +29,7 @@ from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 
 Rows = Sequence[NDArray[np.intp]]
-Kind = Literal["slow", "line", "cycle", "state", "burst", "spells", "common", "switched"]
+Kind = Literal["slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike"]
 _BINS = 8
 _WIDEST = 3.0  #: Ends of a band, as a ratio: the noise is fitted to what is wider.
 #: Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected).
@@ -272,9 +272,9 @@ _READINGS = 4_000_000  #: Of all sets of a response.
 class Structure:
     """Something in the residual that is no noise."""
 
-    #: {"slow", "line", "cycle", "state", "burst", "spells", "common", "switched"}: Slower than noise · one
+    #: {"slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike"}: Slower than noise · one
     #: frequency · a band of frequencies · by state of the machine · a burst · comes and goes in short spells ·
-    #: slow and seen in several responses · changes its level as by a switch
+    #: slow and seen in several responses · changes its level as by a switch · the runs ask for other calibrations
     kind: Kind
     channel: str  #: The response
     run: str | None  #: The run that shows it; None = several

@@ -36,6 +36,11 @@ COURSE_POINTS = 200
 WARM, WARM_SHARE = 2.5, 0.05
 
 
+def claim_factor(judged: int) -> float:
+    """Within what factor an error is known that so many tests had that were left out, 19 times in 20."""
+    return float(np.exp(1.96 * SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1))))
+
+
 @dataclass(frozen=True)
 class DrivenModel:
     """Modes that speed and hall drive, with the tests that taught them."""
@@ -239,8 +244,7 @@ class DrivenModel:
     @property
     def claim_factor(self) -> float:
         """Within what factor the claimed error is known, 19 times in 20."""
-        judged = int(np.isfinite(self.unseen.error_um).any(axis=1).sum())
-        return float(np.exp(1.96 * SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1))))
+        return claim_factor(int(np.isfinite(self.unseen.error_um).any(axis=1).sum()))
 
     def course_of(self, part: Part, time_s: Vector) -> Vector:
         """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""

@@ -123,9 +123,13 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
         )
         return
     yield from _of_gain(ask, _rms(course), _rms(claims), model.claim_factor)
-    judged, factor = int(np.isfinite(model.unseen.error_um).any(axis=1).sum()), model.claim_factor
+    judged = int(np.isfinite(model.unseen.error_um).any(axis=1).sum())
+    yield from few_tests(ask, _rms(claims), judged, model.claim_factor)
+
+
+def few_tests(ask: Asked, claimed: Vector, judged: int, factor: float) -> Iterator[Finding]:
+    """A finding if a claimed error is not known well, by how many tests were left out; claimed [µm]."""
     if factor > PROMISED_FACTOR:
-        claimed = _rms(claims)
         spans = [f"{name} {one / factor:.2g} to {one * factor:.2g} {unit}"
                  for name, one, unit in zip(ask.responses, claimed, ask.units, strict=True)]  # fmt: skip
         yield FINDINGS.finding(

@@ -23,7 +23,7 @@ from selector.physics.thermal.prediction.correction_program import (
     correction_program,
     notation,
 )
-from selector.physics.thermal.prediction.driven import driven_answer
+from selector.physics.thermal.prediction.driven import driven_answer, few_tests
 from selector.physics.thermal.prediction.observer import DayReadings, Observed, observed
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
@@ -274,7 +274,7 @@ def predict(
 
 def _modal(ask: Asked) -> Answer:
     """By modes that the hall drives too, or that run on through a long record; else by those of cold tests."""
-    from selector.physics.thermal.modes.driven_model import driven_model
+    from selector.physics.thermal.modes.driven_model import claim_factor, driven_model
 
     driven = driven_model(ask.tests, ask.responses, whatever=ask.start == "tests")
     if driven is not None:
@@ -290,6 +290,8 @@ def _modal(ask: Asked) -> Answer:
         *longer_than_tests(ask.tests, cycle),
         *contradiction_findings(ask.tests, repeats, ask.responses),
     ]
+    if fit.heldout_um is not None:
+        findings += few_tests(ask, fit.heldout_um, len(ask.tests), claim_factor(len(ask.tests)))
     return Answer(
         course=fit.model.displacement_um,
         findings=tuple(findings),
