@@ -63,12 +63,12 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
-    """The search with the shapes that the unseen rows bear out best, of those that are the same in the fitted ones.
+    """The search with those faults that the unseen rows bear out best, of some that are the same in the fitted ones.
 
     A fault that began in the last fitted run may have ended with it, or have gone on.
     """
     for id_, of in found.named.items():
-        for response, v in of.items():
+        for response, v in of.items() if id_.startswith("data.") else ():
             bench, others = found.benches[response], numbers(without(found.named, id_), response)
             own = bench.candidates[v]
             twins = [

@@ -100,7 +100,6 @@ _HALF, _CARRIED = 0.5, 0.6
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.99)
-_LED = 0.25
 _FAR_ABOVE = 4.0
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
@@ -122,8 +121,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
         carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
         confidence = min(confidence, _CARRIED + (1.0 - _CARRIED) * carried, found.ahead.get(id_, 1.0))
-    # what does best on unseen rows may have been unlikely by the fitted ones
-    confidence = max(float(np.interp(confidence, *_RIGHT)), _LED * found.ahead.get(id_, 0.0))
+    confidence = float(np.interp(confidence, *_RIGHT))
     if id_ in found.doubted:
         confidence = min(confidence, _HALF)
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
