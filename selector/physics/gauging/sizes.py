@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from selector.physics.gauging.gauge.transducer import voltage_variance_v2, wear_share
-from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding
+from selector.physics.gauging.grinding.gauged_grinding import GaugedGrinding, spread_freedoms, worth
 from selector.physics.gauging.process import Tolerance, mean_surface_um, smoothed_surface, surface_um
 
 _TURNS, _HALVINGS, _DEPTHS, _WAVE = 61, 50, 4, 4096
@@ -132,7 +132,8 @@ class Capability:
     #: mean_um and sd_um: [µm]
     mean_um: float
     sd_um: float
-    #: cp, cp_low and cp_high: (U − L)/6·sd; its interval is that of the standard deviation of normal sizes (chi-square)
+    #: cp, cp_low and cp_high: (U − L)/6·sd; its interval is that of the standard deviation (chi-square), which of 200
+    #: parts and more allows for sizes that follow one another or are not normal (`spread_freedoms`)
     cp: float
     cp_low: float
     cp_high: float
@@ -167,15 +168,20 @@ def capability(size_um: ArrayLike, tolerance: Tolerance) -> Capability | None:
     cp = width / (6.0 * sd)
     cpk = min(tolerance.upper_um - mean, mean - tolerance.lower_um) / (3.0 * sd)
     alpha = 1.0 - CONFIDENCE
-    chi_low, chi_high = (float(special.chdtri(count - 1, above)) for above in (1 - alpha / 2, alpha / 2))
-    half = float(special.ndtri(1 - alpha / 2)) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * (count - 1)))
-    outside = int(np.count_nonzero((sizes < tolerance.lower_um) | (sizes > tolerance.upper_um)))
-    low = float(special.betaincinv(outside, count - outside + 1, alpha / 2)) if outside > 0 else 0.0
-    high = float(special.betaincinv(outside + 1, count - outside, 1 - alpha / 2)) if outside < count else 1.0
+    freedoms = spread_freedoms(sizes)
+    chi_low, chi_high = (float(special.chdtri(freedoms, above)) for above in (1 - alpha / 2, alpha / 2))
+    of_mean = 1.0 / (9.0 * worth(sizes))
+    half = float(special.ndtri(1 - alpha / 2)) * math.sqrt(of_mean + cpk**2 / (2.0 * freedoms))
+    is_outside = (sizes < tolerance.lower_um) | (sizes > tolerance.upper_um)
+    outside = int(np.count_nonzero(is_outside))
+    trials = worth(is_outside.astype(np.float64))
+    hits = outside / count * trials
+    low = float(special.betaincinv(hits, trials - hits + 1, alpha / 2)) if outside > 0 else 0.0
+    high = float(special.betaincinv(hits + 1, trials - hits, 1 - alpha / 2)) if outside < count else 1.0
     by_quantiles = _by_quantiles(sizes, tolerance)
     return Capability(
         count, mean, sd,
-        cp, cp * math.sqrt(chi_low / (count - 1)), cp * math.sqrt(chi_high / (count - 1)),
+        cp, cp * math.sqrt(chi_low / freedoms), cp * math.sqrt(chi_high / freedoms),
         cpk, cpk - half, cpk + half,
         by_quantiles[0], by_quantiles[1],
         float(special.ndtr((tolerance.lower_um - mean) / sd)), float(special.ndtr((mean - tolerance.upper_um) / sd)),

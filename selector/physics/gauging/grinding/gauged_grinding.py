@@ -42,6 +42,32 @@ from selector.types import Vector
 _CREST_ROUNDS = 3  #: Peaks change with the allowance by less than a hundredth of what the voltage does.
 
 
+#: Fewer values than these are taken for independent ones: their batches would say less than that.
+LEAST_BATCHED = 200
+
+
+def worth(values: Vector) -> float:
+    """Independent values that tell the mean of these, (n,), as well; at most n. By batch means.
+
+    A correction that follows finished parts makes each part resemble those before it.
+    """
+    count = len(values)
+    if count < LEAST_BATCHED or not np.ptp(values):
+        return float(count)
+    size = count // math.isqrt(count)
+    means = values[: count // size * size].reshape(-1, size).mean(axis=1)
+    return float(min(count, np.var(values, ddof=1) / max(np.var(means, ddof=1) / len(means), 1e-300)))
+
+
+def spread_freedoms(values: Vector) -> float:
+    """Degrees of freedom that the variance of the values, (n,), has: n − 1 of independent normal ones, else fewer."""
+    squares = (values - values.mean()) ** 2
+    count = len(values)
+    if count < LEAST_BATCHED or not np.ptp(squares):
+        return count - 1.0
+    return float(min(count - 1.0, 2.0 * squares.mean() ** 2 * worth(squares) / np.var(squares, ddof=1)))
+
+
 @dataclass(frozen=True)
 class GaugedGrinding:
     """Grinding that a gauge stops."""
@@ -313,16 +339,12 @@ class FinishedSizes:
     @property
     def mean_error_um(self) -> float:
         """Standard error of the mean [µm]."""
-        return self.sd_um / math.sqrt(len(self._some()))
+        return self.sd_um / math.sqrt(worth(self._some()))
 
     @property
     def sd_error_um(self) -> float:
-        """Standard error of the standard deviation, by the fourth moment: the sizes need not be normal [µm]."""
-        sizes, sd = self._some(), self.sd_um
-        if sd == 0:
-            return 0.0
-        fourth = float(np.mean((sizes - sizes.mean()) ** 4))
-        return math.sqrt(max(fourth - sd**4, 0.0) / len(sizes)) / (2.0 * sd)
+        """Standard error of the standard deviation [µm]; the sizes need not be normal."""
+        return self.sd_um / math.sqrt(2.0 * spread_freedoms(self._some())) if self.sd_um > 0.0 else 0.0
 
     def findings(self) -> tuple[Finding, ...]:
         """Parts that no threshold stopped, and parts at which a stage had nothing to do."""

@@ -127,16 +127,16 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
     yield from few_tests(ask, _rms(claims), judged, model.claim_factor)
 
 
-def few_tests(ask: Asked, claimed: Vector, judged: int, factor: float) -> Iterator[Finding]:
-    """A finding if a claimed error is not known well, by how many tests were left out; claimed [µm]."""
+def few_tests(ask: Asked, claimed_um: Vector, judged: int, factor: float) -> Iterator[Finding]:
+    """A finding if a claimed error is not known well, by how many tests were left out."""
     if factor > PROMISED_FACTOR:
         spans = [f"{name} {one / factor:.2g} to {one * factor:.2g} {unit}"
-                 for name, one, unit in zip(ask.responses, claimed, ask.units, strict=True)]  # fmt: skip
+                 for name, one, unit in zip(ask.responses, claimed_um, ask.units, strict=True)]  # fmt: skip
         yield FINDINGS.finding(
             "few-tests",
             f"The claimed error rests on {judged} test{'s' * (judged > 1)} left out and predicted by the others; it is "
             f"known to a factor of {factor:.2g}: {', '.join(spans)} (root mean square, 19 times in 20).",
-            evidence={"tests": judged, "factor": factor, "claimed_um": claimed.tolist()},
+            evidence={"tests": judged, "factor": factor, "claimed_um": claimed_um.tolist()},
         )
 
 
