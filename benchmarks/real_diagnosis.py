@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.real.case import RealCase
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import SENTENCE, SHIPPED, SOURCES, halves
+from benchmarks.real.sources import SECOND, SENTENCE, SHIPPED, SOURCES, halves
 
 SEED = 0
 
@@ -70,7 +70,7 @@ def main() -> None:
 
 def declared(case: RealCase) -> str:
     """What is said of a case before it is asked."""
-    source = next((source for source in SOURCES if source.rig == case.rig), None)
+    source = next((source for source in (*SOURCES, *SECOND) if source.rig == case.rig), None)
     origin = "see docs/reference/sources.md" if source is None else f"{source.published}; licence: {source.licence}"
     told = {
         "from": origin,
@@ -141,7 +141,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=Path())
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--half", choices=("development", "apart"), default="development")
+    parser.add_argument("--half", choices=("development", "apart", "second"), default="development")
     parser.add_argument("--case", nargs="+", default=[], help="cases whose name holds one of these")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--limit", type=float, default=600.0, help="seconds a case")
@@ -163,7 +163,7 @@ def _named(name: str) -> RealCase:
 
 
 def _tell_missing(rigs: set[str]) -> None:
-    published = {source.rig: source.published for source in SOURCES}
+    published = {source.rig: source.published for source in (*SOURCES, *SECOND)}
     for rig in sorted(rigs):
         print(f"no folder {rig}: {published.get(rig, 'see docs/reference/sources.md')}", file=sys.stderr)
 

@@ -12,7 +12,7 @@ import argparse
 import subprocess
 from pathlib import Path
 
-from benchmarks.real.sources import SOURCES, Source
+from benchmarks.real.sources import SECOND, SOURCES, Source
 
 
 def main() -> None:
@@ -20,7 +20,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("clones", type=Path)
     options = parser.parse_args()
-    for source in SOURCES:
+    for source in (*SOURCES, *SECOND):
         clone = clone_of(source, options.clones)
         if clone is None:
             print(f"{source.rig:16s} no clone; {source.published}")

@@ -9,7 +9,7 @@ from typing import Literal
 
 Licensed = Literal["free", "in place"]
 """A cut may be shipped; to be read in place only."""
-Half = Literal["development", "apart"]
+Half = Literal["development", "apart", "second"]
 
 SENTENCE = "the apart half is not looked at before the method stands: 2026-11-23"
 """Decides by lot, together with a rig's name, which rigs are set apart."""
@@ -89,6 +89,37 @@ SOURCES: tuple[Source, ...] = (
     Source("heated_bar", "KaiTaiTong/AlBarHeatingSimulation", "42fdd51", "none", "in place", ("*Data*", "README.md")),
 )  # fmt: skip
 
+_JOINTS = "longshike/NNFM-A-Novel-Neural-Network-Modeling-Approach-for-Robot-Flexible-Joints-Friction"
+
+SECOND: tuple[Source, ...] = (
+    Source("magnetic_damper", "labcontrol-data/mr-damper", "e42439f", "MIT", "free", (
+        "data/ensaio*.mat", "README.md", "LICENSE")),
+    Source("electric", "labcontrol-data/rlc-oscillator", "5afe23f", "MIT", "free", (
+        "data/20221130-0001_0[1-6].mat", "README.md", "LICENSE")),
+    Source("rotary_pendulum", "jensen-benard/rotary-inverted-pendulum", "1f3bb80", "MIT", "free", (
+        "software/modelling/experiment/damping_coefficient/*.txt", "*README.md", "LICENSE")),
+    Source("franka", _JOINTS, "a343d3a", "none", "in place", (
+        "Comparative data/Franka Robot/case[34]_*.csv", "README.md")),
+    Source("fairino", _JOINTS, "a343d3a", "none", "in place", ("Comparative data/FAIRINO Robot/*.csv", "README.md")),
+    Source("temperature_lab", "FNR13/TCLab-Predictive-Control", "87a1c44", "none", "in place", (
+        "Code/P3/matfiles/openloop_data_*.mat", "README.md")),
+    Source("two_motors", "malik-robert/HSM150-data", "35c3b1b", "none", "in place", (
+        "Data/Identification/*.mat", "README.md")),
+    Source("lab_pendulum", "y-fysiks/PHY180-Pendulum-datafit", "607a0fa", "none", "in place", ("data3[123].csv",)),
+    Source("hydraulic", "luishpinto/cm-hydraulic-data-set", "91199ae", "none (UCI 447: CC BY 4.0)", "in place", (
+        "TS[12].txt", "profile.txt", "README.md")),
+    Source("cooled_water", "mpc-physical-science/projects", "5165d22", "none", "in place", ("labs-testing/cooling/*",)),
+    Source("exchanger", "Rafa7046/Non_Linear_Identification", "e5c9b00", "none (DaISy)", "in place", (
+        "src/data/exchanger.csv", "README.md")),
+    Source("flexible_arm", "Rafa7046/Non_Linear_Identification", "e5c9b00", "none (DaISy)", "in place", (
+        "src/data/robot-arm.csv", "README.md")),
+    Source("servo", "mauicv/servo-sysid", "e4a4840", "none", "in place", ("src/sysid/dataset/*.json", "README.md")),
+    Source("hobby_servo", "spfrommer/servo-experiment", "8d48684", "none", "in place", (
+        "processed/*.txt", "README.md")),
+    Source("weather_loggers", "orestispanago/Hobo-cal", "30aa6b6", "none", "in place", ("raw/*.csv", "README.md")),
+)  # fmt: skip
+"""Rigs of a second exam: declared and asked once on 2026-11-27, by somebody who had not seen the method made."""
+
 KNOWN: tuple[str, ...] = ("emps", "silverbox", "cascaded_tanks", "ace_thermal", "spindle46")
 """Rigs that were looked at while the program was made: never apart."""
 SHIPPED = ("emps",)
@@ -102,6 +133,7 @@ def halves() -> dict[str, Half]:
         rigs = sorted((one.rig for one in SOURCES if one.licensed == licensed), key=_lot)
         first = (len(rigs) + 1) // 2
         found |= {rig: "development" if k < first else "apart" for k, rig in enumerate(rigs)}
+    found |= dict.fromkeys((one.rig for one in SECOND), "second")
     return found
 
 

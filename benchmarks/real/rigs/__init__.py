@@ -22,6 +22,7 @@ from benchmarks.real.rigs import (
     probe_drift,
     quarter_drone,
     rosa,
+    second,
     servo_play,
     station,
     telescope,
@@ -55,4 +56,4 @@ _RIGS = (
     known,
 )
 
-CASES: tuple[RealCase, ...] = tuple(case for rig in _RIGS for case in rig.CASES)
+CASES: tuple[RealCase, ...] = (*(case for rig in _RIGS for case in rig.CASES), *second.CASES)
