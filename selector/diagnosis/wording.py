@@ -171,7 +171,7 @@ def _named(found: Diagnosis, effect: NamedEffect) -> str:
         is_sure = effect.confidence >= _SURE
         fault = "The recording is at fault, not the simulation" if is_sure else "The recording may be at fault"
         text = f"{fault}: {statement} ({sure})"
-        if not effect.is_fitted:
+        if not (effect.is_fitted or _is_left_out(effect)):
             # the errors of the answer are those without it
             return f"{text}."
         return f"{text}; {'' if _is_left_out(effect) else 'corrected, '}{_gain(found, effect)}."
