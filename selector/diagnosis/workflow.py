@@ -52,6 +52,7 @@ _SUSPECTED = 0.5  #: What is left of a confidence that another programme does no
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
+_TENTH = 0.1
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
 #: Times that an unseen error grows by recalibration, and is as large as the fitted one, where runs contradict each
@@ -339,9 +340,17 @@ def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> 
     if any(is_slow_in_one_run(found.benches[name], v) for name, v in of.items()):
         return True
     gap = found.closed.get(effect.id)
-    if gap is None or gap.high is None or effect.share >= MOST_OF_IT:
+    if effect.share >= MOST_OF_IT or effect.id not in found.named:
         return False
+    if gap is None or gap.high is None:
+        # where unseen rows leave no gap to be closed they have to be no worse
+        return _is_structured(found, effect.channel) and effect.share < _TENTH and _is_lost(effect, found)
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
+
+
+def _is_structured(found: Search, response: str) -> bool:
+    """Whether more is left of a response than noise."""
+    return found.misfit.get(response, 1.0) > 1.0 or is_far_above_noise(found, response)
 
 
 def _doubts(state: _State) -> Sequence[Structure]:

@@ -73,6 +73,12 @@ def time_constants(comparison: Comparison, n: int = 8) -> Vector:
     return np.geomspace(low, max(comparison.longest_s, 2.0 * low), n)
 
 
+def quick_time_constants(comparison: Comparison, first: float) -> Vector:
+    """Shorter ones than the `first` of `time_constants` [s], twice as long each as the one before, from a sample on."""
+    steps = int(np.log2(max(first / comparison.period_s, 1.0)))
+    return np.asarray(first * 0.5 ** np.arange(steps, 0, -1))
+
+
 def in_run(comparison: Comparison, run: str, values: Vector) -> Vector:
     """The course in one run, 0 in all others."""
     return np.asarray(np.where(comparison.run_index == comparison.runs.index(run), values, 0.0))

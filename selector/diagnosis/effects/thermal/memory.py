@@ -16,7 +16,7 @@ from selector.diagnosis.shapes.heating import (
     spindle_law,
     temperature_rise,
 )
-from selector.diagnosis.shapes.signals import excited, start_decay, time_constants
+from selector.diagnosis.shapes.signals import excited, quick_time_constants, start_decay, time_constants
 from selector.types import Vector
 
 _MOST_SENSORS = 3
@@ -26,7 +26,8 @@ _WARM_START_K = 1.0
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 10)
     for name, words, heat in _heats(comparison, response):
-        for tau_s in taus:
+        # how long a record is says nothing of how quick a lag in it may be
+        for tau_s in (*quick_time_constants(comparison, float(taus[0])), *taus):
             yield late(comparison, name, [(words, heat, tau_s)])
         for some in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8), (1, 4, 8), (3, 6, 9)):
             yield late(comparison, name, [(words, heat, taus[k]) for k in some])
