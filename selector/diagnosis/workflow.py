@@ -27,7 +27,7 @@ from selector.diagnosis.evidence.naming import (
     told_of_small,
     whole_record_effect,
 )
-from selector.diagnosis.evidence.recalibration import Recalibrated, recalibrated, whole_record_names
+from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, is_slow_in_one_run, numbers, search, unseen_rms
 from selector.diagnosis.matching.runs import rms
@@ -55,9 +55,6 @@ _LEAST_SURE, _QUARTER = 0.1, 0.25
 _TENTH = 0.1
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
-#: Times that an unseen error grows by recalibration, and is as large as the fitted one, where runs contradict each
-#: other; how sure the recalibration of the fitted ones has to be.
-_UNLIKE, _SURELY_OTHER = 3.0, 1e-6
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
@@ -264,26 +261,16 @@ def _looked_at_what_is_left(state: _State) -> _State:
     if not found.named:
         structures = [*map(partial(_as_structure, comparison), state.switches.values()), *structures]
     if not found.named and not late:
-        unlike = (bench for bench in found.benches.values() if _is_unlike(bench, state.again))
+        unlike = (bench for bench in found.benches.values() if contradicted(bench, state.again[bench.response]))
         structures += [_as_unlike(comparison, bench) for bench in unlike]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
-
-
-def _is_unlike(bench: Bench, again: Mapping[str, Recalibrated]) -> bool:
-    """Whether the fitted runs ask for another calibration than the unseen ones, which were better without it."""
-    left = bench.residual([])
-    held = np.isfinite(left) & ~bench.fitted
-    if not held.any() or again[bench.response].p_value >= _SURELY_OTHER:
-        return False
-    after, before, fitted = rms(left[held]), rms(bench.target[held]), rms(left[bench.fitted])
-    return after > _UNLIKE * max(before, fitted)
 
 
 def _as_unlike(comparison: Comparison, bench: Bench) -> Structure:
     left = bench.residual([])
     size = rms(left[np.isfinite(left) & ~bench.fitted])
     unit = comparison.channel(bench.response).unit
-    return Structure("unlike", bench.response, None, None, None, None, None, size, unit, _SURELY_OTHER)
+    return Structure("unlike", bench.response, None, None, None, None, None, size, unit, _LEAST_P)
 
 
 def _as_structure(comparison: Comparison, one: Switched) -> Structure:

@@ -10,6 +10,7 @@ from selector.diagnosis.effects.data.gain import known_factor
 from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.response import OF_MODEL, Bench
 from selector.diagnosis.evidence.testing import tail_probability
+from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
 
 _DRAWS = 400
@@ -61,6 +62,21 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
         share=max(0.0, 1.0 - float(np.mean(after**2)) / before) if before > 0.0 else 0.0,
         quantities=quantities,
     )
+
+
+#: Times that an unseen error grows by recalibration, and is as large as the fitted one, where runs contradict each
+#: other; how sure the recalibration of the fitted ones has to be.
+_UNLIKE, _SURELY_OTHER = 3.0, 1e-6
+
+
+def contradicted(bench: Bench, again: Recalibrated) -> bool:
+    """Whether the fitted runs ask for another calibration than the unseen ones, which were better without it."""
+    left = bench.residual([])
+    held = np.isfinite(left) & ~bench.fitted
+    if not held.any() or again.p_value >= _SURELY_OTHER:
+        return False
+    after, before, fitted = rms(left[held]), rms(bench.target[held]), rms(left[bench.fitted])
+    return after > _UNLIKE * max(before, fitted)
 
 
 _FORCES = ("force", "current", "voltage")
