@@ -52,7 +52,7 @@ def gain_table(selection: Selection) -> Table:
                 name,
                 proof.baselines_um[name]["none"],
                 proof.rmse_um(name),
-                " to ".join(number_text(proof.rmse_um(name) * by, 2) for by in known) or None,
+                *([" to ".join(number_text(proof.rmse_um(name) * by, 2) for by in known)] if known else []),
                 f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
                 proof.max_um(name),
                 None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
@@ -60,12 +60,13 @@ def gain_table(selection: Selection) -> Table:
             )
         )
     headings = [
-        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", ">on further runs [µm]",
+        "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", *([">on further runs [µm]"] if known else []),
         f">single {proof.left_out}s [µm]", ">largest [µm]", ">worst sensor fault [µm]", ">1 K too high [µm]",
     ]  # fmt: skip
     note = (
-        f"Root mean square over all {proof.left_out}s that were left out in turn, and what that of further ones is "
-        "between, 19 times in 20; largest: of all their samples. The worst fault is a sensor that is stuck or open."
+        f"Root mean square over all {proof.left_out}s that were left out in turn"
+        + (", and what that of further ones is between, 19 times in 20" if known else "")
+        + "; largest: of all their samples. The worst fault is a sensor that is stuck or open."
     )
     return table(headings, rows, note)
 
