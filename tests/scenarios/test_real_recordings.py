@@ -18,7 +18,7 @@ from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import KNOWN, SOURCES, halves
+from benchmarks.real.sources import KNOWN, SECOND, SOURCES, halves
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.matching.alignment import comparison_of
 
@@ -37,7 +37,8 @@ def case(name: str) -> RealCase:
 def test_the_lot_is_the_one_that_was_drawn_before_anything_was_run():
     half_of = halves()
     assert {rig for rig, half in half_of.items() if half == "apart"} == APART
-    assert set(half_of) == {source.rig for source in SOURCES} | set(KNOWN)
+    assert set(half_of) == {source.rig for source in (*SOURCES, *SECOND)} | set(KNOWN)
+    assert {rig for rig, half in half_of.items() if half == "second"} == {source.rig for source in SECOND}
 
 
 def test_every_case_says_what_is_right_in_ids_of_the_catalogue():
@@ -56,7 +57,7 @@ def test_every_case_says_what_is_right_in_ids_of_the_catalogue():
 
 def test_there_are_enough_rigs_on_both_sides_of_the_lot():
     half_of = halves()
-    for half, positives, controls, rigs in (("development", 24, 5, 12), ("apart", 15, 5, 8)):
+    for half, positives, controls, rigs in (("development", 24, 5, 12), ("apart", 15, 5, 8), ("second", 15, 8, 8)):
         of = [one for one in CASES if half_of[one.rig] == half]
         assert sum(one.kind == "positive" for one in of) >= positives
         assert sum(one.kind == "control" for one in of) >= controls
