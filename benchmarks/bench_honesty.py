@@ -5,7 +5,7 @@
 A machine is five bodies in a row (spindle, housing, column, bed, and one that no thermometer touches) in a hall with
 its day and night; thermometers sit between bodies, with noise, steps of 0.1 K and a lag of their own. Every row of the
 table asks `select` of 15 machines and then applies the model to 40 further runs: true ÷ reported error, whether it is
-within the factor that is told (of `few-runs`, else 1.5), whether what was proposed is worse than no compensation, and
+within the factor that is told, whether what was proposed is worse than no compensation, and
 the error over that of the best four sensors, which only the further runs can tell (linear models of all sets of four,
 fitted on the same runs).
 """

@@ -269,7 +269,8 @@ def _miscalibrated(found: Diagnosis) -> str:
             needs = f"{response} needs {listed(said)}, and its error" if not model else f"the error of {response}"
             parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
     if not parts:
-        return "No physics is missing: the simulation's own offset, gain or delay explain the difference."
+        own = "parameters" if model else "offset, gain or delay"
+        return f"No physics is missing: the simulation's own {own} explain the difference."
     numbers = [f"{name} {quantity_words(one)}" for name, one in model[:_MOST_TOLD]]
     more = [f"{len(model) - _MOST_TOLD} more"] if len(model) > _MOST_TOLD else []
     of_model = f"with {listed([*numbers, *more])}, " if model else ""

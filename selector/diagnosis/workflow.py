@@ -21,6 +21,7 @@ from selector.diagnosis.evidence.naming import (
     is_far_above_noise,
     is_recalibrated,
     is_small,
+    is_structured,
     named_effect,
     of_practical_size,
     seen_only,
@@ -29,7 +30,15 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import MOST_OF_IT, Search, is_slow_in_one_run, numbers, search, unseen_rms
+from selector.diagnosis.evidence.search import (
+    MOST_OF_IT,
+    TENTH,
+    Search,
+    is_slow_in_one_run,
+    numbers,
+    search,
+    unseen_rms,
+)
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
@@ -52,7 +61,6 @@ _SUSPECTED = 0.5  #: What is left of a confidence that another programme does no
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
-_TENTH = 0.1
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
@@ -331,13 +339,8 @@ def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> 
         return False
     if gap is None or gap.high is None:
         # where unseen rows leave no gap to be closed they have to be no worse
-        return _is_structured(found, effect.channel) and effect.share < _TENTH and _is_lost(effect, found)
+        return is_structured(found, effect.channel) and effect.share < TENTH and _is_lost(effect, found)
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
-
-
-def _is_structured(found: Search, response: str) -> bool:
-    """Whether more is left of a response than noise."""
-    return found.misfit.get(response, 1.0) > 1.0 or is_far_above_noise(found, response)
 
 
 def _doubts(state: _State) -> Sequence[Structure]:

@@ -118,7 +118,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
     gap = found.closed.get(id_)
-    if found.misfit.get(main, 1.0) > 1.0 or is_far_above_noise(found, main):
+    if is_structured(found, main):
         carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
         confidence = min(confidence, _CARRIED + (1.0 - _CARRIED) * carried, found.ahead.get(id_, 1.0))
     confidence = float(np.interp(confidence, *_RIGHT))
@@ -130,9 +130,10 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     # with nothing meant to be kept nothing is lacking
     held = comparison.held_out
     # a fault may be of one run; physics that only one has is borne out by none
-    is_checked = (fitted.variant.run is not None and id_.startswith("data.")) or not held.any()
-    if fitted.variant.run is not None and not id_.startswith("data."):
+    is_of_one_run, is_fault = fitted.variant.run is not None, id_.startswith("data.")
+    if is_of_one_run and not is_fault:
         confidence = min(confidence, _HALF)
+    is_checked = (is_of_one_run and is_fault) or not held.any()
     is_checked = is_checked or any(np.isfinite(comparison.difference(name)[held]).any() for name in by_response)
     return NamedEffect(
         id=id_,
@@ -154,6 +155,11 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         is_fitted=True,
         sources=fitted.variant.sources,
     )
+
+
+def is_structured(found: Search, response: str) -> bool:
+    """Whether more is left of a response than noise."""
+    return found.misfit.get(response, 1.0) > 1.0 or is_far_above_noise(found, response)
 
 
 def is_far_above_noise(found: Search, response: str) -> bool:

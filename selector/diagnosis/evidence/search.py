@@ -28,7 +28,7 @@ _THE_SAME = 0.9
 _RIVAL = 0.2  #: An effect of less than this share of the weight of the named one is told from it.
 #: What gains less than this share of the clearest named effect may be what its shape does not fit exactly.
 _TRIFLE = 0.1
-_TENTH = 0.1
+TENTH = 0.1
 #: Share of the mismatch from which physics is named, if suspected only, that does not carry to unseen rows.
 MOST_OF_IT = 0.75
 _AS_GOOD = 0.6  #: Of the fall of the unseen error by the named effect: what another one makes of it is about as good.
@@ -224,7 +224,9 @@ def _without_excess(benches: Benches, named: Named, given: _Given) -> tuple[Benc
 
     Dry friction fitted at one speed has taken in what was viscous, and then pushes the axis where it does not go.
     """
-    for id_, of in named.items() if all(bench.is_dry for bench in benches.values()) else ():
+    if not all(bench.is_dry for bench in benches.values()):
+        return benches, named
+    for id_, of in named.items():
         if not all(_is_below_nothing(bench, numbers(named, name), of.get(name)) for name, bench in benches.items()):
             continue
         others = without(named, id_)
@@ -389,8 +391,8 @@ def adds(bench: Bench, named: Sequence[int], v: int) -> bool:
     without_it, with_it = bench.residual(named), bench.residual([*named, v])
     fall = np.mean(without_it[bench.fitted] ** 2) - np.mean(with_it[bench.fitted] ** 2)
     share = float(fall) / bench.mean_square([])
-    if share < _TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
-        return share >= _TENTH
+    if share < TENTH or (share >= MOST_OF_IT and bench.candidates[v].effect.family != "data"):
+        return share >= TENTH
     held = np.isfinite(without_it) & ~bench.fitted
     return not held.any() or bool(np.sum(with_it[held] ** 2) <= np.sum(without_it[held] ** 2))
 
@@ -521,7 +523,7 @@ def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival:
     for name, v in of.items():
         base = numbers(others, name)
         without_it, own = unseen_rms(benches[name], base), unseen_rms(benches[name], [*base, v])
-        if without_it - own > _TENTH * without_it:
+        if without_it - own > TENTH * without_it:
             left = unseen_rms(benches[name], [*base, rival[name]]) if name in rival else without_it
             shares.append((without_it - left) / (without_it - own))
     return min(shares, default=0.0)

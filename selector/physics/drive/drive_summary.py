@@ -244,21 +244,17 @@ def tightest_loop(model: DriveModel, name: str, runs: Sequence[AxisRun]) -> Loop
     ends: list[tuple[float, AxisRun, ParameterCourse, int]] = []
     for run in runs:
         course = course_of(model, name, run)
-        if course is not None and course.varying is not None:
-            ends += [(float(course.varying[k]), run, course, k) for k in map(int, _ends(course.varying))]
-    if ends:
-        for end in (min, max):
-            _, run, course, k = end(ends, key=lambda one: one[0])
-            axis = frozen(run.axis, course, k * course.period_s)
-            at_m, (unit, times) = float(run.motion.table_m[k]), measures.position
-            at = f" at table position {at_m * times:.4g} {unit}"
-            there = LoopSummary(stability(axis), loop_figures(axis), axis, at_m, at)
-            nearest = min(nearest, there, key=lambda one: (one.stability.stable, abs(one.figures.gain_margin_db)))
+        values = None if course is None else course.varying
+        if course is not None and values is not None:
+            ends += [(float(values[k]), run, course, k) for k in (int(values.argmin()), int(values.argmax()))]
+    by_value = sorted(ends, key=lambda one: one[0])
+    for _, run, course, k in (*by_value[:1], *by_value[-1:]):
+        axis = frozen(run.axis, course, k * course.period_s)
+        at_m, (unit, times) = float(run.motion.table_m[k]), measures.position
+        at = f" at table position {at_m * times:.4g} {unit}"
+        there = LoopSummary(stability(axis), loop_figures(axis), axis, at_m, at)
+        nearest = min(nearest, there, key=lambda one: (one.stability.stable, abs(one.figures.gain_margin_db)))
     return nearest
-
-
-def _ends(values: Vector) -> tuple[np.intp, np.intp]:
-    return np.argmin(values), np.argmax(values)
 
 
 def axis_summary(axis: Axis, reference: Reference, motion: Motion, course: ParameterCourse | None) -> AxisSummary:

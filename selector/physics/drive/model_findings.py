@@ -1,13 +1,13 @@
 """What is odd about a feed drive: numbers that no machine has, what shows before it runs, and what it did."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from selector.findings import Finding, Where
 from selector.physics.drive.drive_model import DriveModel, DriveSimulation
-from selector.physics.drive.drive_summary import limited_samples, stick_slip, tightest_loop
+from selector.physics.drive.drive_summary import LoopSummary, limited_samples, stick_slip
 from selector.physics.drive.file.model_schema import FileAxis
 from selector.physics.drive.finding_table import FINDINGS
 from selector.physics.drive.loop.closed_loop import fastest_rate_per_s
@@ -69,8 +69,12 @@ def model_findings(model: DriveModel) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, driven: bool = False) -> tuple[Finding, ...]:
+def simulation_findings(
+    model: DriveModel, simulation: DriveSimulation, loops: Mapping[str, LoopSummary], *, driven: bool = False
+) -> tuple[Finding, ...]:
     """What is odd about what the axes did; of each the worst run, and how many runs it concerns.
+
+    `loops`: those of the summary of the simulation.
 
     Limits that were reached, commands that cannot be followed, a start in motion, a table that leaves its screw, one
     that sticks and slips, an encoder that is coarser than the error. `driven` says that recordings drove it, not the
@@ -81,7 +85,7 @@ def simulation_findings(model: DriveModel, simulation: DriveSimulation, *, drive
     names = dict.fromkeys(name for done in simulation.axes.values() for name in done)
     for name in names:
         told: dict[str, list[tuple[float, Finding]]] = {}
-        loop = tightest_loop(model, name, simulation.runs_of(name))
+        loop = loops.get(name)
         if loop is not None and loop.at_m is not None:
             found += stability_findings(loop.axis, name, loop.at)
         stable = loop is None or loop.stability.stable

@@ -127,7 +127,7 @@ def test_the_loop_is_told_where_it_is_nearest_to_its_edge():
     for model in (near, far):
         done = model.simulation()
         loops.append(tightest_loop(model, "X", done.runs_of("X")))
-        told = [one for one in simulation_findings(model, done) if "table position" in one.statement]
+        told = [one for one in simulation_findings(model, done, {"X": loops[-1]}) if "table position" in one.statement]
         assert bool(told) == (model is far)
     assert loops[1].at_m == pytest.approx(2.5, abs=0.02)
     assert loops[1].figures.gain_margin_db < loops[0].figures.gain_margin_db - 5.0

@@ -268,7 +268,9 @@ def test_wrong_parameters_and_bounds_are_refused():
 
 
 def told(drive):
-    return {one.id: one for one in (*model_findings(drive), *simulation_findings(drive, drive.simulation()))}
+    done = drive.simulation()
+    after = simulation_findings(drive, done, drive_summary(drive, done).loops)
+    return {one.id: one for one in (*model_findings(drive), *after)}
 
 
 def test_a_good_axis_is_silent():

@@ -194,12 +194,12 @@ def test_a_start_in_motion_is_told_only_where_the_axis_stands():
     whole = drive.simulation(run="r1").recording
     rest = whole.with_values(whole.frame.iloc[100:])
     seen = driven_runs(drive, rest).simulation
-    assert simulation_findings(drive, seen, driven=True) == ()
+    assert simulation_findings(drive, seen, {}, driven=True) == ()
     blind = driven_runs(drive, renamed(rest, {}, without=("X_position", "X_table"))).simulation
-    (one,) = simulation_findings(drive, blind, driven=True)
+    (one,) = simulation_findings(drive, blind, {}, driven=True)
     assert one.id == "begins-in-motion"
     # a recording has no phase
     assert "phase_deg" not in one.suggestion
     assert "position" in one.suggestion
     sine = model(("motion.phase_deg", 0.0))
-    assert "phase_deg" in simulation_findings(sine, sine.simulation())[0].suggestion
+    assert "phase_deg" in simulation_findings(sine, sine.simulation(), {})[0].suggestion

@@ -8,6 +8,7 @@ import pytest
 
 from selector.errors import ModelFileError
 from selector.physics.drive.drive_model import drive_model
+from selector.physics.drive.drive_summary import drive_summary
 from selector.physics.drive.file.model_file import checked_model_file, columns_needed, read_model_file
 from selector.physics.drive.model_findings import model_findings, simulation_findings
 from tests.physics.drive.test_model_file import PARTS, RIGID, changed
@@ -100,7 +101,9 @@ def test_a_sine_with_fewer_than_two_samples_a_period_is_refused():
 
 def limit_of(*changes):
     drive = model(*changes)
-    return next(one for one in simulation_findings(drive, drive.simulation()) if one.id == "limit-reached")
+    done = drive.simulation()
+    told = simulation_findings(drive, done, drive_summary(drive, done).loops)
+    return next(one for one in told if one.id == "limit-reached")
 
 
 def test_an_unstable_loop_at_its_limits_is_not_advised_to_accelerate_less():
