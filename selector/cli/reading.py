@@ -50,7 +50,7 @@ def describe(
         progress("reading", None)
         reading = source.reading()
         progress("looking for faults", None)
-        copies = file_copies({run.name: run.sha256 for run in reading.runs})
+        copies = file_copies(reading.origins)
         faults = (*inspect(reading.recording), *copies)
     findings = (*reading.findings, *faults)
     drift = drift_of(without_faults(reading.recording, faults))

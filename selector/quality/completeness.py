@@ -121,12 +121,18 @@ def _values(survey: Survey, run: str, column: int) -> np.ndarray:
     return np.unique(x) if survey.scale(run, column).distinct <= 64 else x[:64]
 
 
-def file_copies(hashes: Mapping[str, str]) -> Iterator[Finding]:
-    """Runs that are the same file again: leaving one out would prove nothing while its copy stays in."""
+def file_copies(origins: Mapping[str, tuple[str, str]]) -> Iterator[Finding]:
+    """Runs of a file that is there again under another name: leaving one out would prove nothing while its copy stays.
+
+    `origins` is run → file and its hash. Runs of one file, as the sheets of a workbook, are no copies.
+    """
     first: dict[str, str] = {}
-    for run, sha256 in hashes.items():
-        original = first.setdefault(sha256, run)
-        if original != run:
+    of_file: dict[str, list[str]] = {}
+    for run, (file, sha256) in origins.items():
+        of_file.setdefault(file, []).append(run)
+        same = of_file[first.setdefault(sha256, file)]
+        if same is not of_file[file]:
+            original = same[min(len(of_file[file]), len(same)) - 1]
             told = f"Run {run} is the same file as run {original}; it is left out."
             evidence = {"sha256": sha256, "original": original}
             yield FINDINGS.finding("same-file-twice", told, Where(run=run), evidence, action="leave-out-run")

@@ -193,6 +193,11 @@ class Reading:
     undeclared: Mapping[str, str] = field(default_factory=dict)  #: Columns that are no channels, and why
     machine_file: str | None = None  #: Where the machine file was read
 
+    @property
+    def origins(self) -> dict[str, tuple[str, str]]:
+        """Run → where it was read, and the hash of that file."""
+        return {run.name: (run.file, run.sha256) for run in self.runs}
+
     def description(self) -> dict[str, Any]:
         """The `selector.description/1` contract as JSON values.
 

@@ -43,7 +43,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
         return _streamed(runs, machine_file, overrides)
     reading = read(runs, machine=machine_file, overrides=overrides)
     faults = inspect(reading.recording)
-    copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
+    copies = tuple(file_copies(reading.origins))
     recording = without_faults(reading.recording, (*faults, *copies))
     return Material(
         recording,

@@ -179,7 +179,7 @@ class Live:
 
 
 def _explored(reading: Reading, options: Options, faults: Sequence[Finding]) -> Exploration:
-    copies = tuple(file_copies({run.name: run.sha256 for run in reading.runs}))
+    copies = tuple(file_copies(reading.origins))
     found = Exploration.of(without_faults(reading.recording, (*faults, *copies)), options)
     # the first search loads its compiled kernels
     found.cut(found.grouping.chosen.level)

@@ -94,6 +94,22 @@ def runs(tmp_path_factory) -> Path:
     return folder
 
 
+def test_runs_of_one_file_are_no_copies_of_each_other(runs, tmp_path, capsys):
+    tables = {path.stem: pd.read_csv(path) for path in sorted(runs.iterdir())}
+    pd.concat([table.assign(run=name) for name, table in tables.items()]).to_csv(tmp_path / "all.csv", index=False)
+    with pd.ExcelWriter(tmp_path / "all.xlsx") as workbook:
+        for name, table in tables.items():
+            table.to_excel(workbook, sheet_name=name, index=False)
+    (tmp_path / "again.xlsx").write_bytes((tmp_path / "all.xlsx").read_bytes())
+    apart = selection(capsys, str(runs))
+    for names in (["all.csv"], ["all.xlsx"], ["all.xlsx", "again.xlsx"]):
+        found = selection(capsys, *(str(tmp_path / name) for name in names))
+        here, there = (next(iter(one["models"].values())) for one in (found, apart))
+        assert here["heldout_rmse_um"] == pytest.approx(there["heldout_rmse_um"], rel=1e-9)
+        copies = [one["evidence"]["original"] for one in found["findings"] if one["id"] == "same-file-twice"]
+        assert copies == ([f"all_r{k}" for k in range(1, 5)] if len(names) > 1 else [])
+
+
 @pytest.mark.parametrize(
     "options",
     [
