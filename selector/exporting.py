@@ -119,7 +119,7 @@ def export_model(
     files = (*program.files, *own, SHEET)
     reading = read(options.replay, machine=options.machine, overrides=options.overrides) if options.replay else None
     machine_files = () if options.machine is None else (options.machine,)
-    recorded = () if reading is None else tuple(run.file for run in reading.runs)
+    recorded = () if reading is None else tuple(file for file, _ in reading.files)
     for name in files:
         refuse_to_replace_input(folder / name, (model, *machine_files, *recorded), "--out")
     proof, of_replay = (None, ()) if reading is None else _replayed(decided, chosen, program.files, reading, progress)

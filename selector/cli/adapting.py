@@ -120,7 +120,7 @@ def adapt(
     read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
-        refuse_folder_of_inputs(out, [run.file for run in reading.runs])
+        refuse_folder_of_inputs(out, [file for file, _ in reading.files])
     application, compared = applied(read, reading)
     touched = _touched(asked.touch_offs, compared, read)
     courses, of_courses = adaptation_courses(read, compared, application, touched)

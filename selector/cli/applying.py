@@ -46,7 +46,7 @@ def apply(
     read, _ = usable_model(model)
     reading = source.reading()
     if out is not None:
-        refuse_to_replace_input(out, [model, *source.machine_files, *(run.file for run in reading.runs)], "--out")
+        refuse_to_replace_input(out, [model, *source.machine_files, *(file for file, _ in reading.files)], "--out")
         require_replaceable(out.parent, {out.name: "run,time_s,"})
     application, _ = applied(read, reading)
     application = replace(application, findings=(*application.findings, *_not_adapted(read)))

@@ -237,7 +237,7 @@ def predict(
     cyclogram, of_cycle = cyclogram_of_rows(steps.time_s, steps.speed_rpm, lengths_s)
     reading = source.reading()
     if out is not None:
-        refuse_folder_of_inputs(out, [run.file for run in reading.runs])
+        refuse_folder_of_inputs(out, [file for file, _ in reading.files])
     wanted, day = tuple(asked.response or ()), None
     if asked.readings is not None:
         wanted = wanted or reading.recording.with_role("displacement")

@@ -56,9 +56,9 @@ def describe(
     drift = drift_of(without_faults(reading.recording, faults))
     description: dict[str, Any] = {**reading.description(), "drift": drift, "findings": findings}
     if write is not None:
-        refuse_to_replace_input(write, [run.file for run in reading.runs], "--write")
+        refuse_to_replace_input(write, [file for file, _ in reading.files], "--write")
         written = machine_of(reading)
-        repairs = proposed(written.runs, faults)
+        repairs = proposed(written.runs, findings)
         new = [run for run, repair in repairs.items() if written.runs.get(run) != repair]
         written = written.model_copy(update={"runs": repairs})
         write_machine_file(written, write, reading.undeclared, guessed_clock(reading))

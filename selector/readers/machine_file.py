@@ -115,6 +115,8 @@ class RunSection(_Entry):
     """``[runs.RUN]``: repairs of one run; the files are never edited."""
 
     use: bool = True
+    beside: Annotated[tuple[str, ...], Field(strict=False)] = ()  #: Runs of the same time by other loggers
+    late_s: Annotated[float, Field(strict=False)] = 0.0  #: How long after the run that it stands beside it begins [s]
     swap: Annotated[tuple[Annotated[tuple[str, str], Field(strict=False)], ...], Field(strict=False)] = ()
     channels: Annotated[Mapping[str, RunChannelSection], Field(strict=False)] = Field(default_factory=dict)
 

@@ -13,6 +13,7 @@ from selector.findings import Finding, Where
 from selector.quality import without_faults
 from selector.quality.broken_sensors import broken_sensors
 from selector.quality.survey import Survey
+from selector.readers.beside import joined, two_loggers
 from selector.readers.binary.optional import quiet
 from selector.readers.clock.clock import TimeOptions
 from selector.readers.clock.stamps import time_unit
@@ -144,10 +145,13 @@ class RunInfo:
     period_s: float
     start: str | None
     begins_s: float = 0.0  #: Its own clock at the first sample, where that is no date [s]
+    beside: tuple[tuple[str, str], ...] = ()  #: Files of other loggers that are part of it, and their hashes
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON form, without `begins_s`."""
-        return {"run" if name == "name" else name: value for name, value in vars(self).items() if name != "begins_s"}
+        """JSON form, without `begins_s`; `beside` where there is any."""
+        found = {"run" if name == "name" else name: value for name, value in vars(self).items() if name != "begins_s"}
+        found["beside"] = [{"file": file, "sha256": sha256} for file, sha256 in self.beside]
+        return found if self.beside else {name: value for name, value in found.items() if name != "beside"}
 
 
 @dataclass(frozen=True)
@@ -192,6 +196,11 @@ class Reading:
     machine: Machine | None = None  #: The machine file that was used
     undeclared: Mapping[str, str] = field(default_factory=dict)  #: Columns that are no channels, and why
     machine_file: str | None = None  #: Where the machine file was read
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """Every file that was read, with its hash; once for each of its runs."""
+        return tuple(file for run in self.runs for file in ((run.file, run.sha256), *run.beside))
 
     @property
     def origins(self) -> dict[str, tuple[str, str]]:
@@ -286,8 +295,11 @@ def settled(
     """The runs that are used under their own names, what their columns are, and what was noticed of both."""
     runs, renamed = uniquely_named(timed)
     runs, unused = used_runs(runs, declared)
+    if declared is not None and not overrides.partial:
+        runs = joined(runs, declared.runs)
     planned = repaired(plan(runs, declared, overrides), declared, runs)
-    return runs, planned, [*renamed, *unused, *placed(runs, planned), *planned.findings]
+    noticed = [*placed(runs, planned), *planned.findings, *two_loggers(runs, planned)]
+    return runs, planned, [*renamed, *unused, *noticed]
 
 
 def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
@@ -311,7 +323,8 @@ def time_options(declared: Machine | None, overrides: Overrides) -> TimeOptions:
 
 def _run_info(run: TimedRun) -> RunInfo:
     length_s = float(run.time_s[-1])
-    return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), length_s, run.period_s, run.start, run.first_s)
+    begins = run.start, run.first_s
+    return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), length_s, run.period_s, *begins, run.beside)
 
 
 def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:

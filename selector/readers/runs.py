@@ -38,6 +38,7 @@ class TimedRun:
     table: Table
     findings: tuple[Finding, ...]
     skipped_s: float = 0.0  #: What the window cut off at the beginning of the recorded run [s]
+    beside: tuple[tuple[str, str], ...] = ()  #: Files and their hashes that other loggers' channels were read from
 
     @cached_property
     def by_header(self) -> dict[str, Column]:

@@ -208,6 +208,13 @@ def stream_parquet(
     options = time_options(declared, overrides)
     with quiet(), np.errstate(all="ignore"):
         heads = [timed_run(_head(path), "", options) for path in found.files]
+        if any(one.beside for one in (declared.runs if declared else {}).values()):
+            raise RecordingError(
+                "a run that is beside another one, and recordings so large that they are read in pieces",
+                expected="recordings that are read whole",
+                where="[runs] of the machine file",
+                advice="take means (--mean-s 10), or join them with `selector convert --mean-s 10`",
+            )
         runs, planned, noticed = settled(heads, declared, overrides)
     for run in runs:
         numeric = any(c.header in run.clock.columns and c.kind == "number" for c in run.table.columns)

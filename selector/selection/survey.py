@@ -64,7 +64,8 @@ def usable_sensors(
             "no usable sensor: " + "; ".join(f"{name} {why}" for name, (_, why, _) in reasons.items()),
             expected="at least one temperature that changes",
             where="recordings",
-            advice="record a run in which the machine warms up, and check the sensors with `selector describe`",
+            advice="look at the recordings with `selector describe`: it says if temperatures and displacements of one "
+            "time stand in two files (two-loggers); else record a run in which the machine warms up",
         )
     findings = [
         FINDINGS.finding(

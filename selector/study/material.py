@@ -50,7 +50,7 @@ def material_of(runs: Sequence[Path], machine_file: Path | None, overrides: Over
         without_folders((*reading.findings, *copies, *faults)),
         provenance_of(reading),
         {**reading.description(), "drift": drift_of(recording)},
-        tuple((run.file, run.sha256) for run in reading.runs),
+        reading.files,
         reading.machine_file,
         beside_recordings(reading.findings),
     )

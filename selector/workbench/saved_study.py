@@ -73,8 +73,8 @@ def save(folder: Path, asked: Asked, reading: Reading | None, simulated: tuple[P
     if reading is None or not asked.runs:
         raise no_recordings("study file")
     files: dict[str, InputFile] = {}
-    for run in reading.runs:
-        files[run.file] = input_file(run.file, folder, "recording", run.sha256)
+    for file, sha256 in reading.files:
+        files[file] = input_file(file, folder, "recording", sha256)
     if asked.machine is not None:
         files[str(asked.machine)] = input_file(asked.machine, folder, "machine")
     is_compared = bool(asked.diagnosis.simulation or asked.diagnosis.model)

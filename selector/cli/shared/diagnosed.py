@@ -397,7 +397,7 @@ def write_diagnosis_study(
     from selector.readers.files import recording_files
     from selector.study import diagnose_section, input_file
 
-    files = recording_entries(out, source, [(run.file, run.sha256) for run in recorded.runs], recorded.machine_file)
+    files = recording_entries(out, source, recorded.files, recorded.machine_file)
     if simulated is not None and asked.simulation:
         known = {run.file: run.sha256 for run in simulated.runs}
         read = recording_files(asked.simulation).files

@@ -10,7 +10,7 @@ from typing import NoReturn
 from selector.errors import RecordingError
 from selector.findings import Finding, Where
 from selector.quality.finding_table import SWAPPED_CHANNELS, WRONG_UNIT
-from selector.readers.finding_table import FINDINGS, RUN_REPAIRED
+from selector.readers.finding_table import FINDINGS, RUN_REPAIRED, TWO_LOGGERS
 from selector.readers.machine_file import Machine, RunChannelSection, RunSection
 from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan, Planned
@@ -46,13 +46,15 @@ def used_runs(runs: Sequence[TimedRun], machine: Machine | None) -> tuple[list[T
 
 
 def proposed(runs: Mapping[str, RunSection], findings: Iterable[Finding]) -> dict[str, RunSection]:
-    """The repairs of a machine file and those that findings propose: cables that changed places, a unit of one run.
+    """The repairs of a machine file and those that findings propose: swapped cables, a unit, a run in two files.
 
     Only what is proved, so that the readings would be left out without a repair, and what nobody has settled yet.
     """
     found = dict(runs)
     for finding in findings:
         run, name = finding.where.run, finding.where.channel
+        for first, other in finding.evidence["beside"].items() if finding.id == TWO_LOGGERS else ():
+            found[first] = found.get(first, RunSection()).model_copy(update={"beside": (other,)})
         if run is None or name is None or finding.action != "leave-out-channel":
             continue
         section = found.get(run, RunSection())
@@ -102,7 +104,7 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
             beyond = [stretch for stretch in left_out if stretch[0] > ends_s[run] or stretch[1] < 0.0]
             if beyond:
                 findings.append(_told_beyond(run, name, beyond, ends_s[run]))
-        if section.swap or section.channels:
+        if section.swap or section.channels or section.beside:
             findings.append(_told(run, section))
     return replace(planned, channels=tuple(channels.values()), findings=tuple(findings))
 
@@ -135,7 +137,8 @@ def _told_beyond(run: str, name: str, stretches: Sequence[tuple[float, float]], 
 
 
 def _told(run: str, section: RunSection) -> Finding:
-    done = [f"{first} and {second} changed places" for first, second in section.swap]
+    done = [f"it has the channels of {listed(section.beside, 8)}"] if section.beside else []
+    done += [f"{first} and {second} changed places" for first, second in section.swap]
     done += [f"{name} is in {repair.unit}" for name, repair in section.channels.items() if repair.unit is not None]
     done += [f"stretches of {name} are left out" for name, repair in section.channels.items() if repair.leave_out]
     return FINDINGS.finding(

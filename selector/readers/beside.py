@@ -1,0 +1,162 @@
+"""Runs that two loggers recorded at the same time: their channels become one run, on the clock of the first."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import datetime
+from itertools import takewhile
+
+import numpy as np
+
+from selector.errors import RecordingError
+from selector.findings import Finding, Where
+from selector.readers.finding_table import FINDINGS, TWO_LOGGERS
+from selector.readers.machine_file import RunSection
+from selector.readers.roles.names import one_of_words
+from selector.readers.roles.plan import Plan
+from selector.readers.runs import TimedRun, averaged
+from selector.readers.tables import Column
+from selector.types import Vector
+
+_FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, any other is read between its samples.
+_GAP_PERIODS = 3.5  #: Between samples that are farther apart nothing is known.
+_LEAST_SHARED = 0.5  #: Of the shorter of two runs that may be one.
+
+
+def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[TimedRun]:
+    """The runs without those that stand ``beside`` another one, whose channels that one has.
+
+    Raises RecordingError: no run of that name was read, it is beside two, or they have no time in common.
+    """
+    by_name = {run.name: run for run in runs}
+    first_of: dict[str, str] = {}
+    for name in by_name:
+        for other in repairs.get(name, RunSection()).beside:
+            where = f"beside in [runs.{name}] of the machine file"
+            if other not in by_name or other == name:
+                raise RecordingError(
+                    f"no run {other!r}" if other != name else f"run {other!r} beside itself",
+                    expected=one_of_words(other, [one for one in by_name if one != name]),
+                    where=where,
+                    advice="correct the name of the run",
+                )
+            if other in first_of or repairs.get(other, RunSection()).beside:
+                raise RecordingError(
+                    f"run {other!r}, which is part of {first_of.get(other, other)!r} already",
+                    expected="every run beside one other run only",
+                    where=where,
+                    advice="name all runs of one time in one list",
+                )
+            first_of[other] = name
+    return [
+        _with(run, [by_name[one] for one in repairs.get(run.name, RunSection()).beside], repairs)
+        for run in runs
+        if run.name not in first_of
+    ]
+
+
+def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
+    columns, told = list(run.columns), list(run.findings)
+    for other in others:
+        late_s = begins_after_s(run, other) + repairs.get(other.name, RunSection()).late_s
+        taken = {column.header for column in columns}
+        values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
+        if not np.isfinite(values).any():
+            raise RecordingError(
+                f"{other.name!r} begins {late_s:g} s after {run.name!r}, which lasts {run.time_s[-1]:g} s",
+                expected="two recordings of one time",
+                where=f"beside in [runs.{run.name}] of the machine file",
+                advice=f"correct the names, or say in [runs.{other.name}] how long after it begins: late_s = 12.5",
+            )
+        for k, column in enumerate(other.columns):
+            header = column.header if column.header not in taken else f"{column.header} (beside)"
+            columns.append(Column(header, values[:, k], column.unit, (), column.description))
+        told += other.findings
+    beside = tuple((str(other.file), other.sha256) for other in others)
+    return replace(run, columns=tuple(columns), findings=tuple(told), beside=beside)
+
+
+def begins_after_s(run: TimedRun, other: TimedRun) -> float:
+    """How long after a run another one begins by their dates [s]; 0 where one of them has none."""
+    if run.start is None or other.start is None:
+        return 0.0
+    starts = [datetime.fromisoformat(one.start or "") for one in (run, other)]
+    if (starts[0].tzinfo is None) != (starts[1].tzinfo is None):
+        starts = [one.replace(tzinfo=None) for one in starts]
+    return (starts[1] - starts[0]).total_seconds()
+
+
+def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
+    """Readings at other times, shape (n_times, n_channels): means about every time if they are quicker, else between.
+
+    `values` has shape (n_samples, n_channels); NaN where nothing is known.
+    """
+    step_s, own_s = float(np.median(np.diff(clock_s))), float(np.median(np.diff(time_s)))
+    result = np.full((len(clock_s), values.shape[1]), np.nan)
+    if own_s < _FASTER * step_s:
+        middles = 0.5 * (clock_s[1:] + clock_s[:-1])
+        edges = np.r_[clock_s[0] - 0.5 * step_s, middles, clock_s[-1] + 0.5 * step_s]
+        of = np.searchsorted(edges, time_s, side="right") - 1
+        inside = (of >= 0) & (of < len(clock_s))
+        there = np.unique(of[inside])
+        if len(there):
+            result[there] = averaged(values[inside], of[inside], len(there))
+        return result
+    after = np.clip(np.searchsorted(time_s, clock_s), 1, len(time_s) - 1)
+    width = time_s[after] - time_s[after - 1]
+    part = (clock_s - time_s[after - 1]) / width
+    known = (part >= 0.0) & (part <= 1.0) & (width <= _GAP_PERIODS * own_s)
+    between = values[after - 1] + part[:, None] * (values[after] - values[after - 1])
+    # at a sample itself its neighbour may be missing
+    between = np.where(part[:, None] == 0.0, values[after - 1], between)
+    between = np.where(part[:, None] == 1.0, values[after], between)
+    result[known] = between[known]
+    return result
+
+
+def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
+    """A finding if runs look like halves of others: temperatures and no displacement in some, the reverse in others."""
+    kinds: dict[frozenset[str], list[TimedRun]] = {}
+    for run in runs:
+        kinds.setdefault(frozenset(one.name for one in planned.channels if run.name in one.headers), []).append(run)
+    if len(kinds) != 2:
+        return []
+    roles = {one.name: one.role for one in planned.channels}
+    (first, firsts), (second, seconds) = kinds.items()
+    moved = ["displacement" in {roles[name] for name in of} for of in (first, second)]
+    if first & second or len(firsts) != len(seconds) or moved[0] == moved[1]:
+        return []
+    named = [{_own_part(run.name, [one.name for one in of]): run for run in of} for of in (firsts, seconds)]
+    warm, gauged = named if moved[1] else reversed(named)
+    if warm.keys() != gauged.keys() or not all(_may_be_one(warm[key], gauged[key]) for key in warm):
+        return []
+    pairs = {run.name: gauged[key].name for key, run in warm.items()}
+    name, other = next(iter(pairs.items()))
+    more = f", and {len(pairs) - 1} more such pairs" if len(pairs) > 1 else ""
+    return [
+        FINDINGS.finding(
+            TWO_LOGGERS,
+            f"Run {name!r} has no displacement, run {other!r} no temperature{more}: two loggers may have recorded them "
+            "at one time.",
+            Where(run=name),
+            {"beside": pairs},
+            f'if so, say it in the machine file: beside = ["{other}"] in [runs."{name}"]; `selector describe --write` '
+            "writes that",
+        )
+    ]
+
+
+def _own_part(name: str, names: Sequence[str]) -> str:
+    """What tells a run from the others of its kind: its name without what all have in front and behind."""
+    front, behind = (_alike(words) for words in (names, [one[::-1] for one in names]))
+    return name[front : max(len(name) - behind, front)]
+
+
+def _alike(names: Sequence[str]) -> int:
+    """How many letters all begin with."""
+    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
+
+
+def _may_be_one(run: TimedRun, other: TimedRun) -> bool:
+    late_s = begins_after_s(run, other)
+    shared_s = min(run.time_s[-1], other.time_s[-1] + late_s) - max(0.0, late_s)
+    return bool(shared_s >= _LEAST_SHARED * min(run.time_s[-1], other.time_s[-1]))

@@ -1,0 +1,136 @@
+"""Two loggers at one machine: temperatures in one file, displacements in another, and one run of both."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.cli import exit_status
+from selector.errors import RecordingError
+from selector.readers import machine, read
+from selector.readers.beside import on_clock
+from selector.readers.stream import stream_parquet
+
+ROWS, SLOW_S, FAST_S = 120, 60.0, 4.0
+
+
+def course(time_s, k):
+    return 10.0 * (1.0 - np.exp(-np.asarray(time_s) / (1500.0 + 200.0 * k)))
+
+
+@pytest.fixture
+def loggers(tmp_path) -> Path:
+    """Five runs, each a file of temperatures every minute and one of displacements every 4 s that begins 90 s later."""
+    for k in range(5):
+        draw = np.random.default_rng(k)
+        slow = SLOW_S * np.arange(ROWS)
+        fast = 90.0 + FAST_S * np.arange(int(ROWS * SLOW_S / FAST_S))
+        begin = pd.Timestamp("2026-03-02 06:00:00") + pd.Timedelta(days=k)
+        warm = {"time": begin + pd.to_timedelta(slow, unit="s")}
+        for j, part in enumerate((1.0, 0.6, 0.3)):
+            warm[f"T{j + 1} [degC]"] = 20.0 + part * course(slow, k + 3 * j) + 0.02 * draw.standard_normal(ROWS)
+        moved = 3.0 * course(fast, k) + 0.2 * draw.standard_normal(len(fast))
+        gauge = {"time": begin + pd.to_timedelta(fast, unit="s"), "Z [um]": moved}
+        pd.DataFrame(warm).to_csv(tmp_path / f"logger_{k + 1}.csv", index=False)
+        pd.DataFrame(gauge).to_csv(tmp_path / f"gauge_{k + 1}.csv", index=False)
+    return tmp_path
+
+
+def test_describe_proposes_it_and_every_command_takes_it(loggers, capsys):
+    written = loggers / "machine.toml"
+    files = [str(loggers / f"{kind}_{k}.csv") for kind in ("logger", "gauge") for k in range(1, 6)]
+    assert exit_status(["select", *files]) == 2
+    assert "two-loggers" in capsys.readouterr().err
+    assert exit_status(["describe", *files, "--write", str(written), "--json"]) == 0
+    [told] = [one for one in json.loads(capsys.readouterr().out)["findings"] if one["id"] == "two-loggers"]
+    assert told["evidence"]["beside"] == {f"logger_{k}": f"gauge_{k}" for k in range(1, 6)}
+    assert machine(written).runs["logger_3"].beside == ("gauge_3",)
+    assert exit_status(["select", *files, "--machine", str(written), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    # what the gauge missed of the first two minutes differs by as much from run to run
+    assert found["models"]["Z"]["heldout_rmse_um"] < 0.5
+    assert "two-loggers" not in {one["id"] for one in found["findings"]}
+
+
+def test_a_quicker_logger_is_averaged_about_the_time_of_the_slower_one(loggers):
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
+    reading = read([loggers / "logger_1.csv", loggers / "gauge_1.csv"], loggers / "m.toml")
+    [run] = reading.runs
+    assert [Path(file).name for file, _ in reading.files] == ["logger_1.csv", "gauge_1.csv"]
+    assert [Path(one["file"]).name for one in run.as_dict()["beside"]] == ["gauge_1.csv"]
+    z = reading.recording.values("logger_1", ("Z",))[:, 0]
+    raw = pd.read_csv(loggers / "gauge_1.csv")["Z [um]"].to_numpy()
+    late = 90.0 + FAST_S * np.arange(len(raw))
+    assert np.isnan(z[0])
+    for k in (2, 50, ROWS - 1):
+        about = (late >= SLOW_S * (k - 0.5)) & (late < SLOW_S * (k + 0.5))
+        assert z[k] == pytest.approx(raw[about].mean(), rel=1e-12)
+
+
+def test_without_dates_both_begin_together_but_for_what_is_said(loggers):
+    for name, unit in (("logger_1", "T1 [degC]"), ("gauge_1", "Z [um]")):
+        table = pd.read_csv(loggers / f"{name}.csv")
+        step = SLOW_S if name == "logger_1" else FAST_S
+        pd.DataFrame({"t [s]": step * np.arange(len(table)), unit: table[unit]}).to_csv(
+            loggers / f"{name}.csv", index=False
+        )
+    values = {}
+    for late_s in (0.0, 90.0):
+        said = f'[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.gauge_1]\nlate_s = {late_s}\n'
+        (loggers / "m.toml").write_text(said, encoding="utf-8")
+        reading = read([loggers / "logger_1.csv", loggers / "gauge_1.csv"], loggers / "m.toml")
+        values[late_s] = reading.recording.values("logger_1", ("Z",))[:, 0]
+    assert np.isfinite(values[0.0]).all()
+    assert np.isnan(values[90.0][0])
+    # a minute and a half later is 22.5 readings later
+    assert values[90.0][20] == pytest.approx(0.5 * (values[0.0][18] + values[0.0][19]), abs=0.2)
+
+
+def test_a_slower_logger_is_read_between_its_samples_and_not_over_gaps():
+    clock, time = np.arange(0.0, 100.0, 10.0), np.array([5.0, 25.0, 45.0, 65.0, 205.0])
+    values = np.array([1.0, 3.0, np.nan, 7.0, 9.0])[:, None]
+    expected = [np.nan, 1.5, 2.5, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan]
+    np.testing.assert_allclose(on_clock(clock, time, values)[:, 0], expected)
+    np.testing.assert_allclose(on_clock(np.array([25.0, 35.0, 65.0]), time, values)[:, 0], [3.0, np.nan, 7.0])
+
+
+def test_channels_of_one_name_stay_apart(loggers):
+    for name in ("logger_1", "logger_2"):
+        table = pd.read_csv(loggers / f"{name}.csv")
+        pd.DataFrame({"t [s]": SLOW_S * np.arange(len(table)), "T1 [degC]": table["T1 [degC]"]}).to_csv(
+            loggers / f"{name}.csv", index=False
+        )
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["logger_2"]\n', encoding="utf-8")
+    reading = read([loggers / "logger_1.csv", loggers / "logger_2.csv"], loggers / "m.toml")
+    one, other = reading.recording.values("logger_1", reading.recording.names).T
+    np.testing.assert_array_equal(one, pd.read_csv(loggers / "logger_1.csv")["T1 [degC]"])
+    np.testing.assert_array_equal(other, pd.read_csv(loggers / "logger_2.csv")["T1 [degC]"])
+
+
+@pytest.mark.parametrize(
+    ("said", "found"),
+    [
+        ('[runs.logger_1]\nbeside = ["guage_1"]\n', "gauge_1"),
+        ('[runs.logger_1]\nbeside = ["logger_1"]\n', "beside itself"),
+        ('[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.logger_2]\nbeside = ["gauge_1"]\n', "part of 'logger_1'"),
+        ('[runs.logger_1]\nbeside = ["gauge_2"]\n', "begins 86490 s after"),
+    ],
+)
+def test_what_cannot_be_one_run_is_refused(loggers, said, found):
+    (loggers / "m.toml").write_text(said, encoding="utf-8")
+    files = [loggers / f"{kind}_{k}.csv" for kind in ("logger", "gauge") for k in (1, 2)]
+    with pytest.raises(RecordingError, match=r"beside|runs") as caught:
+        read(files, loggers / "m.toml")
+    assert found in str(caught.value)
+
+
+def test_large_recordings_are_not_joined_in_pieces(loggers):
+    for name in ("logger_1", "gauge_1"):
+        pd.read_csv(loggers / f"{name}.csv", parse_dates=["time"]).to_parquet(loggers / f"{name}.parquet")
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
+    with pytest.raises(RecordingError, match="read in pieces"):
+        stream_parquet([loggers / "logger_1.parquet", loggers / "gauge_1.parquet"], loggers / "m.toml")
