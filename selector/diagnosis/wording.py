@@ -268,14 +268,15 @@ def _miscalibrated(found: Diagnosis) -> str:
             before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
             needs = f"{response} needs {listed(said)}, and its error" if not model else f"the error of {response}"
             parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
+    verdict = "No missing physics shows" if _wandering(found) else "No physics is missing"
     if not parts:
         own = "parameters" if model else "offset, gain or delay"
-        return f"No physics is missing: the simulation's own {own} explain the difference."
+        return f"{verdict}: the simulation's own {own} explain the difference."
     numbers = [f"{name} {quantity_words(one)}" for name, one in model[:_MOST_TOLD]]
     more = [f"{len(model) - _MOST_TOLD} more"] if len(model) > _MOST_TOLD else []
     of_model = f"with {listed([*numbers, *more])}, " if model else ""
     unseen = held_out_words(found.comparison)
-    return f"No physics is missing; the simulation is out of calibration: {of_model}{'; '.join(parts)} on {unseen}."
+    return f"{verdict}; the simulation is out of calibration: {of_model}{'; '.join(parts)} on {unseen}."
 
 
 def _nothing(found: Diagnosis) -> str:
@@ -283,7 +284,10 @@ def _nothing(found: Diagnosis) -> str:
     for response, fit in ((name, found.fit[name]) for name in found.comparison.responses if name in found.fit):
         held = fit.heldout.rmse_after
         parts.append(f"{response} ({amount(held if np.isfinite(held) else fit.train.rmse_after, fit.unit)} rms)")
-    return f"Nothing is missing: what is left{f' in {listed(parts)}' if parts else ''} is noise."
+    left = f"what is left{f' in {listed(parts)}' if parts else ''}"
+    if _wandering(found):
+        return f"Nothing shows to be missing: {left} may all be noise."
+    return f"Nothing is missing: {left} is noise."
 
 
 def _unexplained(found: Diagnosis) -> str:

@@ -253,7 +253,8 @@ def _common_runs(recording: Recording, simulation: Recording) -> tuple[list[str]
             f"recorded runs {_listed(recording.runs)}; simulated runs {_listed(simulation.runs)}",
             expected="at least one run of the same name (the file's name without its ending) in both",
             where="simulation",
-            advice="name the file of the simulated run like that of the recorded one",
+            advice="name the simulated file like the recorded one, in a folder of its own; runs of a workbook are "
+            "called after the file and the sheet",
         )
     findings = [_left_out(run, "the simulation has no such run") for run in recording.runs if run not in runs]
     spare = [run for run in simulation.runs if run not in runs]

@@ -22,6 +22,7 @@ _SOURCE = (
     r"hydr|\btank|feed|axis|servo|motor|gear|drive|\bfan\b|compress|lamp|light|chip|convey|clamp|door|cabinet|electr|"
     r"supply|getriebe|antrieb|гидро|двигат|привод|бак|液压|电机|油箱"
 )
+_HALF = 0.5
 _SQUARED = ("current", "force", "voltage", "acceleration")
 _MOVING = ("feed_rate", "velocity")
 _SWITCHED = ("state", "flow")
@@ -38,6 +39,7 @@ class Sources:
     #: coolant_switches and coolant_temperatures: State or flow of the coolant; its temperature
     coolant_switches: tuple[str, ...]
     coolant_temperatures: tuple[str, ...]
+    is_coolant_said: bool  #: Whether a name or place tells of coolant; else the switch may be of any other device
     other_heat: tuple[str, ...]  #: Channels of other heat: feeds, currents, states of other devices
 
 
@@ -52,19 +54,21 @@ def sources(comparison: Comparison, response: str) -> Sources:
     warm = [channel for channel in moving if channel.role == "temperature"]
     switched = [channel for channel in moving if channel.role in _SWITCHED and channel.name not in comparison.responses]
     coolant = [channel for channel in switched if _says(channel, _COOLANT)]
-    if not coolant:
-        coolant = [channel for channel in switched if not _says(channel, _SOURCE)][:1]
+    unsaid = [channel for channel in switched if not _says(channel, _SOURCE)] if not coolant else []
+    # of one switch nobody says what it is: it may be coolant, or another source if the simulation does not follow it
+    cold = coolant or [channel for channel in unsaid[:1] if _is_simulated(comparison, response, channel.name)]
     hall = [c for c in moving if c.role == "ambient"] + [c for c in warm if _says(c, _HALL)]
     fluid = [channel for channel in warm if _says(channel, _COOLANT) and channel not in hall]
-    driven = [c for c in moving if c.role in (*_MOVING, *_SQUARED, "position") or (c in switched and c not in coolant)]
+    driven = [c for c in moving if c.role in (*_MOVING, *_SQUARED, "position") or (c in switched and c not in cold)]
     others = [c for c in driven if c.name not in comparison.responses]
     commands = [c for c in moving if c.role == "position_command" and c.axis not in {o.axis for o in others}]
     return Sources(
         spindle=next((channel.name for channel in moving if channel.role == "spindle_speed"), None),
         hall=_named(hall),
         machine=_named([channel for channel in warm if channel not in hall and channel not in fluid]),
-        coolant_switches=_named(coolant),
+        coolant_switches=_named(coolant or unsaid[:1]),
         coolant_temperatures=_named(fluid),
+        is_coolant_said=bool(coolant),
         other_heat=_named(others + commands),
     )
 
@@ -130,6 +134,18 @@ def simulated_rise(comparison: Comparison, response: str) -> Vector:
 def shown_unit(unit: str) -> str:
     """The unit of a response as people write it; differences of temperatures are in K."""
     return {"um": "µm", "degC": "K"}.get(unit, unit)
+
+
+def _is_simulated(comparison: Comparison, response: str, name: str) -> bool:
+    """Whether the simulated course follows a channel, beside the warm-up of a machine that is switched on for good."""
+    target, part = simulated_rise(comparison, response), switched_on(comparison, name)
+    rows, taus = _every(comparison), (0.0, *time_constants(comparison, _OTHER_LAGS))
+    on, lags = (
+        np.column_stack([lagged(comparison, of, float(tau_s)) for tau_s in taus])[rows]
+        for of in (np.ones(len(part)), part)
+    )
+    left = [np.var(target[rows] - of @ _ridge(of, target[rows])) for of in (on, np.hstack([on, lags]))]
+    return bool(left[1] < _HALF * left[0])
 
 
 def _says(channel: Channel, words: str) -> bool:

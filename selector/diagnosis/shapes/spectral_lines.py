@@ -343,14 +343,18 @@ _PER_HALF_WIDTH = 1.2
 _SHARED = 1.12  #: By the ends of the window neighbouring frequencies share so much of their noise.
 
 
-def resonances(comparison: Comparison, left: Vector, source: Vector, most: int = 4) -> tuple[tuple[float, float], ...]:
+def resonances(
+    comparison: Comparison, left: Vector, source: Vector, most: int = 4, *, behind_filter: bool = True
+) -> tuple[tuple[float, float], ...]:
     """(frequency [Hz], damping) of resonances that pass the source on into what is left, the clearest first.
 
     `left` is 0 where it is missing and in rows that may not be fitted to. Each pair explains more of the power, in
-    two real coefficients (motion and its speed), than noise would anywhere in the scan with probability `CHANCE`.
+    two real coefficients (motion and its speed), than noise would anywhere in the scan with probability `CHANCE`. What
+    stands `behind_filter` has white noise; but a resonance that is most of what is left is filtered away with it.
     """
     runs = even_runs(comparison)
-    noise = white_filter([part for run in runs for part in _stretch(run, comparison, left)[:1]])
+    parts = [part for run in runs for part in _stretch(run, comparison, left)] if behind_filter else []
+    noise = white_filter(parts)
     spectra = [s for s in (_spectra(run, comparison, left, source, noise) for run in runs) if s is not None]
     if not spectra:
         return ()

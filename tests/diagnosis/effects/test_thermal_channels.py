@@ -64,8 +64,22 @@ def test_channels_are_taken_for_what_role_and_words_say():
     assert found.other_heat == ("P1", "F", "I")
 
 
+def test_what_warms_when_it_is_switched_on_is_coolant_only_if_somebody_says_so():
+    for of, bounds in ((("state", None), ((-np.inf, 0.0),)), (("flow", "coolant"), None)):
+        comparison = made({"S": of})
+        warmed = replace(comparison, channels=(comparison.channels[0], Channel("Z", "temperature", "degC")))
+        shapes = [shape for shape in THERMAL["thermal.coolant"].variants(warmed, "Z") if shape.names[0].startswith("S")]
+        assert {shape.bounds for shape in shapes if len(shape.names) == 1} == {bounds}
+
+
 def test_a_switch_without_words_is_taken_for_the_coolant_only_if_no_other_is():
     assert sources(made({"S": ("state", None)}), "Z").coolant_switches == ("S",)
+    # what the switch does is in the simulation, or it is not: then it may heat as well as cool
+    programmes = [(np.arange(400) % period < part).astype(float) for period, part in ((120, 60), (77, 30))]
+    switched = made({"S": ("state", None)}, S=programmes[0])
+    for programme, heats_too in zip(programmes, ((), ("S",)), strict=True):
+        simulated = {"Z": 10.0 * lagged(switched, programme, 1200.0)}
+        assert sources(replace(switched, simulated=simulated), "Z").other_heat == heats_too
     both = sources(made({"S": ("state", None), "K": ("flow", "KSS")}), "Z")
     assert (both.coolant_switches, both.other_heat) == (("K",), ("S",))
 

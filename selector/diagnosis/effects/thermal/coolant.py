@@ -1,6 +1,7 @@
 """Coolant that changes the boundary while it runs: it takes heat away, the more the warmer the machine is."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,21 +13,24 @@ from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, t
 
 _MOST_SENSORS = 2
 _MOST_LEVELS = 8
+_COLDER = (-np.inf, 0.0)
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     known = sources(comparison, response)
     taus = time_constants(comparison, 8)
+    # what warms a part when it is switched on is coolant only if somebody says so
+    cools = not known.is_coolant_said and comparison.channel(response).role == "temperature"
     for name in known.coolant_switches:
         on = switched_on(comparison, name)
         levels = _levels(comparison, name) if not known.coolant_temperatures else []
         warmth = scaled(simulated_rise(comparison, response))
         drawn = f"{name} × simulated {response}", on * warmth
         for tau_s in taus:
-            yield _variant(comparison, name, [(name, on)], tau_s)
-            if excited(warmth):
-                yield _variant(comparison, name, [drawn], tau_s)
-                yield _variant(comparison, name, [(name, on), drawn], tau_s)
+            shapes = [[(name, on)], *([[drawn], [(name, on), drawn]] if excited(warmth) else [])]
+            for heats in shapes:
+                shape = _variant(comparison, name, heats, tau_s)
+                yield replace(shape, bounds=(_COLDER,) * len(heats)) if cools else shape
         for tau_s in taus[1::2] if levels and excited(warmth) else ():
             yield _variant(comparison, name, [(name, on), drawn, *levels], tau_s)
         for fluid in known.coolant_temperatures:

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
-from selector.diagnosis.shapes.residual import leftover
+from selector.diagnosis.shapes.residual import least_squares, leftover
 from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, resonance, swept_hz
 from selector.diagnosis.shapes.spectral_lines import resonances
 from selector.types import Vector
@@ -18,6 +19,11 @@ _MOST_SOURCES = 3
 _OCTAVES, _NARROWEST = 5.0, 0.005
 #: What a mode pays at a resonance that the simulation has: there a structure rings by itself at every knock.
 _RINGS = 25.0
+_LEAST_DAMPING, _MOST_DAMPING = 0.001, 0.5
+#: Of resonances by least squares: logarithms that one is told to and may move by, and that two starts are apart; the
+#: most starts, and the most shapes tried from each.
+_NEAR, _FAR, _APART = 1e-3, 0.3, 0.05
+_MOST_STARTS, _MOST_TRIED = 4, 60
 _NEIGHBOURS = ((1.0, 1.0), (0.985, 1.0), (1.015, 1.0), (1.0, 0.5), (1.0, 2.0))
 
 
@@ -34,13 +40,47 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     accelerations = comparison.channel(response).role == "acceleration"
     own = resonances_of(comparison, response)
     for name, source in sources.items():
-        for frequency_hz, damping in resonances(comparison, left, source):
+        for frequency_hz, damping in _resonances(comparison, left, source):
             # a frequency of many, as likely in one octave as in another, told to the width of the resonance
             looked_at = _OCTAVES / max(damping, _NARROWEST) * len(sources)
             looked_at *= _RINGS if any(abs(frequency_hz - f0) < 2.0 * z0 * f0 for f0, z0 in own) else 1.0
             for times_f, times_z in _NEIGHBOURS:
                 shape = _variant(comparison, name, source, frequency_hz * times_f, damping * times_z, accelerations)
                 yield replace(shape, looked_at=looked_at)
+
+
+def _resonances(comparison: Comparison, left: Vector, source: Vector) -> list[tuple[float, float]]:
+    """(frequency [Hz], damping) of what the scans see, and of what is least squares near each."""
+    seen = resonances(comparison, left, source)
+    starts: list[tuple[float, float]] = []
+    for one in (*resonances(comparison, left, source, behind_filter=False), *seen):
+        if all(abs(np.log(one[0] / other[0])) > _APART for other in starts) and len(starts) < _MOST_STARTS:
+            starts.append(one)
+    return [*seen, *(_of_least_squares(comparison, left, source, one) for one in starts)]
+
+
+def _of_least_squares(
+    comparison: Comparison, left: Vector, source: Vector, start: tuple[float, float]
+) -> tuple[float, float]:
+    """Frequency [Hz] and damping that leave the least, from a `start`."""
+    rows = left != 0.0
+
+    def misfit(shape: Vector) -> float:
+        frequency_hz, damping = np.exp(shape).tolist()
+        columns = _variant(comparison, "", source, frequency_hz, damping, acceleration=False).columns[rows]
+        return float(np.sum((left[rows] - columns @ least_squares(columns, left[rows])) ** 2))
+
+    first = np.log(start)
+    simplex = first + np.array([[0.0, 0.0], [start[1], 0.0], [0.0, np.log(0.5)]])
+    found = minimize(
+        misfit,
+        first,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": _NEAR, "fatol": np.inf, "maxfev": _MOST_TRIED},
+    )
+    frequency_hz, damping = np.exp(found.x).tolist()
+    is_far = abs(np.log(frequency_hz / start[0])) > _FAR or not _LEAST_DAMPING <= damping <= _MOST_DAMPING
+    return start if is_far else (frequency_hz, damping)
 
 
 def _variant(
@@ -97,7 +137,7 @@ EFFECT = Effect(
     acts_at="any response that is recorded quickly, or step by step over frequency",
     parameters=(
         ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "natural frequency of the mode"),
-        ShapeParameter("damping", "1", 0.001, 0.5, "damping ratio"),
+        ShapeParameter("damping", "1", _LEAST_DAMPING, _MOST_DAMPING, "damping ratio"),
         LARGEST,
     ),
     needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
