@@ -165,6 +165,20 @@ def test_faults_are_told_first_and_repaired_with_a_click(page, bench, tmp_path):
     assert machine_file(bench.folder / "machine.toml").runs == {}
 
 
+def test_files_of_two_loggers_become_runs_with_a_click(page, bench, tmp_path):
+    for k in range(1, 4):
+        table = pd.read_csv(shipped("vmc37") / f"r{k}.csv")
+        moved = [name for name in table.columns if name.startswith(("Y", "Z"))]
+        table.drop(columns=moved).to_csv(tmp_path / f"temperatures{k}.csv", index=False)
+        table[[table.columns[0], *moved]].to_csv(tmp_path / f"gauge{k}.csv", index=False)
+    bench.add(*sorted(tmp_path.glob("*.csv")))
+    page.get_by_role("button", name="Read these pairs as 3 runs").click()
+    page.get_by_role("button", name="Take the repair of temperatures1 back").wait_for()
+    assert machine_file(bench.folder / "machine.toml").runs["temperatures2"].beside == ("gauge2",)
+    assert [run.name for run in bench.material.reading.runs] == [f"temperatures{k}" for k in range(1, 4)]
+    assert page.locator("table.files tr", has_text="gauge3.csv").get_by_role("cell").nth(2).inner_text() != ""
+
+
 def test_a_duty_cycle_is_dragged_typed_and_predicted(page, bench):
     tests = Path(__file__).parents[2] / "fixtures" / "dutycycle"
     bench.add(*sorted((tests / "tests").glob("*.csv")), machine=tests / "machine.toml")

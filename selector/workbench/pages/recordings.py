@@ -13,7 +13,7 @@ from selector.findings import Finding
 from selector.quality import stretches
 from selector.quality.survey import duration
 from selector.readers import Overrides
-from selector.readers.finding_table import RUN_REPAIRED
+from selector.readers.finding_table import RUN_REPAIRED, TWO_LOGGERS
 from selector.shipped import shipped
 from selector.units import ROLES
 from selector.workbench import parts, typed
@@ -239,7 +239,7 @@ def _faults(bench: Bench) -> Component | None:
     material = bench.material
     reading = material.reading
     positions = {id(one): k for k, one in enumerate(material.findings)}
-    shown = [one for one in material.findings if is_fault(one) or one.id == RUN_REPAIRED]
+    shown = [one for one in material.findings if is_fault(one) or one.id in (RUN_REPAIRED, TWO_LOGGERS)]
     if reading is None or not shown:
         return None
 
@@ -264,6 +264,10 @@ def _repair_text(finding: Finding) -> str:
     where, evidence = finding.where, finding.evidence
     if finding.id == RUN_REPAIRED:
         return f"Take the repair of {where.run} back"
+    if finding.id == TWO_LOGGERS:
+        return (
+            f"Read these pairs as {len(evidence['beside'])} runs" if len(evidence["beside"]) > 1 else "Read both as one"
+        )
     if "other" in evidence:
         return f"Repair: exchange {where.channel} and {evidence['other']} in {where.run}"
     return f"Repair: read {where.channel} in {where.run} as {evidence['unit']}" if "unit" in evidence else ""
@@ -273,7 +277,8 @@ def _table_of_files(bench: Bench) -> Component:
     reading = bench.material.reading
     runs: dict[str, list[Any]] = {}
     for run in reading.runs if reading is not None else ():
-        runs.setdefault(run.file, []).append(run)
+        for file, _ in ((run.file, run.sha256), *run.beside):
+            runs.setdefault(file, []).append(run)
     rows = []
     is_read = "reading …" if bench.is_reading else ""
     for number, one in enumerate(bench.loaded):
