@@ -8,7 +8,7 @@ from itertools import takewhile
 import numpy as np
 
 from selector.errors import RecordingError
-from selector.findings import Finding, Where
+from selector.findings import Finding, Level, Where
 from selector.readers.finding_table import FINDINGS, TWO_LOGGERS
 from selector.readers.machine_file import RunSection
 from selector.readers.roles.names import one_of_words
@@ -57,7 +57,8 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
     columns, told = list(run.columns), list(run.findings)
     for other in others:
-        late_s = begins_after_s(run, other) + repairs.get(other.name, RunSection()).late_s
+        by_dates_s, said_s = begins_after_s(run, other), repairs.get(other.name, RunSection()).late_s
+        late_s = (by_dates_s or 0.0) + (said_s or 0.0)
         taken = {column.header for column in columns}
         values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
         if not np.isfinite(values).any():
@@ -71,14 +72,21 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
             header = column.header if column.header not in taken else f"{column.header} (beside)"
             columns.append(Column(header, values[:, k], column.unit, (), column.description))
         told += other.findings
+        if by_dates_s is not None or said_s is None:
+            how = "as nothing says when" if by_dates_s is None else "by the dates of both"
+            when = f"{late_s:g} s after {run.name!r}" if late_s else f"together with {run.name!r}"
+            evidence = {"late_s": late_s, "by_dates": by_dates_s is not None}
+            level: Level = "warning" if by_dates_s is None else "info"
+            text = f"Run {other.name!r} is taken to begin {when}, {how}."
+            told.append(FINDINGS.finding("loggers-aligned", text, Where(), evidence, level=level))
     beside = tuple((str(other.file), other.sha256) for other in others)
     return replace(run, columns=tuple(columns), findings=tuple(told), beside=beside)
 
 
-def begins_after_s(run: TimedRun, other: TimedRun) -> float:
-    """How long after a run another one begins by their dates [s]; 0 where one of them has none."""
+def begins_after_s(run: TimedRun, other: TimedRun) -> float | None:
+    """How long after a run another one begins by their dates [s]; None where one of them has none."""
     if run.start is None or other.start is None:
-        return 0.0
+        return None
     starts = [datetime.fromisoformat(one.start or "") for one in (run, other)]
     if (starts[0].tzinfo is None) != (starts[1].tzinfo is None):
         starts = [one.replace(tzinfo=None) for one in starts]
@@ -157,6 +165,6 @@ def _alike(names: Sequence[str]) -> int:
 
 
 def _may_be_one(run: TimedRun, other: TimedRun) -> bool:
-    late_s = begins_after_s(run, other)
+    late_s = begins_after_s(run, other) or 0.0
     shared_s = min(run.time_s[-1], other.time_s[-1] + late_s) - max(0.0, late_s)
     return bool(shared_s >= _LEAST_SHARED * min(run.time_s[-1], other.time_s[-1]))

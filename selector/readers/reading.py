@@ -268,7 +268,8 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
 
 def _believed(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:
     """A run of which means are taken, without codes of broken sensors and without what a repair leaves out."""
-    if overrides.mean_s is None:
+    is_averaged = declared is not None and any(section.beside for section in declared.runs.values())
+    if overrides.mean_s is None and not is_averaged:
         return run
     try:
         runs, planned, _ = settled([run], declared, replace(overrides, partial=True))

@@ -71,6 +71,18 @@ def test_a_quicker_logger_is_averaged_about_the_time_of_the_slower_one(loggers):
         assert z[k] == pytest.approx(raw[about].mean(), rel=1e-12)
 
 
+def test_codes_of_a_broken_sensor_are_in_no_mean(loggers):
+    table = pd.read_csv(loggers / "gauge_1.csv")
+    table["T9 [degC]"] = 21.0 + 0.01 * np.random.default_rng(3).standard_normal(len(table))
+    table.loc[300:900:7, "T9 [degC]"] = 850.0
+    table.to_csv(loggers / "gauge_1.csv", index=False)
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
+    reading = read([loggers / "logger_1.csv", loggers / "gauge_1.csv"], loggers / "m.toml")
+    seen = reading.recording.values("logger_1", ("T9",))[:, 0]
+    assert np.nanmax(seen) < 22.0
+    assert np.isfinite(seen[5:]).all()
+
+
 def test_without_dates_both_begin_together_but_for_what_is_said(loggers):
     for name, unit in (("logger_1", "T1 [degC]"), ("gauge_1", "Z [um]")):
         table = pd.read_csv(loggers / f"{name}.csv")
@@ -79,11 +91,15 @@ def test_without_dates_both_begin_together_but_for_what_is_said(loggers):
             loggers / f"{name}.csv", index=False
         )
     values = {}
-    for late_s in (0.0, 90.0):
-        said = f'[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.gauge_1]\nlate_s = {late_s}\n'
+    for late_s in (None, 0.0, 90.0):
+        late = "" if late_s is None else f"[runs.gauge_1]\nlate_s = {late_s}\n"
+        said = f'[runs.logger_1]\nbeside = ["gauge_1"]\n{late}'
         (loggers / "m.toml").write_text(said, encoding="utf-8")
         reading = read([loggers / "logger_1.csv", loggers / "gauge_1.csv"], loggers / "m.toml")
         values[late_s] = reading.recording.values("logger_1", ("Z",))[:, 0]
+        told = [one.level for one in reading.findings if one.id == "loggers-aligned"]
+        assert told == (["warning"] if late_s is None else [])
+    np.testing.assert_array_equal(values[None], values[0.0])
     assert np.isfinite(values[0.0]).all()
     assert np.isnan(values[90.0][0])
     # a minute and a half later is 22.5 readings later
