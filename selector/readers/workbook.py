@@ -370,7 +370,5 @@ def _runs(tables: list[Table], refused: list[str], where: str) -> tuple[list[Tab
         told += "numbers."
         level: Level = "warning" if len(left) > len(refused) else "info"
         evidence = {"sheets": left}
-        findings.append(
-            FINDINGS.finding("sheets-left-out", told, evidence=evidence, action="leave-out-run", level=level)
-        )
+        findings.append(FINDINGS.finding("sheets-left-out", told, evidence=evidence, level=level))
     return best, tuple(findings)
