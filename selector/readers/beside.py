@@ -57,8 +57,8 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
     columns, told = list(run.columns), list(run.findings)
     for other in others:
-        by_dates_s, said_s = begins_after_s(run, other), repairs.get(other.name, RunSection()).late_s
-        late_s = (by_dates_s or 0.0) + (said_s or 0.0)
+        said_s = repairs.get(other.name, RunSection()).late_s
+        late_s = begins_after_s(run, other) if said_s is None else said_s
         taken = {column.header for column in columns}
         values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
         if not np.isfinite(values).any():
@@ -72,25 +72,46 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
             header = column.header if column.header not in taken else f"{column.header} (beside)"
             columns.append(Column(header, values[:, k], column.unit, (), column.description))
         told += other.findings
-        if by_dates_s is not None or said_s is None:
-            how = "as nothing says when" if by_dates_s is None else "by the dates of both"
-            when = f"{late_s:g} s after {run.name!r}" if late_s else f"together with {run.name!r}"
-            evidence = {"late_s": late_s, "by_dates": by_dates_s is not None}
-            level: Level = "warning" if by_dates_s is None else "info"
-            text = f"Run {other.name!r} is taken to begin {when}, {how}."
-            told.append(FINDINGS.finding("loggers-aligned", text, Where(), evidence, level=level))
+        if said_s is None:
+            told.append(_told(run, other, late_s))
     beside = tuple((str(other.file), other.sha256) for other in others)
     return replace(run, columns=tuple(columns), findings=tuple(told), beside=beside)
 
 
-def begins_after_s(run: TimedRun, other: TimedRun) -> float | None:
-    """How long after a run another one begins by their dates [s]; None where one of them has none."""
-    if run.start is None or other.start is None:
-        return None
+def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:
+    is_dated = _has_dates(run, other)
+    how = "by the dates of both" if is_dated else "by their own clocks, which may have begun at different times"
+    when = f"{late_s:g} s after {run.name!r}" if late_s else f"together with {run.name!r}"
+    evidence = {"late_s": late_s, "by_dates": is_dated}
+    level: Level = "info" if is_dated else "warning"
+    text = f"Run {other.name!r} is taken to begin {when}, {how}."
+    return FINDINGS.finding("loggers-aligned", text, Where(), evidence, level=level)
+
+
+def begins_after_s(run: TimedRun, other: TimedRun) -> float:
+    """How long after a run another one begins [s]: by their dates, else by the clocks of the files.
+
+    Raises RecordingError: one has dates with a time zone, the other without: nobody knows what lies between them.
+    """
+    if not _has_dates(run, other):
+        return other.first_s - run.first_s if run.start is None and other.start is None else 0.0
     starts = [datetime.fromisoformat(one.start or "") for one in (run, other)]
     if (starts[0].tzinfo is None) != (starts[1].tzinfo is None):
-        starts = [one.replace(tzinfo=None) for one in starts]
+        raise RecordingError(
+            f"dates of {run.name!r} {_zone(starts[0])} and of {other.name!r} {_zone(starts[1])}",
+            expected="both with a time zone, or both without one",
+            where=f"beside in [runs.{run.name}] of the machine file",
+            advice=f"say in [runs.{other.name}] how many seconds after {run.name} it begins: late_s = 12.5",
+        )
     return (starts[1] - starts[0]).total_seconds()
+
+
+def _has_dates(*runs: TimedRun) -> bool:
+    return all(run.start is not None for run in runs)
+
+
+def _zone(start: datetime) -> str:
+    return "without a time zone" if start.tzinfo is None else f"with the time zone {start.tzname()}"
 
 
 def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
@@ -101,10 +122,10 @@ def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
     step_s, own_s = float(np.median(np.diff(clock_s))), float(np.median(np.diff(time_s)))
     result = np.full((len(clock_s), values.shape[1]), np.nan)
     if own_s < _FASTER * step_s:
-        middles = 0.5 * (clock_s[1:] + clock_s[:-1])
-        edges = np.r_[clock_s[0] - 0.5 * step_s, middles, clock_s[-1] + 0.5 * step_s]
-        of = np.searchsorted(edges, time_s, side="right") - 1
-        inside = (of >= 0) & (of < len(clock_s))
+        steps = np.diff(clock_s)
+        half = 0.5 * np.r_[step_s, np.where(steps > _GAP_PERIODS * step_s, step_s, steps), step_s]
+        of = np.searchsorted(clock_s - half[:-1], time_s, side="right") - 1
+        inside = (of >= 0) & (time_s < (clock_s + half[1:])[of])
         there = np.unique(of[inside])
         if len(there):
             result[there] = averaged(values[inside], of[inside], len(there))
@@ -165,6 +186,10 @@ def _alike(names: Sequence[str]) -> int:
 
 
 def _may_be_one(run: TimedRun, other: TimedRun) -> bool:
-    late_s = begins_after_s(run, other) or 0.0
+    try:
+        late_s = begins_after_s(run, other)
+    except RecordingError:
+        # the user has to say it
+        late_s = 0.0
     shared_s = min(run.time_s[-1], other.time_s[-1] + late_s) - max(0.0, late_s)
     return bool(shared_s >= _LEAST_SHARED * min(run.time_s[-1], other.time_s[-1]))

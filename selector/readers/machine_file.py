@@ -116,7 +116,7 @@ class RunSection(_Entry):
 
     use: bool = True
     beside: Annotated[tuple[str, ...], Field(strict=False)] = ()  #: Runs of the same time by other loggers
-    #: How long after the run that it stands beside it begins [s], or its clock is behind where both have dates
+    #: How long after the run that it stands beside it begins [s]; None: as the dates or the clocks of both say
     late_s: Annotated[float | None, Field(strict=False)] = None
     swap: Annotated[tuple[Annotated[tuple[str, str], Field(strict=False)], ...], Field(strict=False)] = ()
     channels: Annotated[Mapping[str, RunChannelSection], Field(strict=False)] = Field(default_factory=dict)

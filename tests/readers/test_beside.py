@@ -150,3 +150,38 @@ def test_large_recordings_are_not_joined_in_pieces(loggers):
     (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
     with pytest.raises(RecordingError, match="read in pieces"):
         stream_parquet([loggers / "logger_1.parquet", loggers / "gauge_1.parquet"], loggers / "m.toml")
+
+
+def rewritten(loggers, name, time):
+    table = pd.read_csv(loggers / f"{name}.csv")
+    table["time"] = time(pd.to_datetime(table["time"]))
+    table.to_csv(loggers / f"{name}.csv", index=False)
+
+
+def test_the_clocks_of_the_files_count_where_there_are_no_dates(loggers):
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
+    files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
+    by_dates = read(files, loggers / "m.toml").recording.values("logger_1", ("Z",))
+    for name in ("logger_1", "gauge_1"):
+        rewritten(loggers, name, lambda time: time.dt.strftime("%H:%M:%S"))
+    by_clock = read(files, loggers / "m.toml")
+    np.testing.assert_array_equal(by_clock.recording.values("logger_1", ("Z",)), by_dates)
+    assert {one.level for one in by_clock.findings if one.id == "loggers-aligned"} == {"warning"}
+
+
+def test_a_time_zone_in_one_file_alone_is_asked_for(loggers):
+    rewritten(loggers, "gauge_1", lambda time: time.dt.strftime("%Y-%m-%dT%H:%M:%SZ"))
+    said = '[runs.logger_1]\nbeside = ["gauge_1"]\n'
+    files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
+    (loggers / "m.toml").write_text(said, encoding="utf-8")
+    with pytest.raises(RecordingError, match="without a time zone and of 'gauge_1' with the time zone UTC"):
+        read(files, loggers / "m.toml")
+    (loggers / "m.toml").write_text(said + "[runs.gauge_1]\nlate_s = 90\n", encoding="utf-8")
+    assert np.isfinite(read(files, loggers / "m.toml").recording.values("logger_1", ("Z",))[2:]).all()
+
+
+def test_no_mean_reaches_into_a_gap_of_the_slower_logger():
+    clock, time = np.r_[np.arange(0.0, 300.0, 60.0), np.arange(3000.0, 3300.0, 60.0)], np.arange(0.0, 3300.0, 2.0)
+    seen = on_clock(clock, time, time[:, None])[:, 0]
+    # of times evenly about its own the mean is the time itself, but for the ends and half a step of the quicker one
+    np.testing.assert_allclose(seen[1:-1], clock[1:-1], atol=1.0)
