@@ -27,7 +27,9 @@ def export(
     target: Annotated[
         str,
         typer.Option(
-            "--for", metavar="TARGET", help="c, st, tcpou, linuxcnc, sinumerik, beckhoff, fanuc, rexroth, python."
+            "--for",
+            metavar="TARGET",
+            help="c, st, tcpou, linuxcnc, klipper, sinumerik, beckhoff, fanuc, rexroth, python.",
         ),
     ],
     out: Annotated[Path, out_folder(help="Folder for the files.")],

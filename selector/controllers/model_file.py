@@ -130,6 +130,11 @@ class Output(Closed):
     position: PositionPart | None = None
 
     @property
+    def axis_or_name(self) -> str:
+        """An output without an axis is taken for that of its name."""
+        return self.axis or self.name
+
+    @property
     def all_terms(self) -> tuple[Term, ...]:
         """Those of the position-dependent part, too."""
         return self.terms if self.position is None else (*self.terms, *self.position.terms)

@@ -19,19 +19,20 @@ from selector.controllers.program.statements import NO_READING, AdaptedOutput, S
 from selector.controllers.program.steps import is_number, remembered
 
 
-def guarded_program(model: ModelFile) -> Program:
+def guarded_program(model: ModelFile, *, has_zero: bool = False) -> Program:
     """The program of a model with its guard.
 
     Inputs ``dt_s``, ``reading_1`` …, ``position_1`` …, ``is_ready``, ``is_wanted``, ``is_restart``, ``standstill_s``,
     ``test_um_1`` …; outputs ``correction_1`` …, ``k0_1`` …, ``slope_1`` …, ``mode``, ``sensor_1`` …. Readings and
     sensors are numbered as the model's inputs, tests and corrections as its outputs, positions as `axes_of`. With
     adaptation also inputs ``is_touch_valid``, ``touch_um_1`` … and outputs ``touch_1`` …, of the outputs that have it.
+    `has_zero`: and inputs ``is_zero_1`` …, for controls whose axes are homed where the error shows.
     """
-    return _Guarded(model).program()
+    return _Guarded(model, has_zero=has_zero).program()
 
 
 class _Guarded:
-    def __init__(self, model: ModelFile) -> None:
+    def __init__(self, model: ModelFile, *, has_zero: bool) -> None:
         self._model = model
         self._w = w = Writing()
         self._dt = w.variable("dt_s", "real", "input", "time since the last call [s]")
@@ -62,7 +63,7 @@ class _Guarded:
                 for of in block.outputs
             }
         self._outputs = [
-            SlewedCorrection(w, output, limits[output.name], k, adapted.get(output.name))
+            SlewedCorrection(w, output, limits[output.name], k, adapted.get(output.name), has_zero=has_zero)
             for k, output in enumerate(model.outputs, 1)
         ]
         self._adapted = list(adapted.values())
@@ -113,6 +114,8 @@ class _Guarded:
         with w.when((self._dt > 0.0) & (self._dt <= LONGEST_S)):
             w.assign(dt, self._dt)
         self._positions()
+        for one in self._outputs:
+            one.zeroed(self._at)
         w.assign(self._since, self._since + dt)
         w.at_most(self._since, LONGEST_S)
         if self._is_touch is not None:

@@ -242,7 +242,14 @@ class SlewedCorrection:
     """Variables and statements of the k-th output (from 1)."""
 
     def __init__(
-        self, w: Writing, output: Output, limits: DecidedLimits, k: int, adapted: AdaptedOutput | None = None
+        self,
+        w: Writing,
+        output: Output,
+        limits: DecidedLimits,
+        k: int,
+        adapted: AdaptedOutput | None = None,
+        *,
+        has_zero: bool = False,
     ) -> None:
         self._w, self._limits, self._name = w, limits, output.name
         self.adapted, self.is_rise = adapted, output.reference == "rise"
@@ -258,6 +265,18 @@ class SlewedCorrection:
         self._aim = w.variable(f"aim_{k}", "real", "kept", "where it moves to [um]")
         self._rest = w.variable(f"rest_{k}", "real", "kept", "what rounding left of its last step [um]")
         self._along = None if output.position is None else _Along(w, output.position, k)
+        self._zero = _Zero(w, output, k) if has_zero else None
+
+    def zeroed(self, at: Mapping[str, Variable]) -> None:
+        """Where its axis was homed, nothing is to be corrected: the error that is there now counts as none."""
+        w, zero, along = self._w, self._zero, self._along
+        if zero is not None:
+            with w.when(zero.is_wanted):
+                self.stopped()
+                w.assign(zero.waits, True)
+                if along is not None:
+                    w.assign(zero.where, at[along.part.axis])
+                    w.limit(zero.where, along.part.valid_min_m, along.part.valid_max_m)
 
     def stopped(self) -> None:
         """The control was off: the correction begins at zero."""
@@ -305,6 +324,14 @@ class SlewedCorrection:
             self._turn(steep)
             is_given = is_given & (steep >= -LARGEST_NUMBER) & (steep <= LARGEST_NUMBER)
         with w.when(is_given):
+            if self._zero is not None:
+                with w.when(self._zero.waits):
+                    w.assign(self._zero.waits, False)
+                    w.assign(self._zero.um, own)
+                    if along is not None:
+                        away = self._zero.where - along.part.reference_m
+                        w.assign(self._zero.um, own + w.variable("steep") * away)
+                w.assign(own, own - self._zero.um)
             w.limit(own, -limits.clamp_um, limits.clamp_um)
             w.assign(change, own - self._aim)
             with w.when((change >= limits.dead_band_um) | (change <= -limits.dead_band_um)):
@@ -391,6 +418,18 @@ class _Along:
         self.where = w.variable(f"where_{k}", "real", "kept", "position in the call before [m]", part.reference_m)
         self.is_back = w.variable(f"is_back_{k}", "flag", "kept", "position came back, correction is on its way")
         self.back_rest = w.variable(f"back_rest_{k}", "real", "kept", "[um]")
+
+
+class _Zero:
+    """Variables of what counts as no error since the axis was homed."""
+
+    def __init__(self, w: Writing, output: Output, k: int) -> None:
+        about = f"the axis of {output.name} was homed: its correction begins at zero there"
+        self.is_wanted = w.variable(f"is_zero_{k}", "flag", "input", about)
+        self.um = w.variable(f"zero_{k}", "real", "kept", "correction that counts as none [um]")
+        self.waits = w.variable(f"zero_waits_{k}", "flag", "kept", "it is taken with the next sample")
+        if output.position is not None:
+            self.where = w.variable(f"zero_at_{k}", "real", "kept", "position where it was homed [m]")
 
 
 class AdaptedOutput:

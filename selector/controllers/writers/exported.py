@@ -21,13 +21,10 @@ _UNLESS = (
 
 
 def require_own_axes(model: ModelFile, where: str) -> None:
-    """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them.
-
-    An output without an axis is taken for that of its name.
-    """
+    """Refuses two outputs on one axis: a control that moves it would move it twice, or by the last of them."""
     taken: dict[str, str] = {}
     for output in model.outputs:
-        axis = (output.axis or output.name).upper()
+        axis = output.axis_or_name.upper()
         if axis in taken:
             raise ExportRefusedError(
                 f"outputs {taken[axis]} and {output.name} both correct axis {axis}",

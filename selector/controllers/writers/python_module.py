@@ -41,10 +41,11 @@ def python_files(model: ModelFile, *, is_sign_verified: bool = False) -> dict[st
     """``thermal_correction.py`` with one class: set its inputs, call ``step()``, read its outputs."""
     program = guarded_program(model)
     head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
-    return {f"{MODULE_NAME}.py": "\n".join([*head, *_class(program)]) + "\n"}
+    return {f"{MODULE_NAME}.py": "\n".join([*head, *program_class(program)]) + "\n"}
 
 
-def _class(program: Program) -> list[str]:
+def program_class(program: Program) -> list[str]:
+    """Lines of the class ``ThermalCorrection``; Python 2.7 takes them, too."""
     language = PythonText()
     lines = [
         "",

@@ -95,7 +95,7 @@ def setting_data_program(model: ModelFile) -> Program:
     """From the outputs of the guarded program to setting data: um to mm, um/m to mm/mm, m to mm."""
     w = Writing()
     for k, output in enumerate(model.outputs, start=1):
-        axis = _axis(output)
+        axis = output.axis_or_name
         source = "k0" if has_own_line(output) or output.position is None else "correction"
         value = w.variable(f"{source}_{k}", "real", "input", f"as {BLOCK} gives it [um]")
         steep = w.variable(f"slope_{k}", "real", "input", "[um/m]") if has_own_line(output) else None
@@ -120,13 +120,9 @@ def _scl(program: Program, block: str, head: list[str]) -> str:
     return joined(lines)
 
 
-def _axis(output: Output) -> str:
-    return output.axis or output.name
-
-
 def has_own_line(output: Output) -> bool:
     """Whether the slope is over the position of the corrected axis itself, as the NC calculates it."""
-    return output.position is not None and output.position.axis == _axis(output)
+    return output.position is not None and output.position.axis == output.axis_or_name
 
 
 def _reference_mm(output: Output) -> float:
@@ -139,7 +135,7 @@ def _settings(model: ModelFile) -> str:
     table: list[tuple[str, ...]] = []
     sign = "SIGN: prove on the machine that +0.010 mm in SD43900 moves the axis 10 um towards +"
     for k, output in enumerate(model.outputs, start=1):
-        axis = plain(_axis(output))
+        axis = plain(output.axis_or_name)
         has_line = has_own_line(output)
         source = "k0" if has_line or output.position is None else "correction"
         rows = (
@@ -182,7 +178,7 @@ def _limit_findings(model: ModelFile) -> Iterator[Finding]:
 
 def _axis_findings(model: ModelFile) -> Iterator[Finding]:
     for output in model.outputs:
-        axis, part = _axis(output), output.position
+        axis, part = output.axis_or_name, output.position
         if output.axis is None:
             yield FINDINGS.finding(
                 "axis-not-named",

@@ -19,6 +19,7 @@ from selector.controllers.replay.compiled import (
     linuxcnc_version,
     python_answers,
 )
+from selector.controllers.replay.klipper_executed import klipper_answers
 from selector.controllers.replay.macro_b_executed import macro_b_answers, macro_corrections_um
 from selector.controllers.replay.parts import (
     Answers,
@@ -47,6 +48,8 @@ from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
 from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.klipper import NAME as EXTRA_NAME
+from selector.controllers.writers.klipper import klipper_export
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
 from selector.controllers.writers.python_module import python_export
@@ -136,6 +139,19 @@ TARGETS: Mapping[str, Target] = {
         "LinuxCNC",
         linuxcnc_export,
         (Part(f"{HAL_NAME}.comp", _alone(halrun_answers), linuxcnc_version, allowed_um=at_most(RESOLUTION_UM)),),
+    ),
+    "klipper": Target(
+        "Klipper",
+        klipper_export,
+        (
+            Part(
+                f"{EXTRA_NAME}.py",
+                _alone(klipper_answers),
+                lambda: f"Python {platform.python_version()}, a stand-in for Klipper",
+                allowed_um=at_most(1e-9),  # positions arrive in mm
+            ),
+        ),
+        takes_touch_offs=False,
     ),
     "sinumerik": Target(
         "Siemens SINUMERIK 840D sl",

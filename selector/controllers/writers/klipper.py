@@ -1,0 +1,164 @@
+"""Klipper: an extra with the generated Python inside that corrects every move, and its configuration section."""
+
+import re
+from pathlib import Path
+
+from selector.controllers.evaluator import axes_of
+from selector.controllers.guard.decided import Mode, decided_limits
+from selector.controllers.model_file import Input, ModelFile, kept_sha256
+from selector.controllers.program.guarded_program import guarded_program
+from selector.controllers.program.language import plain
+from selector.controllers.program.statements import NO_READING
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, sign_test
+from selector.controllers.writers.python_module import program_class
+
+NAME = "selector_correction"  #: Of the section, the module and its files
+COMMAND = NAME.upper()
+AXES = "XYZ"
+MOST_INPUTS = (
+    100  #: Moves wait while they are looked at: a call takes 0.3 ms then, and ten times that on a small computer
+)
+
+_SECTION_NAME = re.compile(r"[A-Za-z0-9_.-]{1,48}")
+_RUNTIME = Path(__file__).with_name("klipper_extra.txt")
+
+
+def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``selector_correction.py`` for ``klippy/extras`` and ``selector_correction.cfg``."""
+    where = "Klipper's move transform"
+    axes = [output.axis_or_name for output in model.outputs]
+    for axis in (*axes, *axes_of(model)):
+        if axis.upper() not in AXES or len(axis) != 1:
+            raise ExportRefusedError(
+                f"axis {axis!r}",
+                expected="X, Y or Z: these are what Klipper can add a correction to, and knows the position of",
+                where=where,
+                advice="name the axis of the output in the model file (outputs.axis), or leave the output out",
+            )
+    require_own_axes(model, where)
+    if len(model.inputs) > MOST_INPUTS:
+        raise ExportRefusedError(
+            f"{len(model.inputs)} inputs",
+            expected=f"at most {MOST_INPUTS}: Klipper waits while they are looked at",
+            where=where,
+            advice="select fewer sensors (`selector select --max-sensors`)",
+        )
+    letters = ", ".join(axes)
+    first = axes[0].upper()
+    return Exported(
+        files={
+            f"{NAME}.py": klipper_extra(model, is_sign_verified=is_sign_verified),
+            f"{NAME}.cfg": _section(model, is_sign_verified=is_sign_verified),
+        },
+        install=(
+            f"Copy {NAME}.py to ~/klipper/klippy/extras/ and {NAME}.cfg beside printer.cfg; after an update of Klipper "
+            "look whether the first is still there (git calls it untracked and leaves it alone).",
+            f"In {NAME}.cfg name the Klipper object of every sensor at the lines with >>>>, e.g. sensor_1: "
+            "temperature_sensor frame. heater_bed, extruder and temperature_fan objects will do, too: the program gets "
+            "what they show in Mainsail or Fluidd.",
+            f"In printer.cfg: [include {NAME}.cfg]. Take [z_thermal_adjust] out, if it is there.",
+            "Decide zero_at_homing. True (the default): homing an axis measures the error away, because its endstop or "
+            "probe sits where the nozzle works; the correction of that axis begins at zero there. False: the endstop "
+            "does not see this error, and the correction goes on.",
+            f"RESTART, G28, {COMMAND}: mode 1 after a minute, every sensor ok. In macros and Moonraker: "
+            f"printer.{NAME}.applied_um.{first.lower()} [um], .wanted_um, .mode, .sensors.",
+            f"Before a print that matters let it run for the minute in which readings have to be good. {COMMAND} "
+            f"ENABLE=0 and ENABLE=1 switch it off and on at any time, also in a print: {letters} then goes to its "
+            "place at the slew limit.",
+        ),
+        sign_test=sign_test(
+            model,
+            f"G28; {COMMAND} ENABLE=0; move the nozzle to the indicator and wait; {COMMAND} MOVE=1 until 0.0 um are "
+            "applied. No sensor is needed.",
+            lambda k, um: f"{COMMAND} TEST_{axes[k - 1].upper()}={um:g}; after the wait {COMMAND} MOVE=1",
+            lambda k, um: f"mode {Mode.TEST:d}; {axes[k - 1].lower()}: {um:+.1f} um wanted, {um:+.1f} um applied",
+            f"{COMMAND} TEST_{first}=0 ..., wait, {COMMAND} MOVE=1; when the indicator is back at zero, {COMMAND} "
+            "ENABLE=1.",
+        ),
+        silently=(
+            "Nothing moves between moves: a correction is applied along the next move of an axis, no faster than the "
+            f"slew limit times the time of that move. After a long pause it takes some moves; {COMMAND} MOVE=1 moves "
+            "by what is left at once.",
+            "A move is corrected when Klipper takes it from the G-code, up to some seconds before it is made; a long "
+            "move has the correction of its beginning.",
+            "Moves of the extruder alone, of homing and of probing (PROBE, BED_MESH_CALIBRATE, Z_TILT_ADJUST) are not "
+            "corrected. A mesh that was probed on another day has the error of that day in it.",
+            "A corrected coordinate never leaves position_min ... position_max, where that of the G-code does not: at "
+            "the end of an axis the correction is cut.",
+            "An axis that is not homed is not corrected, and no other either; motors off (M84) is such a case.",
+            "The ADC of a thermistor that leaves min_temp ... max_temp shuts the whole printer down, and so does a "
+            "micro-controller that is lost: that is Klipper's own protection, not this program's. Sensors that fall "
+            "silent without it count as missing after stale_after; klippy.log says at the start for which sensors "
+            "that cannot be seen.",
+            f"Start readings and memory are kept in {NAME}_kept.txt beside printer.cfg, every five minutes and at "
+            "RESTART. For how long the printer was off is told by the clock of the computer: without a network it may "
+            "be wrong at the start, and memory then begins too cold or too warm.",
+        ),
+    )
+
+
+def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:
+    """Text of the module: what is decided for this model, its program, and what connects it with Klipper."""
+    program = guarded_program(model, has_zero=True)
+    limits, _ = decided_limits(model)
+    outputs = []
+    for k, output in enumerate(model.outputs, start=1):
+        of, part = limits[output.name], output.position
+        along = part and (_number(part.axis), part.valid_min_m, part.valid_max_m, part.reference_m)
+        outputs.append((k, _number(output.axis_or_name), of.clamp_um, of.slew_um_per_s, along))
+    constants = {
+        "MODEL": kept_sha256(model),
+        "KEPT_FILE": f"{NAME}_kept.txt",
+        "NO_READING": NO_READING,
+        # what stands in a message: name and unit
+        "INPUTS": [(plain(item.name), plain(item.unit)) for item in model.inputs],
+        # number in the program, axis, clamp [um], slew limit [um/s], what a slope goes along: axis, from, to, zero [m]
+        "OUTPUTS": outputs,
+        "POSITIONS": [_number(axis) for axis in axes_of(model)],
+        "RETAINED": [(one.name, one.kind == "flag") for one in program.of("retained")],
+    }
+    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    lines += ["# Python 2.7 and 3.", "import logging", "import math", "import os", "import time", ""]
+    for name, value in constants.items():
+        if isinstance(value, list):
+            lines += [f"{name} = [", *(f"    {one!r}," for one in value), "]"]
+        else:
+            lines.append(f"{name} = {value!r}")
+    return "\n".join([*lines, *program_class(program)]) + "\n" + _RUNTIME.read_text(encoding="ascii")
+
+
+def _number(axis: str) -> int:
+    return AXES.index(axis.upper())
+
+
+def _section(model: ModelFile, *, is_sign_verified: bool) -> str:
+    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    lines += [
+        f"# In printer.cfg: [include {NAME}.cfg]",
+        "",
+        f"[{NAME}]",
+        "#period: 1.0",
+        "#   Time [s] between two looks at the sensors (0.1 ... 10).",
+        "#stale_after: 30.0",
+        "#   A sensor that has said nothing for so long [s] counts as missing.",
+        "#zero_at_homing: True",
+        "#   True: homing measures the error of an axis away, its correction",
+        "#   begins at zero there. False: homing does not see this error.",
+        "#kept_file:",
+        f"#   Default: {NAME}_kept.txt beside printer.cfg.",
+    ]
+    for k, item in enumerate(model.inputs, start=1):
+        lines += _mapped(k, item)
+    return "\n".join(lines) + "\n"
+
+
+def _mapped(k: int, item: Input) -> list[str]:
+    """The lines of one sensor; Klipper refuses to start until those with ``>>>>`` are filled in."""
+    about = f"{plain(item.name)} [{plain(item.unit)}]"
+    if item.unit != "degC":
+        return [f"# >>>> The object with {about}, and its status field, e.g. fan and rpm:", f"#sensor_{k}:",
+                f"#field_{k}:"]  # fmt: skip
+    if _SECTION_NAME.fullmatch(item.name):
+        return [f"# >>>> {about}: correct the name, if the printer calls it otherwise.",
+                f"sensor_{k}: temperature_sensor {item.name}"]  # fmt: skip
+    return [f"# >>>> The object with {about}, e.g. temperature_sensor frame:", f"#sensor_{k}:"]
