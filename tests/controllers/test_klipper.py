@@ -14,6 +14,7 @@ import pytest
 
 from selector.controllers import Guard, Input, Output, OutputLimits, PositionPart, State, Term, read_model
 from selector.controllers.evaluator import axes_of
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.replay.klipper_executed import Printer, klipper_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.klipper import COMMAND, MOST_INPUTS, klipper_export, klipper_extra
@@ -305,13 +306,22 @@ def test_a_slope_is_followed_along_the_axis_and_zero_where_it_was_homed():
     for x, expected in ((0.0, -40.0), (100.0, -50.0), (200.0, -60.0), (250.0, -60.0), (100.0, -50.0)):
         printer.extra.move([x, 50.0, 5.0, 0.0], 100.0)
         assert 1000.0 * (printer.sent[-1][2] - 5.0) == pytest.approx(expected, abs=1e-6)
-    printer.at[0] = 200.0
+    printer.at[0] = 250.0  # beyond the places that the model has seen: as at 200
     printer.extra.get_position()
     printer.run("G28", Z="")
     passed(printer, 120, 25.0)
     for x, expected in ((200.0, 0.0), (100.0, 10.0), (0.0, 20.0)):
         printer.extra.move([x, 50.0, 5.0, 0.0], 0.1)
         assert 1000.0 * (printer.sent[-1][2] - 5.0) == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_is_left_from_one_place_and_what_is_wanted_at_another_stay_within_the_clamp():
+    part = PositionPart(axis="X", reference_m=0.1, valid_min_m=0.0, valid_max_m=0.2, intercept=0.0, terms=())
+    printer = started(z_model(outputs=(z_model().outputs[0].model_copy(update={"position": part}),)))
+    printer.extra.wanted[0] = (0.0, 1000.0)
+    printer.extra.followed[2] = 0.1
+    printer.extra.move([200.0, 50.0, 5.0, 0.0], 300.0)
+    assert z_um(printer) == pytest.approx(100.0)
 
 
 def test_switched_off_in_the_middle_of_a_print_it_goes_to_zero_slowly_and_back():
@@ -493,7 +503,7 @@ def test_a_wrong_configuration_says_what_to_do():
 
     with pytest.raises(ValueError, match=r"sensor_1 \(T1\) is 'temperature_sensor typo', which is not in the config"):
         Renamed(text, {"sensor_1": "temperature_sensor typo"})
-    with pytest.raises(ValueError, match=r"has no 'humidity'\. Name one of: none has it"):
+    with pytest.raises(ValueError, match=r"has no 'humidity'\. Temperatures are in: temperature_sensor s1, "):
         Printer(text, {"field_3": "humidity"})
 
     class WithOther(Printer):
@@ -502,6 +512,43 @@ def test_a_wrong_configuration_says_what_to_do():
 
     with pytest.raises(ValueError, match="both correct Z"):
         WithOther(text)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_comes_no_move_jumps_and_g_code_keeps_its_places(seed):
+    """Hostile readings, switches, sign tests, homing and moves of any length, in any order."""
+    rng = np.random.default_rng(seed)
+    model = hostile.model()
+    limits, _ = decided_limits(model)
+    rows = hostile.rows(3000, 50 + seed)
+    printer, slope = Printer(klipper_extra(model)), 0.0
+    for k in range(len(rows)):
+        printer.now += float(rng.choice([0.3, 1.0, 5.0]))
+        printer.readings = rows.readings[k].tolist()
+        for sensor in printer.sensors.values():
+            if hasattr(sensor, "speak"):
+                sensor.speak(printer.now, 0.0)
+        printer.homed = "xyz" if rows.is_ready[k] else "xy"
+        tests = dict(zip(("TEST_Z", "TEST_Y"), rows.test_um[k].tolist(), strict=True))
+        printer.run(COMMAND, ENABLE=int(rows.is_wanted[k]), **tests)
+        if rng.random() < 0.005:
+            printer.at[2] = 0.0
+            printer.run("G28", Z="")
+        printer.tick(printer.now)
+        slope = abs(printer.extra.program.slope_1)
+        before, placed = list(printer.extra.applied), list(printer.extra.last)
+        to = [*(placed + rng.choice([0.0, 0.01, 30.0]) * rng.normal(size=3)), float(k)]
+        speed = float(rng.choice([0.5, 50.0, 300.0]))
+        seconds = np.linalg.norm(np.subtract(to[:3], placed)) / speed
+        printer.extra.move(list(to), speed)
+        for axis, name in ((2, "Z"), (1, "Y")):
+            carried_um = slope * abs(np.clip(to[2], -200.0, 500.0) - np.clip(placed[2], -200.0, 500.0)) / 1000.0
+            step_um = 1000.0 * abs(printer.extra.applied[axis] - before[axis])
+            allowed_um = limits[name].slew_um_per_s * seconds + (carried_um if name == "Z" else 0.0)
+            assert step_um <= allowed_um + 1e-9
+            assert 1000.0 * abs(printer.extra.applied[axis]) <= limits[name].clamp_um + 1e-9
+        assert printer.extra.get_position() == pytest.approx(to, abs=1e-9)
+        assert np.isfinite(printer.sent[-1]).all()
 
 
 @pytest.mark.skipif(not PYTHON_2.exists(), reason="no Python 2.7 here (pyenv install 2.7.18)")

@@ -4,12 +4,9 @@ from collections.abc import Callable, Mapping
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from selector.controllers.evaluator import axes_of
 from selector.controllers.model_file import ModelFile
-from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.replay.parts import Answers, Rows
+from selector.controllers.replay.parts import Answers, Rows, called
 from selector.controllers.writers.klipper import AXES, COMMAND, NAME, klipper_extra
 
 __all__ = ["klipper_answers"]
@@ -40,6 +37,7 @@ class Printer:
         self.commands: dict[str, Callable[[Any], None]] = {"G28": lambda _: None}
         self.handlers: dict[str, Callable[[], None]] = {}
         self.config_error = self.error = ValueError
+        self.getfloat = self.getboolean = self.get
         self.get_name = lambda: NAME
         self.get_start_args = lambda: arguments or {"config_file": "printer.cfg", "debugoutput": ""}
         self.get_printer = self.get_reactor = self.get_kinematics = lambda: self
@@ -51,7 +49,7 @@ class Printer:
         self.set_move_transform = lambda _transform, force: self
         self.reset_last_position = lambda: self.extra.get_position()
         self.wait_moves = lambda: None
-        self.lookup_objects = lambda: list(self.sensors.items())
+        self.available_sensors = list(self.sensors)
         self.register_event_handler = self.handlers.__setitem__
         self.register_timer = lambda tick, _time: setattr(self, "tick", tick)
         self.tick: Callable[[float], float]
@@ -59,17 +57,11 @@ class Printer:
         self.handlers["klippy:connect"]()
         self.handlers["klippy:ready"]()
 
-    def get(self, name: str, *default: Any) -> Any:
+    def get(self, name: str, *default: Any, **_limits: float) -> Any:
         return self.options.get(name, *default) if default else self.options[name]
 
-    def getfloat(self, name: str, default: float, **_limits: float) -> float:
-        return float(self.options.get(name, default))
-
-    def getboolean(self, name: str, default: bool) -> bool:
-        return bool(self.options.get(name, default))
-
     def lookup_object(self, name: str, *default: Any) -> Any:
-        known = dict.fromkeys(("gcode", "toolhead", "gcode_move"), self) | self.sensors
+        known = dict.fromkeys(("gcode", "toolhead", "gcode_move", "heaters"), self) | self.sensors
         return known.get(name, *default) if default else known[name]
 
     def register_command(self, name: str, call: Any, **_help: str) -> Any:
@@ -103,24 +95,24 @@ class Printer:
 def klipper_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
     """What the extra gives in Klipper's timer; default of the files: as exported."""
     printer = Printer(files[f"{NAME}.py"] if files else klipper_extra(model))
-    extra, program = printer.extra, printer.extra.program
-    names = [variable.name for variable in guarded_program(model).of("output")]
+    extra, row = printer.extra, SimpleNamespace()
     letters = [output.axis_or_name.upper() for output in model.outputs]
     places = [AXES.index(axis.upper()) for axis in axes_of(model)]
-    positions, tests, found = 1000.0 * rows.positions_m, rows.tests_um(len(letters)), []
-    for k in range(len(rows)):
+
+    def tick() -> None:
         # so that the difference of both times is the time of the row to the last bit
-        extra.last_time, printer.now = 0.0, float(rows.dt_s[k])
-        printer.readings, printer.homed = rows.readings[k].tolist(), "xyz" if rows.is_ready[k] else ""
+        extra.last_time, printer.now = 0.0, row.dt_s
+        printer.readings = [getattr(row, f"reading_{k + 1}") for k in range(len(printer.readings))]
+        printer.homed = "xyz" if row.is_ready else ""
         for sensor in printer.sensors.values():
             if hasattr(sensor, "speak"):
                 sensor.speak(printer.now, 0.0)
-        for axis, place in zip(places, positions[k].tolist(), strict=True):
-            extra.last[axis] = place
-        program.is_restart, program.standstill_s = bool(rows.is_restart[k]), float(rows.standstill_s[k])
-        commanded = {f"TEST_{letter}": um for letter, um in zip(letters, tests[k].tolist(), strict=True)}
-        printer.run(COMMAND, ENABLE=int(rows.is_wanted[k]), **commanded)
+        for k, place in enumerate(places, start=1):
+            extra.last[place] = 1000.0 * getattr(row, f"position_{k}")
+        extra.program.is_restart, extra.program.standstill_s = row.is_restart, row.standstill_s
+        tests = {f"TEST_{letter}": getattr(row, f"test_um_{k}") for k, letter in enumerate(letters, start=1)}
+        printer.run(COMMAND, ENABLE=int(row.is_wanted), **tests)
         printer.tick(printer.now)
-        found.append([getattr(program, name) for name in names])
-    table = np.array(found, dtype=np.float64).reshape(len(rows), len(names))
-    return Answers.of_outputs(dict(zip(names, table.T, strict=True)), model)
+        vars(row).update(vars(extra.program))
+
+    return called(row, tick, model, rows, "", float)

@@ -52,7 +52,8 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
         },
         install=(
             f"Copy {NAME}.py to ~/klipper/klippy/extras/ and {NAME}.cfg beside printer.cfg; after an update of Klipper "
-            "look whether the first is still there (git calls it untracked and leaves it alone).",
+            f"look whether the first is still there. echo klippy/extras/{NAME}.py >> ~/klipper/.git/info/exclude keeps "
+            "git from calling Klipper changed.",
             f"In {NAME}.cfg name the Klipper object of every sensor at the lines with >>>>, e.g. sensor_1: "
             "temperature_sensor frame. heater_bed, extruder and temperature_fan objects will do, too: the program gets "
             "what they show in Mainsail or Fluidd.",
@@ -62,9 +63,10 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             "does not see this error, and the correction goes on.",
             f"RESTART, G28, {COMMAND}: mode 1 after a minute, every sensor ok. In macros and Moonraker: "
             f"printer.{NAME}.applied_um.{first.lower()} [um], .wanted_um, .mode, .sensors.",
-            f"Before a print that matters let it run for the minute in which readings have to be good. {COMMAND} "
-            f"ENABLE=0 and ENABLE=1 switch it off and on at any time, also in a print: {letters} then goes to its "
-            "place at the slew limit.",
+            f"In the macro that begins a print, after heating and G28: {COMMAND} MOVE=1. It moves by what has come "
+            "since homing, at the slew limit; without it the first moves of the print take it over.",
+            f"{COMMAND} ENABLE=0 and ENABLE=1 switch the correction off and on at any time, also in a print: {letters} "
+            "then goes to its place at the slew limit.",
         ),
         sign_test=sign_test(
             model,
@@ -84,7 +86,8 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             "Moves of the extruder alone, of homing and of probing (PROBE, BED_MESH_CALIBRATE, Z_TILT_ADJUST) are not "
             "corrected. A mesh that was probed on another day has the error of that day in it.",
             "A corrected coordinate never leaves position_min ... position_max, where that of the G-code does not: at "
-            "the end of an axis the correction is cut.",
+            "the end of an axis the correction is cut. The circle of a delta printer is not known to it: keep as far "
+            "from its edge as X and Y can be corrected.",
             "An axis that is not homed is not corrected, and no other either; motors off (M84) is such a case.",
             "The ADC of a thermistor that leaves min_temp ... max_temp shuts the whole printer down, and so does a "
             "micro-controller that is lost: that is Klipper's own protection, not this program's. Sensors that fall "

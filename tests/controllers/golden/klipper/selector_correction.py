@@ -471,6 +471,7 @@ class PrinterCorrection:
         self.objects = []
         self.heard = {}  # number of the sensor: when it last spoke
         self.has_read = set()
+        self.wanted = [(0., 0.) for one in OUTPUTS]  # k0 [um], slope [um/m]
         self.last_time = self.next_save = 0.
         self.homings = 0
         # [mm], X Y Z: where the last move ended in G-code, what is added
@@ -511,15 +512,14 @@ class PrinterCorrection:
         if hasattr(found, 'get_status'):
             status = found.get_status(self.reactor.monotonic())
         if self.fields[k] not in status:
-            known = [one for one, it in self.printer.lookup_objects()
-                     if hasattr(it, 'get_status') and self.fields[k]
-                     in it.get_status(self.reactor.monotonic())]
+            heaters = self.printer.lookup_object('heaters', None)
+            known = getattr(heaters, 'available_sensors', [])
             raise self.printer.config_error(
                 "selector_correction: sensor_%d (%s) is '%s', which %s."
-                " Name one of: %s"
+                " Temperatures are in: %s"
                 % (k + 1, INPUTS[k][0], name, "is not in the configuration"
                    if found is None else "has no '%s'" % (self.fields[k],),
-                   ", ".join(sorted(known)) or "none has it"))
+                   ", ".join(known) or "no section"))
         return found
 
     def _watch(self, k, found):
@@ -568,9 +568,10 @@ class PrinterCorrection:
         program.is_ready = (not self.printer.is_shutdown() and not
                             [one for one in OUTPUTS if AXES[one[1]] not in homed])
         program.step()
-        program.is_restart = False
-        for k, axis, clamp, slew, along in OUTPUTS:
+        for n, (k, axis, clamp, slew, along) in enumerate(OUTPUTS):
             setattr(program, 'is_zero_%d' % k, False)
+            self.wanted[n] = (getattr(program, 'k0_%d' % k),
+                              getattr(program, 'slope_%d' % k, 0.))
 
     def _reading(self, k, eventtime):
         value = self.objects[k].get_status(eventtime).get(self.fields[k])
@@ -597,11 +598,10 @@ class PrinterCorrection:
     def _wanted(self, output, at):
         """What the program wants to have added at a place [mm]."""
         k, axis, clamp, slew, along = output
-        wanted = getattr(self.program, 'k0_%d' % k)
+        wanted, slope = self.wanted[k - 1]
         if along is not None:
             of, low, high, reference = along
             where = max(low, min(high, at[of] / 1000.))
-            slope = getattr(self.program, 'slope_%d' % k)
             wanted += slope * (where - reference)
         return max(-clamp, min(clamp, wanted)) / 1000.
 
