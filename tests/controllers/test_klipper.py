@@ -24,7 +24,7 @@ from tests.controllers.model_builders import PATENT, rise_model
 from tests.controllers.plain_guard import plain_answers
 from tests.controllers.test_generated_programs import KINDS, same
 
-PYTHON_2 = Path.home() / ".pyenv" / "versions" / "2.7.18" / "bin" / "python2.7"
+PYTHON_2 = next((Path.home() / ".pyenv" / "versions").glob("2.7.*/bin/python2.7"), Path("/usr/bin/python2.7"))
 SLEW_UM_PER_S = 1.0
 GUARD = Guard(limits=(OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=SLEW_UM_PER_S),))
 
@@ -423,7 +423,7 @@ def test_what_is_asked_is_told():
     printer = started()
     passed(printer, 60, 23.0)
     printer.run(COMMAND)
-    assert "on (mode 1): follows the model" in printer.said
+    assert ": ENABLE=1, mode 1, follows the model" in printer.said
     assert "z: -30.0 um wanted, +0.0 um applied" in printer.said
     assert "sensor_1 (temperature_sensor s1): 23.00, ok" in printer.said
     status = printer.extra.get_status(0.0)

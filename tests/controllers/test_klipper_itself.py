@@ -241,6 +241,33 @@ def test_homing_by_endstop_and_by_probe_measures_the_error_away(tmp_path, has_pr
     assert added_um["since"] == pytest.approx(-10.0)
 
 
+def test_a_macro_that_homes_only_what_is_not_homed_measures_nothing_away(tmp_path):
+    macro = """
+[gcode_macro G28]
+rename_existing: G28.1
+gcode:
+  {% if 'z' not in printer.toolhead.homed_axes %}
+    G28.1
+  {% endif %}
+"""
+    gcode = """
+        TELL T1=20
+        G28
+        WAIT S=70
+        G1 X50 Y50 Z20 F6000
+        TELL T1=23
+        WAIT S=60
+        SELECTOR_CORRECTION MOVE=1
+        G28
+        SHOW AT=skipped
+        G28.1
+        SHOW AT=homed
+    """
+    code, log, shown = klipper(z_model(), gcode, tmp_path, macro + configuration())
+    assert code == 0, log[-2000:]
+    assert [1000.0 * (one["toolhead"][2] - one["gcode"][2]) for one in shown] == pytest.approx([-30.0, 0.0], abs=1e-9)
+
+
 def test_the_sign_test_of_the_sheet(tmp_path):
     (commanded,) = klipper_export(z_model()).sign_test.commanded
     test, move = commanded.command.split("; after the wait ")

@@ -49,6 +49,7 @@ class Printer:
         self.set_move_transform = lambda _transform, force: self
         self.reset_last_position = lambda: self.extra.get_position()
         self.wait_moves = lambda: None
+        self.load_object = lambda _config, _name: None
         self.available_sensors = list(self.sensors)
         self.register_event_handler = self.handlers.__setitem__
         self.register_timer = lambda tick, _time: setattr(self, "tick", tick)

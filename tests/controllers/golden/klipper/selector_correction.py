@@ -431,7 +431,7 @@ class ThermalCorrection:
 
 SAVE_EVERY = 300.
 AXES = 'xyz'
-STATES = {0: 'off: not homed, or shut down', 1: 'follows the model',
+STATES = {0: 'not homed, or shut down', 1: 'follows the model',
           2: 'holds', 3: 'ramps to zero', 4: 'switched off', 5: 'sign test'}
 SENSOR_STATES = ('ok', 'beyond the range of the model', 'recovering',
                  'no reading', 'break code', 'out of limits', 'jumps',
@@ -482,6 +482,10 @@ class PrinterCorrection:
         self.gcode.register_command(
             'SELECTOR_CORRECTION', self.cmd_SELECTOR_CORRECTION,
             desc=self.cmd_SELECTOR_CORRECTION_help)
+        # as early as this, so that a macro of that name is outside of it
+        self.printer.load_object(config, 'homing')
+        self.real_G28 = self.gcode.register_command('G28', None)
+        self.gcode.register_command('G28', self.cmd_G28)
         for event, handler in (('connect', self._connect),
                                ('ready', self._ready),
                                ('disconnect', self._save)):
@@ -502,9 +506,6 @@ class PrinterCorrection:
             self._watch(k, self.objects[k])
         self.next_transform = self.gcode_move.set_move_transform(
             self, force=True)
-        self.real_G28 = self.gcode.register_command('G28', None)
-        if self.real_G28 is not None:
-            self.gcode.register_command('G28', self.cmd_G28)
 
     def _found(self, k, name):
         found = self.printer.lookup_object(name, None)
@@ -753,9 +754,9 @@ class PrinterCorrection:
 
     def _told(self):
         status = self.get_status(self.reactor.monotonic())
-        lines = ["Thermal correction %s, %s (mode %d): %s"
-                 % (MODEL[:16], "on" if status['enabled'] else "off",
-                    status['mode'], status['state'])]
+        lines = ["Thermal correction %s: ENABLE=%d, mode %d, %s"
+                 % (MODEL[:16], status['enabled'], status['mode'],
+                    status['state'])]
         for letter in sorted(status['wanted_um']):
             lines.append("%s: %+.1f um wanted, %+.1f um applied"
                          % (letter, status['wanted_um'][letter],
