@@ -240,6 +240,16 @@ def test_homing_measures_the_error_away():
     assert along_x(printer, 60)[-1] == pytest.approx(30.0)
 
 
+def test_homing_beyond_the_clamp_measures_the_whole_error_away():
+    printer = started()
+    passed(printer, 300, 35.0)  # 150 um, of which the clamp lets 100
+    assert printer.extra.get_status(0.0)["wanted_um"]["z"] == -100.0
+    printer.run("G28")
+    passed(printer, 2, 35.0)
+    passed(printer, 60, 36.0)
+    assert along_x(printer, 30)[-1] == pytest.approx(-10.0)
+
+
 @pytest.mark.parametrize(("asked", "expected_um"), [({"X": ""}, -30.0), ({"Z": ""}, 0.0), ({}, 0.0)])
 def test_homing_of_another_axis_leaves_the_correction(asked, expected_um):
     printer = started()
@@ -445,6 +455,17 @@ def test_new_start_readings_on_demand():
     passed(printer, 120, 23.0)
     assert printer.extra.program.start_1 == 23.0
     assert printer.extra.get_status(0.0)["wanted_um"]["z"] == 0.0
+    passed(printer, 60, 25.0)
+    printer.run("G28")  # what counts as none is now 20 um, from the start at 23
+    passed(printer, 2, 25.0)
+    passed(printer, 60, 26.0)
+    assert along_x(printer, 30)[-1] == pytest.approx(-10.0)
+    printer.run(COMMAND, NEW_START=1)
+    passed(printer, 120, 26.0)
+    assert np.diff([-10.0, *along_x(printer, 30)]).max() <= SLEW_UM_PER_S + 1e-9
+    assert printer.extra.get_status(0.0)["wanted_um"]["z"] == 0.0
+    passed(printer, 60, 27.0)
+    assert printer.extra.get_status(0.0)["wanted_um"]["z"] == pytest.approx(-10.0)
 
 
 def test_a_restart_goes_on_with_the_start_readings_of_the_same_model(tmp_path, monkeypatch):

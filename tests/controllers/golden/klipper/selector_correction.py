@@ -730,6 +730,9 @@ class PrinterCorrection:
                     setattr(program, name, False)
             for k in range(1, len(INPUTS) + 1):
                 setattr(program, 'good_for_%d' % k, -1.)
+            for k, axis, clamp, slew, along in OUTPUTS:
+                # what counted as none was said from the old start
+                setattr(program, 'is_zero_%d' % k, self.zero_at_homing)
         if gcmd.get_int('MOVE', 0, minval=0, maxval=1):
             self._move_now(gcmd)
         gcmd.respond_info(self._told())
