@@ -15,6 +15,7 @@ import pytest
 from selector.controllers import Guard, Input, Output, OutputLimits, PositionPart, State, Term, read_model
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import decided_limits
+from selector.controllers.model_file import equations_sha256
 from selector.controllers.replay.klipper_executed import Printer, klipper_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.klipper import COMMAND, MOST_INPUTS, klipper_export, klipper_extra
@@ -435,6 +436,7 @@ def test_what_is_asked_is_told():
     printer.run(COMMAND)
     assert ": ENABLE=1, mode 1, follows the model" in printer.said
     assert "z: -30.0 um wanted, +0.0 um applied" in printer.said
+    assert f"Thermal correction {equations_sha256(z_model())[:16]}: " in printer.said
     assert "sensor_1 (temperature_sensor s1): 23.00, ok" in printer.said
     status = printer.extra.get_status(0.0)
     assert status == {

@@ -1,11 +1,12 @@
 """Klipper: an extra with the generated Python inside that corrects every move, and its configuration section."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import Mode, decided_limits
-from selector.controllers.model_file import Input, ModelFile, kept_sha256
+from selector.controllers.model_file import Input, ModelFile, equations_sha256, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import plain
 from selector.controllers.program.statements import NO_READING
@@ -109,24 +110,20 @@ def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:
         of, part = limits[output.name], output.position
         along = part and (_number(part.axis), part.valid_min_m, part.valid_max_m, part.reference_m)
         outputs.append((k, _number(output.axis_or_name), of.clamp_um, of.slew_um_per_s, along))
-    constants = {
-        "MODEL": kept_sha256(model),
-        "KEPT_FILE": f"{NAME}_kept.txt",
-        "NO_READING": NO_READING,
-        # what stands in a message: name and unit
-        "INPUTS": [(plain(item.name), plain(item.unit)) for item in model.inputs],
-        # number in the program, axis, clamp [um], slew limit [um/s], what a slope goes along: axis, from, to, zero [m]
-        "OUTPUTS": outputs,
-        "POSITIONS": [_number(axis) for axis in axes_of(model)],
-        "RETAINED": [(one.name, one.kind == "flag") for one in program.of("retained")],
-    }
+    of_outputs = "number, axis (0: X), clamp [um], slew limit [um/s], of a slope: along which axis, from, to, zero [m]"
+    retained = [(one.name, one.kind == "flag") for one in program.of("retained")]
+    lists: tuple[tuple[str, str, Sequence[object]], ...] = (
+        ("INPUTS", "name, unit", [(plain(item.name), plain(item.unit)) for item in model.inputs]),
+        ("OUTPUTS", of_outputs, outputs),
+        ("POSITIONS", "axes whose position the program needs", [_number(axis) for axis in axes_of(model)]),
+        ("RETAINED", "name in the program, whether it is a flag", retained),
+    )
     lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     lines += ["# Python 2.7 and 3.", "import logging", "import math", "import os", "import time", ""]
-    for name, value in constants.items():
-        if isinstance(value, list):
-            lines += [f"{name} = [", *(f"    {one!r}," for one in value), "]"]
-        else:
-            lines.append(f"{name} = {value!r}")
+    lines += [f"PROGRAM = {equations_sha256(model)!r}", f"MODEL = {kept_sha256(model)!r}  # the same without signs"]
+    lines += [f"KEPT_FILE = {NAME + '_kept.txt'!r}", f"NO_READING = {NO_READING!r}"]
+    for name, about, values in lists:
+        lines += [f"# {about}", f"{name} = [", *(f"    {one!r}," for one in values), "]"]
     return "\n".join([*lines, *program_class(program)]) + "\n" + _RUNTIME.read_text(encoding="ascii")
 
 

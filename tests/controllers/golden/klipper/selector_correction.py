@@ -11,19 +11,24 @@ import math
 import os
 import time
 
-MODEL = 'a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f'
+PROGRAM = 'a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f'
+MODEL = 'a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f'  # the same without signs
 KEPT_FILE = 'selector_correction_kept.txt'
 NO_READING = 1e+30
+# name, unit
 INPUTS = [
     ('T1', 'degC'),
     ('T3', 'degC'),
 ]
+# number, axis (0: X), clamp [um], slew limit [um/s], of a slope: along which axis, from, to, zero [m]
 OUTPUTS = [
     (1, 2, 90.0, 1.0, None),
     (2, 1, 54.0, 1.0, None),
 ]
+# axes whose position the program needs
 POSITIONS = [
 ]
+# name in the program, whether it is a flag
 RETAINED = [
     ('has_memory_1', True),
     ('start_1', False),
@@ -758,7 +763,7 @@ class PrinterCorrection:
     def _told(self):
         status = self.get_status(self.reactor.monotonic())
         lines = ["Thermal correction %s: ENABLE=%d, mode %d, %s"
-                 % (MODEL[:16], status['enabled'], status['mode'],
+                 % (PROGRAM[:16], status['enabled'], status['mode'],
                     status['state'])]
         for letter in sorted(status['wanted_um']):
             lines.append("%s: %+.1f um wanted, %+.1f um applied"
