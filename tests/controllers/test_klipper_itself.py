@@ -137,7 +137,8 @@ def configuration(kinematics: str = "cartesian", *, has_probe: bool = False) -> 
         endstop = "probe:z_virtual_endstop" if has_probe and letter == "z" else f"gpio{3 * k + 3}"
         axis = AXIS.format(letter=letter, first=3 * k + 1, second=3 * k + 2, endstop=endstop)
         axes.append(axis if endstop.startswith("probe") else f"{axis}position_endstop: 0\n")
-    probe = "[probe]\npin: gpio30\nz_offset: 1.5\n[safe_z_home]\nhome_xy_position: 100,100\nz_hop: 5\n"
+    probe = "[probe]\npin: gpio30\nz_offset: 1.5\n[safe_z_home]\nhome_xy_position: 100,100\nz_hop: 5\n[bed_mesh]\n"
+    probe += "mesh_min: 20,20\nmesh_max: 180,180\nfade_start: 1\nfade_end: 10\n"
     return CONFIG.format(kinematics=kinematics) + "".join(axes) + (probe if has_probe else "")
 
 
@@ -183,7 +184,7 @@ def test_klipper_computes_what_the_guard_computes(tmp_path):
     expected = reference_answers(model, rows)
     given = np.array([one["correction"] for one in shown])
     late = [one["status"]["mode"] for one in shown]
-    assert np.abs(given - expected.correction_um[:, 0]).max() <= 1e-9
+    assert np.array_equal(given, expected.correction_um[:, 0])
     assert np.abs(given).max() > 3.0
     assert late == expected.mode.tolist()
 
@@ -210,11 +211,13 @@ def test_a_print_is_corrected_without_a_jump_and_without_an_error(tmp_path, kine
 
 @pytest.mark.parametrize("has_probe", [False, True])
 def test_homing_by_endstop_and_by_probe_measures_the_error_away(tmp_path, has_probe):
-    gcode = """
+    gcode = f"""
         TELL T1=20
         G28
+        {"BED_MESH_CALIBRATE" if has_probe else ""}
         WAIT S=70
         G1 X50 Y50 Z20 F6000
+        SHOW AT=cold
         TELL T1=23
         WAIT S=60
         SELECTOR_CORRECTION MOVE=1
@@ -234,11 +237,14 @@ def test_homing_by_endstop_and_by_probe_measures_the_error_away(tmp_path, has_pr
     code, log, shown = klipper(z_model(), gcode, tmp_path, configuration(has_probe=has_probe))
     assert code == 0, log[-2000:]
     added_um = {one["at"]: 1000.0 * (one["toolhead"][2] - one["gcode"][2]) for one in shown}
-    assert added_um["warm"] == pytest.approx(-30.0)
-    assert added_um["homed-x"] == pytest.approx(-30.0)
-    assert added_um["homed-z"] == pytest.approx(0.0, abs=1e-9)
-    assert added_um["at-once"] == pytest.approx(0.0, abs=1e-9)
-    assert added_um["since"] == pytest.approx(-10.0)
+    mesh_um = added_um["cold"]  # what is left of the mesh so far above the bed
+    assert (mesh_um == 0.0) is not has_probe
+    assert added_um["warm"] - mesh_um == pytest.approx(-30.0)
+    assert added_um["homed-x"] - mesh_um == pytest.approx(-30.0)
+    if not has_probe:
+        assert added_um["homed-z"] == pytest.approx(0.0, abs=1e-9)
+    assert added_um["at-once"] - mesh_um == pytest.approx(0.0, abs=1e-9)
+    assert added_um["since"] - mesh_um == pytest.approx(-10.0)
 
 
 def test_a_macro_that_homes_only_what_is_not_homed_measures_nothing_away(tmp_path):
