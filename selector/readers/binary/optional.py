@@ -81,12 +81,14 @@ def read_whole(read: Callable[[], _Read], what: str, where: str, expected: str, 
         raise
     except Exception as error:
         said = f"{type(error).__name__}: {str(error)[:120]}"
-    _collect_quietly()
     raise ReadError(f"{what} that cannot be read ({said})", expected=expected, where=where, advice=advice)
 
 
-def _collect_quietly() -> None:
-    """Let go of half-made objects of other packages whose finalisers fail on damaged files."""
+def collect_quietly() -> None:
+    """Let go of half-made objects of other packages whose finalisers fail on damaged files.
+
+    This visits all objects of the process, so only a reader whose package has such finalisers calls it.
+    """
     hook = sys.unraisablehook
     sys.unraisablehook = lambda _: None
     try:

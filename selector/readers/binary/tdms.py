@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.binary.optional import optional_module, read_whole, silent
+from selector.readers.binary.optional import collect_quietly, optional_module, read_whole, silent
 from selector.readers.cells import numbers_or_text
 from selector.readers.clock.ticking import Rate, one_clock
 from selector.readers.finding_table import FINDINGS
@@ -141,7 +141,12 @@ def read_mdf(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
         with silent(), asammdf.MDF(io.BytesIO(data)) as file:
             return [_mdf_table(file, path)]
 
-    return read_whole(read, "an MDF file", path.name, "a complete MDF 3 or MDF 4 file", advice)
+    try:
+        return read_whole(read, "an MDF file", path.name, "a complete MDF 3 or MDF 4 file", advice)
+    except ReadError:
+        # asammdf closes what it never opened, and fails
+        collect_quietly()
+        raise
 
 
 def _mdf_table(file: Any, path: Path) -> Table:
