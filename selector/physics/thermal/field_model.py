@@ -197,7 +197,7 @@ class FieldMoment:
 
 
 def field_moment(file: FieldFile | MeshFile, conditions: Conditions, at_s: float) -> FieldMoment:
-    """The moment `at_s` [s] of the run that these conditions make of the machine; its stiffness is factorised anew.
+    """The moment `at_s` [s] of the run that these conditions make of the machine.
 
     Raises InputError: the time is outside the conditions.
     """
@@ -219,5 +219,5 @@ def field_moment(file: FieldFile | MeshFile, conditions: Conditions, at_s: float
         keep_states_at_s=[at_s],
     )
     degc = machine.basis[: len(mesh.nodes_m)] @ history.states[0]
-    elastic = elasticity(mesh, machine.materials, machine.springs_n_per_m)
+    elastic = machine.elastic or elasticity(mesh, machine.materials, machine.springs_n_per_m)
     return FieldMoment(at_s, mesh.nodes_m, mesh.triangles(), degc, elastic.displacement_um(degc - start_degc))

@@ -17,6 +17,7 @@ from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
     Material,
     elasticity,
+    elasticity_to_keep,
     rigid_motion_reading,
     rigid_motions,
 )
@@ -32,18 +33,33 @@ def mesh_of(file: MeshFile) -> NamedMesh:
 
 
 def meshed(file: MeshFile, laws: Laws) -> VirtualMachine:
-    """The machine of a mesh; takes some ten seconds, the same one at once.
+    """The machine of a mesh; takes some ten seconds, the same one at once, whatever it goes through.
 
     Raises ModelFileError: the file does not fit the mesh, or a piece of it is not held or not cooled.
     """
     path = Path(file.mesh.file)
-    return _meshed(file.model_dump_json(), laws, path.stat().st_mtime_ns if path.is_file() else 0)
+    text = file.model_dump_json(exclude=_NOT_OF_THE_MACHINE)
+    return _meshed(_Asked(text, laws, path.stat().st_mtime_ns if path.is_file() else 0, file))
+
+
+#: Sections that say what a machine goes through, and what is written of it.
+_NOT_OF_THE_MACHINE = {"model", "run", "conditions", "gauges", "inputs", "bounds", "candidates"}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Asked:
+    """What a machine is made of; files with the same text, laws and mesh have the same machine."""
+
+    text: str
+    laws: Laws
+    written_ns: int
+    file: MeshFile = dataclasses.field(compare=False)
 
 
 @functools.lru_cache(maxsize=1)
-def _meshed(text: str, laws: Laws, _: int) -> VirtualMachine:
+def _meshed(asked: _Asked) -> VirtualMachine:
     """The last machine is kept, as long as its mesh is not written again."""
-    file = MeshFile.model_validate_json(text)
+    file, laws = asked.file, asked.laws
     named = mesh_of(file)
     body, materials = _with_parts(named, file)
     wetted = {name: named.facets(*film.groups, outer=True) for name, film in file.films.items()}
@@ -62,7 +78,8 @@ def _meshed(text: str, laws: Laws, _: int) -> VirtualMachine:
     elastic = elasticity(body, materials, springs)
     rows = {name: elastic.row_um_per_k(_reading(named, body, name, of)) for name, of in file.displacements.items()}
     system = field_system(body, materials, wetted, sources, probes, rows)
-    return VirtualMachine(system, reduced_basis(system, film_sets(laws)), laws, body, materials, springs)
+    basis = reduced_basis(system, film_sets(laws))
+    return VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))
 
 
 def _with_parts(named: NamedMesh, file: MeshFile) -> tuple[SolidMesh, dict[str, Material]]:

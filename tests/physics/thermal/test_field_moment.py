@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from selector.errors import InputError
+from selector.physics.thermal import field_model
+from selector.physics.thermal.field import thermoelasticity
 from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import displacement_readings
 from selector.physics.thermal.field.mesh import probe_row
+from selector.physics.thermal.field.thermoelasticity import Elasticity, elasticity, elasticity_to_keep
 from selector.physics.thermal.field_model import field_moment, field_of, laws_of
 from selector.physics.thermal.model_file import FieldFile, parsed_model_file
 from selector.physics.thermal.schedule import scheduled
@@ -62,6 +67,25 @@ def test_thermometers_and_gauges_read_the_same_field(run):
     assert recording.values("simulation", ["Z"])[k, 0] == pytest.approx(z_um, rel=1e-6)
     assert abs(z_um) > 5.0
     assert moment.triangles.max() < len(moment.nodes_m) == len(moment.temperature_degc) == len(moment.deformation_um)
+
+
+def test_factors_that_are_kept_change_no_bit(run, monkeypatch):
+    file, conditions, _ = run
+    machine = field_of(file, laws_of(file))
+    elastic = elasticity(machine.mesh, machine.materials, machine.springs_n_per_m)
+    found = []
+    for one in (elasticity_to_keep(elastic, machine.mesh), None):
+        monkeypatch.setattr(field_model, "field_of", lambda *_, elastic=one: replace(machine, elastic=elastic))
+        found.append(field_moment(file, conditions, 3600.0).deformation_um)
+    assert np.array_equal(*found)
+
+
+def test_large_factors_are_not_kept(run, monkeypatch):
+    machine = field_of(run[0], laws_of(run[0]))
+    elastic = Elasticity(*[None] * 3)
+    assert elasticity_to_keep(elastic, machine.mesh) is elastic
+    monkeypatch.setattr(thermoelasticity, "KEPT_NODES", len(machine.mesh.nodes_m) - 1)
+    assert elasticity_to_keep(elastic, machine.mesh) is None
 
 
 def test_nothing_has_moved_at_the_start(run):

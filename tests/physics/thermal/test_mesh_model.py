@@ -15,6 +15,7 @@ from selector.cli import exit_status
 from selector.errors import ModelFileError
 from selector.physics.model_fields import model_file_text
 from selector.physics.model_text import plain_values
+from selector.physics.thermal import mesh_model
 from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import feet, heated_parts, heated_surfaces, surfaces
 from selector.physics.thermal.field.machine import FOOT_N_PER_M, film_sets
@@ -168,6 +169,22 @@ def test_its_laws_are_parameters_and_change_without_another_mesh(example):
     assert cooler.machine.system is example.machine.system
     warm, cool = (one.simulate(hours, instruments=False).frame["head"].iloc[-1] for one in (example, cooler))
     assert cool < warm - 1.0
+
+
+def test_a_machine_is_made_again_only_where_the_file_says_another(example):
+    file, laws = example.file, stated_laws(example.file)
+    whole = meshed(file, laws)
+    other_run = file.model_copy(update={"run": file.run.model_copy(update={"duration_min": 7.0}), "gauges": ()})
+    assert meshed(other_run, laws) is whole
+    moved = tuple(one.model_copy(update={"xyz": (0.0, 0.10, 0.7), "at": None}) for one in file.sensors[:1])
+    asked = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_model, "elasticity", lambda *_: asked.append(1) or whole.elastic)
+        patch.setattr(mesh_model, "reduced_basis", lambda *_: whole.basis)
+        again = meshed(file.model_copy(update={"sensors": (*moved, *file.sensors[1:])}), laws)
+        assert asked == [1]
+        assert (again.full.probes[file.sensors[0].name] != 0).any()
+        meshed(file, laws)
 
 
 def test_a_model_file_written_anew_names_the_mesh_beside_it(tmp_path):

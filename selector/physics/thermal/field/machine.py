@@ -23,6 +23,7 @@ from selector.physics.thermal.field.thermoelasticity import (
     Material,
     conduction_matrices,
     elasticity,
+    elasticity_to_keep,
     film,
     rigid_motion_reading,
     surface_source,
@@ -309,7 +310,7 @@ _IN_PARTS = {"T15": "hydraulic unit", "T37": "coolant tank"}
 
 @dataclass(frozen=True)
 class VirtualMachine:
-    """A machine that can be run; its stiffness, which takes the most memory, is not kept."""
+    """A machine that can be run."""
 
     #: The field joined with the parts beside it, before the reduction: displacements X, Y, Z, Y_lower, Y_upper; probes:
     #: the sensors and the `LUBRICATED` parts
@@ -321,6 +322,7 @@ class VirtualMachine:
     mesh: SolidMesh  #: For pictures and for sensors anywhere
     materials: Mapping[str, Material]  #: Those that the mesh names
     springs_n_per_m: Vector  #: (n_nodes, 3): What holds the nodes along X, Y, Z [N/m]
+    elastic: Elasticity | None = None  #: The body on these springs, where its factors take little memory
 
     @cached_property
     def system(self) -> HeatSystem:
@@ -356,7 +358,8 @@ def virtual_machining_centre(
     full = replace(full, probes=in_order | lubricants)
     basis = reduced_basis(full, film_sets(laws), tolerance=tolerance)
     springs = foot_springs(machine.mesh, machine.geometry)
-    return VirtualMachine(full, basis, laws, machine.mesh, MATERIALS, springs)
+    elastic = elasticity_to_keep(machine.elasticity, machine.mesh)
+    return VirtualMachine(full, basis, laws, machine.mesh, MATERIALS, springs, elastic)
 
 
 def film_sets(laws: Laws) -> tuple[dict[str, float], ...]:

@@ -183,6 +183,8 @@ MATERIALS: Mapping[str, Material] = MappingProxyType(
 
 #: Largest number of nodes whose elastic system is factorised, more takes more than 6 GB; half of it in quadratic cells.
 DIRECT_NODES = 60_000
+#: The same for factors that are kept with a machine, 0.6 GB.
+KEPT_NODES = 25_000
 _MODES = 3  # incompatible modes of a cell, one parabola along each axis
 _SHEAR = ((1, 2), (2, 0), (0, 1))  # strains 3, 4, 5
 
@@ -223,6 +225,11 @@ def elasticity(
     else:
         solver = multigrid_solver(held, body.nodes_m)
     return Elasticity(held, expansion, solver)
+
+
+def elasticity_to_keep(elastic: Elasticity, body: SolidMesh) -> Elasticity | None:
+    """The same, or None where it takes much memory."""
+    return elastic if len(body.nodes_m) * body.degree <= KEPT_NODES else None
 
 
 def elastic_matrices(body: SolidMesh, materials: Mapping[str, Material]) -> tuple[sparse.csr_array, sparse.csr_array]:

@@ -172,6 +172,7 @@ def test_virtual_sensors_anywhere():
     own = virtual_machining_centre(refinement=0.2, sensors={"mid wall": (0.2, 0.05, 1.0)}, tolerance=0.05)
     assert next(iter(own.system.probes)) == "mid wall"
     assert "T01" not in own.system.probes
+    assert own.elastic is not None
     same = projected(own.full, own.basis)
     np.testing.assert_allclose(same.conduction, own.system.conduction)
 
