@@ -236,14 +236,20 @@ def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Ma
     Positive towards the end.
     """
     columns = []
+    stuck = spike[1] ** -2 - 1.0
+    # beyond it a spike is 0
+    end = (101.0 + stuck) / (stuck + 2.0 / (2.0 + stuck)) if spike[1] < 1.0 else 100.0 / spike[1] + 10.0
     for arc, sign in zip(pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
-        reached = np.clip(arc * pair.radius_um / pair.speed_um_per_s / spike[0], 1e-300, 1e6)
+        times = arc * pair.radius_um / pair.speed_um_per_s / spike[0]
+        near = np.flatnonzero(times < end)
+        reached = np.maximum(times[near], 1e-300)
+        height = np.zeros(len(times))
         if spike[1] < 1.0:
-            height = _let_go(reached, spike[1] ** -2 - 1.0)
+            height[near] = _let_go(reached, stuck)
         else:
             power = spike[1] * (np.log(reached) + 1.0 - reached)
             # no more than 1e-43, and its square would be too small for a normal number: a hundred times slower
-            height = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
+            height[near] = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
         columns.append(sign * pair.along[axis] * height)
     return np.column_stack(columns)
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import fft, optimize, stats
 
 from selector.physics.drive.ball_bar.basis import CirclePair, backlash_columns, cyclic_columns, spike_columns
-from selector.types import Matrix, Vector
+from selector.types import Indices, Matrix, Vector
 
 Two = tuple[float, float]
 
@@ -38,13 +38,14 @@ def inverse_gram(columns: Matrix) -> Matrix:
 
 
 def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
-    """Columns → how much of the sum of squares they take beside `rest`."""
+    """Two columns → how much of the sum of squares they take beside `rest`."""
     inverse = inverse_gram(rest)
     left = pair.deviation_um - rest @ (inverse @ (rest.T @ pair.deviation_um))
 
     def gain(columns: Matrix) -> float:
         # spikes are 0 nearly everywhere
-        there = np.flatnonzero(columns.any(axis=1))
+        near = np.flatnonzero(np.logical_or(*columns.T))
+        there: Indices | slice = near if len(near) < len(columns) else slice(None)
         shared, score = rest[there].T @ columns[there], columns[there].T @ left[there]
         gram = columns.T @ columns - shared.T @ inverse @ shared
         return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
