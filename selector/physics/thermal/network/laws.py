@@ -1,5 +1,6 @@
 """How heat and cooling depend on what the machine does: laws of sources and films, and what they give."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -157,22 +158,24 @@ class Lubricants:
         rise = without
         heat = self.heat_w(nominal_w, rise)
         gap = without + per_watt @ heat - rise
-        for _ in range(200):
-            change = np.linalg.solve(np.eye(len(rise)) + per_watt * (self.per_k * heat), gap)
-            size, share = float(np.linalg.norm(gap)), 1.0
-            while share > 1e-9:
-                ahead = rise + share * change
-                with np.errstate(over="ignore", invalid="ignore"):
+        own, size = np.eye(len(rise)), math.sqrt(gap @ gap)
+        with np.errstate(over="ignore", invalid="ignore"):
+            for _ in range(200):
+                change = np.linalg.solve(own + per_watt * (self.per_k * heat), gap)
+                before, share = size, 1.0
+                while share > 1e-9:
+                    ahead = rise + share * change
                     heat = self.heat_w(nominal_w, ahead)
                     gap = without + per_watt @ heat - ahead
+                    size = math.sqrt(gap @ gap)
                     # once rounding is all that is left, it need not shrink
-                    if np.linalg.norm(gap) <= max(size, 1e-12 * (1.0 + float(np.max(np.abs(ahead))))):
+                    if size <= max(before, 1e-12 * (1.0 + float(np.abs(ahead).max()))):
                         break
-                share *= 0.5
-            rise = ahead
-            # far below what a sensor tells; the error of the heat is the square of the last change
-            if share == 1.0 and np.max(np.abs(change)) <= 1e-7 * (1.0 + np.max(np.abs(rise))):
-                return heat
+                    share *= 0.5
+                rise = ahead
+                # far below what a sensor tells; the error of the heat is the square of the last change
+                if share == 1.0 and np.abs(change).max() <= 1e-7 * (1.0 + np.abs(rise).max()):
+                    return heat
         raise InputError(
             "lubricants whose heat and temperature do not settle",
             expected="heat that falls as a lubricant warms",

@@ -112,11 +112,10 @@ def simulate_heat(
     )
     readings[:first_read], states[:first_keep] = body.rows @ rise, rise
     areas = body.film_loads.T @ system.uniform
-    for begin, held in zip(starts, intervals, strict=True):
-        last = held is intervals[-1]
-        end = begin + held.duration_s
-        to_read = len(read) if last else int(np.searchsorted(read, end, "right"))
-        to_keep = len(keep) if last else int(np.searchsorted(keep, end, "right"))
+    ends = starts + np.array([held.duration_s for held in intervals])
+    to_reads, to_keeps = (np.searchsorted(asked, ends, "right") for asked in (read, keep))
+    to_reads[-1], to_keeps[-1] = len(read), len(keep)
+    for begin, held, to_read, to_keep in zip(starts, intervals, to_reads.tolist(), to_keeps.tolist(), strict=True):
         done = stepper.advance(rise, held, read[first_read:to_read] - begin, keep[first_keep:to_keep] - begin)
         readings[first_read:to_read], states[first_keep:to_keep] = done.read, done.kept
         heat_j += done.heat_j
@@ -252,7 +251,8 @@ class _Body:
     def steady_heat_w(self, held: _Interval) -> Vector:
         """Heat of every law [W] without that which depends on temperature."""
         heat = held.firm_w + held.lubricant_w
-        heat[self.soft] = held.firm_w[self.soft]
+        if len(self.soft):
+            heat[self.soft] = held.firm_w[self.soft]
         return heat
 
     def conductance(self, held: _Interval) -> SystemMatrix:
@@ -342,33 +342,54 @@ class _ExactStepper:
         """From the start of an interval to its end; `read_s`, `keep_s` [s] count from its start and increase."""
         modal = self._modal_of(held)
         z = modal.to_modal @ rise
-        lubricants, soft = self._body.lubricants, self._body.soft
-        nominal = held.lubricant_w[soft]
-        depends = bool(np.any(nominal))
-        steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12)))) if depends else 1
-        ends = held.duration_s * np.arange(1, steps + 1) / steps
-        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
         fluid = modal.film_loads @ (held.film_w_per_m2_k * held.fluid_rise)
-        step = held.duration_s / steps
-        factors = modal.factors(step)
         steady = self._body.steady_heat_w(held)
         steady_load = fluid + modal.heat_loads @ steady
-        per_watt = (factors.slope_end / step)[:, None] * modal.heat_loads[:, soft]
+        nominal = held.lubricant_w[self._body.soft]
+        if nominal.any():
+            return self._in_steps(modal, z, held, steady, steady_load, nominal, read_s, keep_s)
+        step = held.duration_s
+        ahead, area = modal.factors(step).step(z, steady_load)
+        if len(read_s) == 1 and read_s[0] == step:
+            read = (modal.rows @ ahead)[None]
+        else:
+            read = _at(modal.rate, z, steady_load, None, read_s, modal.rows)
+        kept = _at(modal.rate, z, steady_load, None, keep_s, modal.shapes)
+        # 0.0 + x: no sum is a negative zero, whatever the number of steps
+        return _Advance(modal.shapes @ ahead, read, kept, modal.film_rows @ (0.0 + area), step * steady)
+
+    def _in_steps(
+        self,
+        modal: _Modal,
+        z: Vector,
+        held: _Interval,
+        steady: Vector,
+        steady_load: Vector,
+        nominal: Vector,
+        read_s: Vector,
+        keep_s: Vector,
+    ) -> _Advance:
+        """The same where heat depends on temperature: `nominal` is that of the lubricants, `steady` all the other."""
+        lubricants, soft = self._body.lubricants, self._body.soft
+        steps = max(1, int(np.ceil(held.duration_s / self._step_s * (1 - 1e-12))))
+        ends = held.duration_s * np.arange(1, steps + 1) / steps
+        reads, keeps = _by_step(read_s, ends), _by_step(keep_s, ends)
+        step = held.duration_s / steps
+        factors = modal.factors(step)
+        soft_loads = modal.heat_loads[:, soft]
+        per_watt = (factors.slope_end / step)[:, None] * soft_loads
         lubricant_per_watt = modal.lubricants @ per_watt
         integral, heat = np.zeros(len(z)), held.duration_s * steady
         read, kept = [np.zeros((0, len(modal.rows)))], [np.zeros((0, len(z)))]
         for k in range(steps):
-            load, slope = steady_load, None
-            if depends:
-                before = lubricants.heat_w(nominal, modal.lubricants @ z)
-                load = steady_load + modal.heat_loads[:, soft] @ before
+            before = lubricants.heat_w(nominal, modal.lubricants @ z)
+            load = steady_load + soft_loads @ before
             ahead, area = factors.step(z, load)
-            if depends:
-                without = modal.lubricants @ ahead - lubricant_per_watt @ before
-                after = lubricants.settled_heat_w(nominal, without, lubricant_per_watt)
-                slope = modal.heat_loads[:, soft] @ ((after - before) / step)
-                ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
-                heat[soft] += 0.5 * step * (before + after)
+            without = modal.lubricants @ ahead - lubricant_per_watt @ before
+            after = lubricants.settled_heat_w(nominal, without, lubricant_per_watt)
+            slope = soft_loads @ ((after - before) / step)
+            ahead, area = ahead + factors.slope_end * slope, area + factors.slope_area * slope
+            heat[soft] += 0.5 * step * (before + after)
             if len(reads[k]):
                 at = reads[k] - step * k
                 at_end = len(at) == 1 and at[0] == step
@@ -425,7 +446,10 @@ def _phi_functions(x: Vector) -> tuple[Vector, Vector, Vector]:
     phi2 = (1.0 - phi1) / high
     phi3 = (0.5 - phi2) / high
     # near 0 the differences cancel; the last coefficient is 1/20!, below rounding
-    small = np.polynomial.polynomial.polyval(low, _PHI3)
+    small = np.full(low.shape, _PHI3[-1])
+    for coefficient in _PHI3[-2::-1].tolist():
+        small *= low
+        small += coefficient
     small2 = 0.5 - low * small
     small1 = 1.0 - low * small2
     return np.where(x < 1, small1, phi1), np.where(x < 1, small2, phi2), np.where(x < 1, small, phi3)
