@@ -82,20 +82,21 @@ def design(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, NDArr
     return np.hstack(parts), kinds
 
 
+def _noise_um2(data: ModeData, there: Rows) -> list[Vector]:
+    """Variance of the mean reading of every block, response by response; infinite where none may be seen."""
+    return [
+        np.where(there & (count > 0), noise_um**2 / np.maximum(count, 1.0), np.inf)
+        for noise_um, count in zip(data.noise_um, data.counts.T, strict=True)
+    ]
+
+
 def _loss(
-    values: Vector, kinds: NDArray[np.int64], spreads: Vector, data: ModeData, r: int, there: Rows
+    values: Vector, kinds: NDArray[np.int64], spreads: Vector, data: ModeData, noise_um2: Vector
 ) -> tuple[float, Vector, Vector]:
-    """`_evidence` of a response in rows that may be seen; `values` (n_blocks, n_columns + 1) with the response last."""
-    white = np.exp(2.0 * spreads[4]) + data.noise_um[r] ** 2 / np.maximum(data.counts[:, r], 1.0)
-    known = there & (data.counts[:, r] > 0)
-    rows, logs = _whitened(
-        values,
-        data.middle_s,
-        np.where(known, white, np.inf),
-        *np.exp([2.0 * spreads[3], 2.0 * spreads[5], spreads[6]]),
-        data.first,
-    )
-    return _evidence(rows, logs, np.exp(spreads[kinds]))
+    """`_evidence` of a response; `values` (n_blocks, n_columns + 1) with the response last, `noise_um2` as above."""
+    size, square = np.exp(spreads), np.exp(2.0 * spreads)
+    rows, logs = _whitened(values, data.middle_s, square[4] + noise_um2, square[3], square[5], size[6], data.first)
+    return _evidence(rows, logs, size[kinds])
 
 
 def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
@@ -108,18 +109,20 @@ def _limits(spec: ModeSpec, data: ModeData) -> tuple[Vector, Vector]:
 def _expectations(spec: ModeSpec, theta: Vector) -> Vector:
     """What is known without the tests: as for other modes, and that they are further apart."""
     gap = np.diff(np.sort(theta[: spec.n_modes])) - np.log(APART)
-    return np.r_[expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)]
+    return np.concatenate([expectations(spec, theta), 30.0 * np.minimum(gap, 0.0)])
 
 
-def _spreads(values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, there: Rows, start: Vector) -> Vector:
+def _spreads(
+    values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, noise_um2: Vector, start: Vector
+) -> Vector:
     """The spreads of one response that make its readings most likely; each is expected within factors of e² or so."""
-    span = max(float(np.ptp(data.displacement_um[there & (data.counts[:, r] > 0), r])), 1e-6)
+    span = max(float(np.ptp(data.displacement_um[np.isfinite(noise_um2), r])), 1e-6)
     usual = np.log([span, 0.3 * span, 0.3 * span, 0.003 * span / 60.0, 0.01 * span, 0.03 * span, 1200.0])
     width = np.array([1.5, 1.5, 1.5, 1.5, 2.0, 1.5, 1.0])
 
     def lost(spreads: Vector) -> float:
         far = (spreads - usual) / width
-        return _loss(values, kinds, spreads, data, r, there)[0] + 0.5 * float(far @ far)
+        return _loss(values, kinds, spreads, data, noise_um2)[0] + 0.5 * float(far @ far)
 
     low, high = usual - FURTHEST * width, usual + FURTHEST * width
     begin = usual if not np.isfinite(start).all() else np.clip(start, low, high)
@@ -127,12 +130,12 @@ def _spreads(values: Vector, kinds: NDArray[np.int64], data: ModeData, r: int, t
     return np.asarray(minimize(lost, begin, method="L-BFGS-B", bounds=bounds, options={"maxiter": 60}).x)
 
 
-def _lost(spec: ModeSpec, data: ModeData, theta: Vector, spreads: Vector, there: Rows) -> float:
-    """The loss of a fit with these time constants, exponents and spreads in rows that may be seen."""
+def _lost(spec: ModeSpec, data: ModeData, theta: Vector, spreads: Vector, noise_um2: list[Vector]) -> float:
+    """The loss of a fit with these time constants, exponents and spreads."""
     phi, kinds = design(spec, data, theta)
     far = _expectations(spec, theta)
     rows = (np.column_stack([phi, course]) for course in data.displacement_um.T)
-    losses = (_loss(values, kinds, spreads[r], data, r, there)[0] for r, values in enumerate(rows))
+    losses = (_loss(values, kinds, spreads[r], data, noise_um2[r])[0] for r, values in enumerate(rows))
     return sum(losses) + 0.5 * float(far @ far)
 
 
@@ -147,7 +150,7 @@ def fitted(
 ) -> DrivenFit:
     """Time constants, exponents and spreads in turn, from these on; `there` (n_blocks,) are rows that may be seen."""
     seen = np.ones(len(data.speed_rpm), np.bool_) if there is None else there
-    responses = range(data.displacement_um.shape[1])
+    responses, noise_um2 = range(data.displacement_um.shape[1]), _noise_um2(data, seen)
     known = np.full((len(responses), 7), np.nan) if spreads is None else spreads.copy()
     low, high = _limits(spec, data)
 
@@ -158,20 +161,19 @@ def fitted(
     theta = np.clip(theta, low + 1e-6, high - 1e-6)
     for _ in range(rounds):
         values, kinds = filled(theta)
-        known = np.array([_spreads(values[r], kinds, data, r, seen, known[r]) for r in responses])
+        known = np.array([_spreads(values[r], kinds, data, r, noise_um2[r], known[r]) for r in responses])
         bounds = list(zip(low, high, strict=True))
-        lost = partial(_lost, spec, data, spreads=known, there=seen)
+        lost = partial(_lost, spec, data, spreads=known, noise_um2=noise_um2)
         theta = minimize(lost, theta, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25, "eps": 1e-4}).x
     values, kinds = filled(theta)
     coefficients, covariance = [], []
     for r in responses:
-        _, root, half = _loss(values[r], kinds, known[r], data, r, seen)
+        _, root, half = _loss(values[r], kinds, known[r], data, noise_um2[r])
         inverse = np.linalg.inv(root) * np.exp(known[r][kinds])
         coefficients.append(inverse.T @ half)
         covariance.append(inverse.T @ inverse)
-    return DrivenFit(
-        spec, theta, known, np.column_stack(coefficients), np.array(covariance), _lost(spec, data, theta, known, seen)
-    )
+    loss = _lost(spec, data, theta, known, noise_um2)
+    return DrivenFit(spec, theta, known, np.column_stack(coefficients), np.array(covariance), loss)
 
 
 def chosen(data: ModeData, *, with_hall: bool) -> tuple[DrivenFit, ...]:
@@ -230,7 +232,7 @@ def tau_intervals(fit: DrivenFit, data: ModeData) -> tuple[Vector, Vector]:
     """95 % intervals of the time constants [s] by the curvature of the likelihood; NaN where there is no bound."""
     modes, n = fit.spec.n_modes, len(fit.theta)
     seen = np.ones(len(data.speed_rpm), np.bool_)
-    lost = partial(_lost, fit.spec, data, spreads=fit.spreads, there=seen)
+    lost = partial(_lost, fit.spec, data, spreads=fit.spreads, noise_um2=_noise_um2(data, seen))
     steps = _STEP * np.eye(n)
     curvature = np.empty((n, n))
     for i in range(n):

@@ -450,6 +450,17 @@ def _filtered_loop(
             for k in range(modes):
                 matrix[k, k] += rate[k]
             w, q = np.linalg.eigh(matrix)
+        if not coupled:
+            # q is 1 and w the rates: the same sums without their zeros
+            for k in range(modes):
+                before, after = np.exp(-before_s[i] * rate[k]), np.exp(-after_s[i] * rate[k])
+                left[i, k] = remaining[k] * before
+                remaining[k] = left[i, k] * after
+                for j in range(terms):
+                    aim = drive[j, k] / rate[k] * inputs[i, j]
+                    out[i, k, j] = aim + (x[k, j] - aim) * before
+                    x[k, j] = aim + (out[i, k, j] - aim) * after
+            continue
         for k in range(modes):
             for j in range(terms):
                 total = 0.0
