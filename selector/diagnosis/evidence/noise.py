@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
@@ -100,10 +101,20 @@ def with_past(model: NoiseModel, parts: Sequence[slice], n_rows: int) -> Mask:
 
 def _predicted(values: Matrix, phi: Vector) -> Matrix:
     """Values less what an autoregression predicts from those before; the first rows stay."""
-    result = np.array(values, dtype=np.float64)
-    for lag, weight in enumerate(phi, start=1):
-        result[lag:] -= weight * values[:-lag] if len(values) > lag else 0.0
+    result = np.array(values, dtype=np.float64, order="C")
+    if len(phi):
+        _take_off(result, np.array(phi, dtype=np.float64))
     return result
+
+
+@njit(cache=True, nogil=True)
+def _take_off(rows, phi):  # type: ignore[no-untyped-def]
+    # from the last row on, so that those before are still the values
+    for i in range(len(rows) - 1, 0, -1):
+        for lag in range(min(len(phi), i)):
+            weight = phi[lag]
+            for j in range(rows.shape[1]):
+                rows[i, j] -= weight * rows[i - lag - 1, j]
 
 
 def filled_rows(values: Vector, parts: Sequence[slice]) -> Vector:
