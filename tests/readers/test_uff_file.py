@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 
 import numpy as np
@@ -148,6 +149,14 @@ def test_what_cannot_be_used_is_refused(tmp_path, case):
 def test_what_is_no_uff_file_is_refused(tmp_path, content):
     path = tmp_path / "test.uff"
     path.write_bytes(content)
+    with pytest.raises(InputError):
+        read(path)
+
+
+def test_damage_is_no_reason_to_search_the_memory_of_the_process(tmp_path, monkeypatch):
+    path = tmp_path / "test.uff"
+    path.write_bytes(b"    -1\n    58\n    -1\n")
+    monkeypatch.setattr(gc, "collect", lambda *_: pytest.fail("all objects of the process were visited"))
     with pytest.raises(InputError):
         read(path)
 
