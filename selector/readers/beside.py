@@ -13,12 +13,13 @@ from selector.readers.finding_table import FINDINGS, TWO_LOGGERS
 from selector.readers.machine_file import RunSection
 from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan
-from selector.readers.runs import TimedRun, averaged
+from selector.readers.runs import Beside, TimedRun, averaged
 from selector.readers.tables import Column
 from selector.types import Vector
 
 _FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, any other is read between its samples.
 _GAP_PERIODS = 3.5  #: Between samples that are farther apart nothing is known.
+_SWITCH = 3  #: A channel with so few values is switched: it stays as it is until the next sample.
 _LEAST_SHARED = 0.5  #: Of the shorter of two runs that may be one.
 
 
@@ -47,6 +48,14 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
                     advice="name all runs of one time in one list",
                 )
             first_of[other] = name
+    for name in by_name:
+        if repairs.get(name, RunSection()).late_s is not None and name not in first_of:
+            raise RecordingError(
+                f"late_s of run {name!r}, which stands beside no other run",
+                expected="late_s of a run that `beside` of another one names",
+                where=f"[runs.{name}] of the machine file",
+                advice="move it to the section of the run that began later, or take it out",
+            )
     return [
         _with(run, [by_name[one] for one in repairs.get(run.name, RunSection()).beside], repairs)
         for run in runs
@@ -55,11 +64,10 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
 
 
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
-    columns, told = list(run.columns), list(run.findings)
+    columns, told, beside = list(run.columns), list(run.findings), list[Beside]()
     for other in others:
         said_s = repairs.get(other.name, RunSection()).late_s
         late_s = begins_after_s(run, other) if said_s is None else said_s
-        taken = {column.header for column in columns}
         values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
         if not np.isfinite(values).any():
             raise RecordingError(
@@ -69,13 +77,16 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
                 advice=f"correct the names, or say in [runs.{other.name}] how long after it begins: late_s = 12.5",
             )
         for k, column in enumerate(other.columns):
-            header = column.header if column.header not in taken else f"{column.header} (beside)"
+            taken, number, header = {one.header for one in columns}, 1, column.header
+            while header in taken:
+                number += 1
+                header = f"{column.header} ({number})"
             columns.append(Column(header, values[:, k], column.unit, (), column.description))
         told += other.findings
+        beside.append(Beside(other.name, str(other.file), other.sha256, late_s - other.skipped_s))
         if said_s is None:
             told.append(_told(run, other, late_s))
-    beside = tuple((str(other.file), other.sha256) for other in others)
-    return replace(run, columns=tuple(columns), findings=tuple(told), beside=beside)
+    return replace(run, columns=tuple(columns), findings=tuple(told), beside=tuple(beside))
 
 
 def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:
@@ -135,6 +146,9 @@ def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
     part = (clock_s - time_s[after - 1]) / width
     known = (part >= 0.0) & (part <= 1.0) & (width <= _GAP_PERIODS * own_s)
     between = values[after - 1] + part[:, None] * (values[after] - values[after - 1])
+    # a switch is not half on
+    held = [k for k in range(values.shape[1]) if len(np.unique(values[:, k][np.isfinite(values[:, k])])) <= _SWITCH]
+    between[:, held] = values[after - 1][:, held]
     # at a sample itself its neighbour may be missing
     between = np.where(part[:, None] == 0.0, values[after - 1], between)
     between = np.where(part[:, None] == 1.0, values[after], between)

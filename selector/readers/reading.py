@@ -1,5 +1,6 @@
 """Files → a Recording, with everything that was found and guessed on the way, and its description."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from selector.readers.machine_file import ChannelSection, Machine, MachineSectio
 from selector.readers.machine_file import machine as machine_at
 from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.roles.repairs import repaired, used_runs
-from selector.readers.runs import TimedRun, split_runs, timed_run, uniquely_named
+from selector.readers.runs import Beside, TimedRun, split_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
 from selector.readers.window import files_within, require_some, thinning, within
 from selector.recording import Channel, Recording
@@ -47,11 +48,15 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
         values[~np.isfinite(values)] = np.nan
         empty = np.isnan(values).all(axis=0)
         if empty.all():
+            advice = "check the decimal mark and the columns, or leave this file out"
+            if not any(run.name in channel.headers for channel in planned.channels):
+                role = shlex.quote(f"{run.columns[0].header if run.columns else 'COLUMN'}=displacement")
+                advice = f"say what its columns measure, e.g. --role {role}, or leave this file out"
             raise ReadError(
                 f"no value in any of the channels {', '.join(names[:10])}",
                 expected="numbers in at least one channel",
                 where=run.file.name,
-                advice="check the decimal mark and the columns, or leave this file out",
+                advice=advice,
             )
         for name, channel, nothing in zip(names, planned.channels, empty, strict=True):
             if nothing and run.name in channel.headers and run.name not in channel.left_out:
@@ -145,12 +150,12 @@ class RunInfo:
     period_s: float
     start: str | None
     begins_s: float = 0.0  #: Its own clock at the first sample, where that is no date [s]
-    beside: tuple[tuple[str, str], ...] = ()  #: Files of other loggers that are part of it, and their hashes
+    beside: tuple[Beside, ...] = ()  #: What other loggers recorded of it
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, without `begins_s`; `beside` where there is any."""
         found = {"run" if name == "name" else name: value for name, value in vars(self).items() if name != "begins_s"}
-        found["beside"] = [{"file": file, "sha256": sha256} for file, sha256 in self.beside]
+        found["beside"] = [{"run" if key == "name" else key: v for key, v in vars(b).items()} for b in self.beside]
         return found if self.beside else {name: value for name, value in found.items() if name != "beside"}
 
 
@@ -200,7 +205,8 @@ class Reading:
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """Every file that was read, with its hash; once for each of its runs."""
-        return tuple(file for run in self.runs for file in ((run.file, run.sha256), *run.beside))
+        own = [[(run.file, run.sha256), *((one.file, one.sha256) for one in run.beside)] for run in self.runs]
+        return tuple(file for files in own for file in files)
 
     @property
     def origins(self) -> dict[str, tuple[str, str]]:
@@ -357,9 +363,8 @@ def machine_of(reading: Reading) -> Machine:
     A unit in it holds for all runs; where the runs differ, the units stay with the headers of the files. A unit of time
     or a period that was guessed is left out: said there, it would put other recordings on a wrong clock unheard.
     """
-    time = reading.reading["time"]
-    columns = tuple(time["columns"])
-    times = _times(reading)
+    time, times = reading.reading["time"], _times(reading)
+    columns = tuple(time["columns"]) if all(one["columns"] == time["columns"] for one in times) else ()
     # said: every run is in the same unit of time, and none of them only by a guess
     is_said = len({one["unit"] for one in times}) == 1 and not any("unit" in one["guessed"] for one in times)
     unit = time["unit"] if is_said else None

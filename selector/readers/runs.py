@@ -38,7 +38,7 @@ class TimedRun:
     table: Table
     findings: tuple[Finding, ...]
     skipped_s: float = 0.0  #: What the window cut off at the beginning of the recorded run [s]
-    beside: tuple[tuple[str, str], ...] = ()  #: Files and their hashes that other loggers' channels were read from
+    beside: tuple["Beside", ...] = ()  #: What other loggers recorded of it
 
     @cached_property
     def by_header(self) -> dict[str, Column]:
@@ -49,6 +49,16 @@ class TimedRun:
     def period_s(self) -> float:
         """Median step of time [s]."""
         return float(np.median(np.diff(self.time_s)))
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What another logger recorded of a run."""
+
+    name: str  #: What it would be called as a run of its own
+    file: str
+    sha256: str
+    begins_s: float  #: Its recorded start, from that of the run [s]
 
 
 def timed_run(table: Table, sha256: str, options: TimeOptions) -> TimedRun:

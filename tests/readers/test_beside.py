@@ -127,6 +127,34 @@ def test_channels_of_one_name_stay_apart(loggers):
     np.testing.assert_array_equal(other, pd.read_csv(loggers / "logger_2.csv")["T1 [degC]"])
 
 
+def test_repairs_of_what_stands_beside_a_run_are_made(loggers):
+    files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
+    said = '[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.gauge_1.channels.Z]\n'
+    (loggers / "m.toml").write_text(said, encoding="utf-8")
+    plain = read(files, loggers / "m.toml").recording.values("logger_1", ("Z",))[:, 0]
+    (loggers / "m.toml").write_text(said + 'unit = "mm"\nleave_out = [[510, 1110]]\n', encoding="utf-8")
+    mended = read(files, loggers / "m.toml").recording.values("logger_1", ("Z",))[:, 0]
+    # the gauge began 90 s later
+    gone = (SLOW_S * np.arange(ROWS) >= 600) & (SLOW_S * np.arange(ROWS) <= 1200)
+    assert np.isnan(mended[gone]).all()
+    np.testing.assert_allclose(mended[~gone], 1000.0 * plain[~gone])
+
+
+def test_two_headings_of_the_time_are_no_columns_of_a_machine_file(loggers, capsys):
+    for k in range(1, 6):
+        table = pd.read_csv(loggers / f"gauge_{k}.csv").rename(columns={"time": "Zeit"})
+        table.to_csv(loggers / f"gauge_{k}.csv", index=False)
+    files = [str(loggers / f"{kind}_{k}.csv") for kind in ("logger", "gauge") for k in range(1, 6)]
+    assert exit_status(["describe", *files, "--write", str(loggers / "m.toml"), "--json"]) == 0
+    assert exit_status(["describe", *files, "--machine", str(loggers / "m.toml"), "--json"]) == 0
+    capsys.readouterr()
+
+
+def test_a_switch_of_a_slower_logger_is_never_half_on():
+    time, state = np.arange(0.0, 300.0, 60.0), np.array([0.0, 1.0, 1.0, 0.0, 1.0])[:, None]
+    assert set(on_clock(np.arange(0.0, 240.0, 7.0), time, state)[:, 0]) == {0.0, 1.0}
+
+
 @pytest.mark.parametrize(
     ("said", "found"),
     [
@@ -134,6 +162,7 @@ def test_channels_of_one_name_stay_apart(loggers):
         ('[runs.logger_1]\nbeside = ["logger_1"]\n', "beside itself"),
         ('[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.logger_2]\nbeside = ["gauge_1"]\n', "part of 'logger_1'"),
         ('[runs.logger_1]\nbeside = ["gauge_2"]\n', "begins 86490 s after"),
+        ('[runs.logger_1]\nbeside = ["gauge_1"]\nlate_s = 3\n', "stands beside no other run"),
     ],
 )
 def test_what_cannot_be_one_run_is_refused(loggers, said, found):

@@ -3,7 +3,7 @@
 The files are never edited. A repair of a run that is not among those read is told, since its name may be misspelt.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
@@ -11,7 +11,7 @@ from selector.errors import RecordingError
 from selector.findings import Finding, Where
 from selector.quality.finding_table import SWAPPED_CHANNELS, WRONG_UNIT
 from selector.readers.finding_table import FINDINGS, RUN_REPAIRED, TWO_LOGGERS
-from selector.readers.machine_file import Machine, RunChannelSection, RunSection
+from selector.readers.machine_file import WHOLE, Machine, RunChannelSection, RunSection
 from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan, Planned
 from selector.readers.runs import TimedRun
@@ -82,9 +82,9 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
     }
     findings = list(planned.findings)
     ends_s = {run.name: float(run.time_s[-1]) for run in runs}
-    skipped_s = {run.name: run.skipped_s for run in runs}
-    for run in (run.name for run in runs if run.name in machine.runs):
-        section = machine.runs[run]
+    parts = [(run.name, name, begins) for run in runs for name, begins in _recorded(run) if name in machine.runs]
+    for run, part, begins_s in parts:
+        section = machine.runs[part]
         for first, second in section.swap:
             one, other = (_in_run(channels, name, run) for name in (first, second))
             if not same_dimension(one.units[run], other.units[run]):
@@ -95,18 +95,25 @@ def repaired(planned: Plan, machine: Machine | None, runs: Sequence[TimedRun]) -
         for name, repair in section.channels.items():
             channel = _in_run(channels, name, run)
             if repair.unit is not None:
-                where = f"[runs.{run}.channels.{name}] of the machine file"
+                where = f"[runs.{part}.channels.{name}] of the machine file"
                 channel.units[run] = unit_for_role(repair.unit, channel.role, where=where)
-            # counted from the start of the recorded run
-            left_out = tuple((first - skipped_s[run], last - skipped_s[run]) for first, last in repair.leave_out)
+            left_out = tuple((first + begins_s, last + begins_s) for first, last in repair.leave_out)
+            left_out = WHOLE if repair.leave_out == WHOLE else left_out
             if left_out:
                 channel.left_out[run] = left_out
             beyond = [stretch for stretch in left_out if stretch[0] > ends_s[run] or stretch[1] < 0.0]
             if beyond:
                 findings.append(_told_beyond(run, name, beyond, ends_s[run]))
         if section.swap or section.channels or section.beside:
-            findings.append(_told(run, section))
+            findings.append(_told(part, section))
     return replace(planned, channels=tuple(channels.values()), findings=tuple(findings))
+
+
+def _recorded(run: TimedRun) -> Iterator[tuple[str, float]]:
+    """The run, and what was recorded beside it: name, and the recorded start by the clock of the run [s]."""
+    yield run.name, -run.skipped_s
+    for one in run.beside:
+        yield one.name, one.begins_s
 
 
 def _in_run(channels: dict[str, Planned], name: str, run: str) -> Planned:

@@ -277,7 +277,7 @@ def _table_of_files(bench: Bench) -> Component:
     reading = bench.material.reading
     runs: dict[str, list[Any]] = {}
     for run in reading.runs if reading is not None else ():
-        for file, _ in ((run.file, run.sha256), *run.beside):
+        for file in (run.file, *(one.file for one in run.beside)):
             runs.setdefault(file, []).append(run)
     rows = []
     is_read = "reading …" if bench.is_reading else ""
