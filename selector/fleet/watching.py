@@ -38,6 +38,11 @@ FEWEST_KNOWN = 3  #: Fewer errors on unseen runs than these tell nothing of thei
 SLACK = 0.5  #: Half of the change that is found soonest, in standard deviations from run to run.
 #: One run alone is never an alarm, however wild it is: a chip under the probe is no change of the machine.
 LARGEST_DEVIATE = 4.0
+#: Among so many runs, the rank of a value counts as much as Student's t: fewer have no tails to rank in.
+RANKED_FROM_RUNS = 30.0
+#: A correlation from run to run that these few runs have is half believed, and less by this part of its standard error.
+UNCORRELATED_UNTIL, CORRELATION_ERROR = 5.0, 0.3
+LARGEST_CORRELATION = 0.95
 
 
 @dataclass(frozen=True)
@@ -45,9 +50,9 @@ class Chart:
     """What a self-starting CUSUM chart of the errors of one run after the other says of the runs that came later.
 
     The few runs that a model was proved on say how large its errors are, but not well. So every later run is judged by
-    all that came before it: Student's t of a new value among n known ones, turned into a standard normal deviate, keeps
-    its distribution for any n as long as nothing changes, and a cumulative sum of these deviates finds a small change
-    that stays (Hawkins 1987; Siegmund 1985 for the mean number of runs between false alarms).
+    all that came before it, as a standard normal deviate, and a cumulative sum of these deviates finds a small change
+    that stays (Hawkins 1987; Siegmund 1985 for the mean number of runs between false alarms). Runs that are like the
+    one before them, as in a warm week, count with what is new in them.
     """
 
     highest: float  #: Cumulative sum at its highest, in standard deviations; of either sign on a two-sided chart
@@ -66,44 +71,68 @@ def alarm_limit(runs_between_alarms: float) -> float:
     return float(brentq(excess, 0.0, 60.0)) if excess(0.0) < 0.0 else 0.0
 
 
-def deviates(known: Array, new: Array) -> Array:
-    """Each new value among all values before it, as a standard normal deviate; shape (n_new,).
+def deviates(values: Array) -> Array:
+    """Each value from the third on among all before it, as a standard normal deviate; shape (n - 2,).
 
-    A value that equals others that are all alike is 0; `known` holds at least two.
+    Two deviates are weighed: Student's t of the value, which needs few runs but normal ones, and its rank, which holds
+    for any distribution (McDonald 1990) but cannot say how far beyond all others it is. A value that equals others that
+    are all alike is 0.
     """
-    values = np.concatenate([known, new])
-    found = np.zeros(len(new))
-    for i in range(len(new)):
-        before = values[: len(known) + i]
-        spread = float(np.std(before, ddof=1)) * np.sqrt(1.0 + 1.0 / len(before))
-        step = float(values[len(before)] - np.mean(before))
-        if step:
-            ratio = step / spread if spread > 0.0 else np.copysign(np.inf, step)
-            # the smaller tail keeps its digits
-            found[i] = -np.sign(ratio) * norm.ppf(t.cdf(-abs(ratio), len(before) - 1))
-    return np.clip(found, -LARGEST_DEVIATE, LARGEST_DEVIATE)
+    ratios, mean, squares = [], 0.0, 0.0
+    for n, value in enumerate(values.tolist()):
+        step = value - mean
+        if n >= 2:
+            spread = math.sqrt(squares / (n - 1) * (1.0 + 1.0 / n))
+            ratios.append(0.0 if step == 0.0 else step / spread if spread > 0.0 else math.copysign(math.inf, step))
+        mean += step / (n + 1)
+        squares += step * (value - mean)
+    ratio, before = np.array(ratios), np.arange(2, len(values))
+    # the smaller tail keeps its digits
+    by_size = -np.sign(ratio) * norm.ppf(t.cdf(-np.abs(ratio), before - 1))
+    is_before = np.tri(len(values), k=-1, dtype=np.bool_)[2:]
+    smaller = np.sum(is_before & (values < values[2:, None]), axis=1)
+    not_larger = np.sum(is_before & (values <= values[2:, None]), axis=1)
+    by_rank = norm.ppf((0.5 * (smaller + not_larger) + 0.5) / (before + 1.0))
+    weight = 1.0 / (1.0 + (before / RANKED_FROM_RUNS) ** 2)
+    return np.asarray(weight * np.clip(by_size, -LARGEST_DEVIATE, LARGEST_DEVIATE) + (1.0 - weight) * by_rank)
 
 
 def charted(known: Array, new: Array, runs_between_alarms: float, *, is_two_sided: bool) -> Chart:
-    """The chart of new values, oldest first, after those that are known.
+    """The chart of new values, oldest first, after those that are known, two at least.
 
     An upward sum, and on a two-sided chart a downward one, too, each with the limit of `runs_between_alarms`.
     """
-    deviate, limit = deviates(known, new), alarm_limit(runs_between_alarms)
-    charts = [_one_sided(sign * deviate, limit) for sign in ((1.0, -1.0) if is_two_sided else (1.0,))]
+    deviate, limit = deviates(np.concatenate([known, new])), alarm_limit(runs_between_alarms)
+    charts = [_one_sided(sign * deviate, len(new), limit) for sign in ((1.0, -1.0) if is_two_sided else (1.0,))]
     return min(charts, key=lambda one: (len(new) if one.alarm_at is None else one.alarm_at, -one.highest))
 
 
-def _one_sided(deviate: Array, limit: float) -> Chart:
-    total, start, highest = 0.0, 0, 0.0
-    for i, value in enumerate(deviate):
+def _one_sided(deviate: Array, n_new: int, limit: float) -> Chart:
+    """The sum over the last `n_new` deviates."""
+    n_known = len(deviate) - n_new
+    alike = _correlations(deviate)
+    total, start, highest, share = 0.0, 0, 0.0, 0.0
+    for i in range(n_new):
+        at = n_known + i
         if total == 0.0:
-            start = i
-        total = max(0.0, total + float(value) - SLACK)
+            # a change that stays looks like correlation: while it is suspected, nothing is learnt from it
+            start, share = i, float(alike[at])
+        before = float(deviate[at - 1]) if at else 0.0
+        value = (float(deviate[at]) - share * before) / math.sqrt(1.0 - share * share)
+        total = max(0.0, total + min(value, LARGEST_DEVIATE) - SLACK)
         highest = max(highest, total)
         if total > limit:
             return Chart(highest, limit, i, start)
     return Chart(highest, limit, None, None)
+
+
+def _correlations(deviate: Array) -> Array:
+    """Correlation of one run with the next, as far as the runs before each bear it out; 0 or more, shape (n,)."""
+    square = deviate * deviate
+    both = np.r_[0.0, np.cumsum(deviate[1:] * deviate[:-1])]
+    believed = np.cumsum(square) - square + UNCORRELATED_UNTIL
+    found = np.r_[0.0, both[:-1]] / believed - CORRELATION_ERROR / np.sqrt(believed)
+    return np.clip(found, 0.0, LARGEST_CORRELATION)
 
 
 class Watched(Document):

@@ -8,12 +8,53 @@ from selector.fleet.watching import LARGEST_DEVIATE, alarm_limit, charted, devia
 
 def test_deviates_are_standard_normal_however_few_values_are_known():
     rng = np.random.default_rng(0)
-    # 4 000 charts of six new values after three known ones, of any mean and spread
-    found = np.array([deviates(*np.split(rng.normal(7.0, 3.0, 9), [3])) for _ in range(4000)])
+    # 4 000 charts of seven values, of any mean and spread
+    found = np.array([deviates(rng.normal(7.0, 3.0, 9)) for _ in range(4000)])
     # standard errors: 0.016 of a mean, 0.011 of a standard deviation, 0.016 of a correlation; four of them
     assert np.abs(found.mean(axis=0)).max() < 0.064
-    assert np.abs(found.std(axis=0) - 1.0).max() < 0.045
-    assert np.abs(np.corrcoef(found.T) - np.eye(6)).max() < 0.064
+    # ranks among few have no tails: their part makes the deviates a little small
+    assert np.abs(found.std(axis=0) - 0.97).max() < 0.075
+    assert np.abs(np.corrcoef(found.T) - np.eye(7)).max() < 0.064
+
+
+@pytest.mark.parametrize(
+    "errors",
+    [
+        lambda rng, n: np.hypot(rng.normal(0.0, 0.5, n), 0.4),
+        lambda rng, n: np.hypot(rng.standard_t(3.0, n) * 0.5, 0.4),
+        lambda rng, n: np.hypot(rng.normal(0.0, 0.5, n) * np.where(rng.random(n) < 0.3, 3.0, 0.5), 0.4),
+        lambda rng, n: np.exp(rng.exponential(size=n)),
+    ],
+    ids=["usual", "heavy tails", "idle and hard days", "skewed"],
+)
+def test_false_alarms_of_the_size_of_errors_whatever_their_distribution(errors):
+    rng = np.random.default_rng(4)
+    one_year, years = 365, 400
+    sizes = [np.log(errors(rng, 8 + one_year)) for _ in range(years)]
+    found = sum(charted(one[:8], one[8:], 9000.0, is_two_sided=False).alarm_at is not None for one in sizes)
+    # made for 365 of 9000; three standard errors of a count of 16 above
+    assert found <= one_year / 9000.0 * years + 3.0 * 4.0
+
+
+def test_runs_that_are_like_the_one_before_are_no_change():
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for _ in range(100):
+        values = rng.normal(size=373)
+        for i in range(1, len(values)):
+            values[i] = 0.6 * values[i - 1] + 0.8 * values[i]
+        alarms += charted(values[:8], values[8:], 9000.0, is_two_sided=True).alarm_at is not None
+    # at most one a year in the mean is 63 of 100 years with an alarm; taken as independent, they had one in all
+    assert alarms < 63
+
+
+def test_a_change_of_size_is_found_among_skewed_errors():
+    rng = np.random.default_rng(6)
+    sizes = np.hypot(rng.standard_t(3.0, 100) * 0.5, 0.4)
+    sizes[60:] *= 3.0
+    chart = charted(np.log(sizes[:8]), np.log(sizes[8:]), 9000.0, is_two_sided=False)
+    assert chart.alarm_at is not None
+    assert 52 <= chart.alarm_at <= 62
 
 
 def test_mean_number_of_runs_between_false_alarms():
@@ -45,9 +86,9 @@ def test_one_wild_run_is_no_alarm():
     known = np.random.default_rng(3).normal(0.0, 1.0, 20)
     chart = charted(known, np.r_[1000.0, known[:5]], 1000.0, is_two_sided=True)
     assert chart.alarm_at is None
-    assert chart.highest == pytest.approx(LARGEST_DEVIATE - 0.5)
+    assert 2.0 < chart.highest <= LARGEST_DEVIATE - 0.5
 
 
 def test_values_that_are_all_alike():
-    assert deviates(np.ones(3), np.ones(2)) == pytest.approx(0.0)
-    assert deviates(np.ones(3), np.array([0.9])) == pytest.approx(-LARGEST_DEVIATE)
+    assert deviates(np.ones(5)) == pytest.approx(0.0)
+    assert deviates(np.r_[np.ones(3), 0.9])[-1] < -0.8 * LARGEST_DEVIATE
