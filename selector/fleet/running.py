@@ -1,5 +1,6 @@
 """A fleet is done: which study when, what is tried again, and what is kept of it."""
 
+import json
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping
@@ -30,6 +31,13 @@ Kind = TypeVar("Kind")
 Told = Callable[[str, Answer, int, int], None]
 
 
+class Shared(Document):
+    """Recordings that are the same, byte for byte, at several machines."""
+
+    machines: tuple[str, ...]
+    runs: tuple[str, ...]  #: As the first of these machines calls them
+
+
 class FleetAnswer(Document):
     """What came of a fleet, as `selector fleet run --json` prints it."""
 
@@ -39,13 +47,20 @@ class FleetAnswer(Document):
     failed: int
     missing: int = 0  #: Were not found, and keep their model; 0 is not in the document
     machines: dict[str, Answer]
+    shared: tuple[Shared, ...] = ()  #: None is not in the document
 
     @model_serializer(mode="wrap")
-    def _without_none_missing(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        return {key: value for key, value in of_fields(self).items() if key != "missing" or value}
+    def _without_what_is_none(self, of_fields: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in of_fields(self).items() if key not in ("missing", "shared") or value}
+
+    @property
+    def copies(self) -> frozenset[str]:
+        """Machines whose answer was used again because another machine got the same one in this run."""
+        done = {one.key for one in self.machines.values() if one.status == "done"}
+        return frozenset(name for name, one in self.machines.items() if one.status == "reused" and one.key in done)
 
     @classmethod
-    def of(cls, answers: dict[str, Answer]) -> "FleetAnswer":
+    def of(cls, answers: dict[str, Answer], shared: tuple[Shared, ...] = ()) -> "FleetAnswer":
         """The answers, counted."""
         counts = Counter(one.status for one in answers.values())
         return cls(
@@ -54,6 +69,7 @@ class FleetAnswer(Document):
             failed=counts["failed"],
             missing=counts["missing"],
             machines=answers,
+            shared=shared,
         )
 
 
@@ -84,8 +100,8 @@ def run_fleet(fleet: Fleet, workers: Workers, tell: Told | None = None, *, refit
                 written = time.monotonic()
     finally:
         workers.close()
-        _write(fleet, found)
-    return _in_order(fleet, found)
+        whole = _write(fleet, found, shared_recordings(fleet.results, found))
+    return whole
 
 
 def read_answer(results: Path) -> FleetAnswer:
@@ -200,11 +216,25 @@ def _failed(why: str, start: float) -> Answer:
     return Answer(status="failed", error=why, seconds=round(time.monotonic() - start, 3))
 
 
-def _in_order(fleet: Fleet, found: dict[str, Answer]) -> FleetAnswer:
+def shared_recordings(results: Path, answers: Mapping[str, Answer]) -> tuple[Shared, ...]:
+    """Recordings that the models of several machines were made of; a model that cannot be read has none."""
+    runs: dict[str, dict[str, str]] = {}
+    for name, answer in answers.items():
+        try:
+            model = json.loads((results / str(answer.key) / "model.json").read_bytes())
+            for run, sha256 in model["provenance"]["data_sha256"].items():
+                runs.setdefault(sha256, {}).setdefault(name, run)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue
+    found: dict[tuple[str, ...], list[str]] = {}
+    for of in runs.values():
+        if len(of) > 1:
+            found.setdefault(tuple(of), []).append(next(iter(of.values())))
+    return tuple(Shared(machines=machines, runs=tuple(of)) for machines, of in found.items())
+
+
+def _write(fleet: Fleet, found: dict[str, Answer], shared: tuple[Shared, ...] = ()) -> FleetAnswer:
     order = dict.fromkeys((*fleet.studies, *found))
-    return FleetAnswer.of({name: found[name] for name in order if name in found})
-
-
-def _write(fleet: Fleet, found: dict[str, Answer]) -> None:
-    text = json_text(_in_order(fleet, found).model_dump(by_alias=True)) + "\n"
-    write_whole(fleet.results / RESULT_FILE, text.encode("utf-8"))
+    answer = FleetAnswer.of({name: found[name] for name in order if name in found}, shared)
+    write_whole(fleet.results / RESULT_FILE, (json_text(answer.model_dump(by_alias=True)) + "\n").encode("utf-8"))
+    return answer

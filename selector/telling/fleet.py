@@ -18,12 +18,14 @@ def fleet_account(
     """All that is told of a fleet; `missing` are machines without an answer yet, `beside` what lies in its results."""
     failed = [name for name, one in answer.machines.items() if one.status == "failed"]
     n, right = len(answer.machines) + len(missing), answer.done + answer.reused
-    again = f", {answer.reused} of them from an earlier run" if answer.reused else ""
+    earlier = answer.reused - len(answer.copies)
+    again = f", {earlier} of them from an earlier run" if earlier else ""
     sentences = [f"{right} of {_machines(n)} {'has' if right == 1 else 'have'} a model{again}."]
     absent = [name for name, one in answer.machines.items() if one.status == "missing"]
     tried = [one.refit.promoted for one in answer.machines.values() if one.refit is not None]
     if tried:
         sentences.append(f"{sum(tried)} of {len(tried)} models in use gave way to a better one.")
+    sentences += _shared(answer)
     if failed:
         sentences.append(f"{_machines(len(failed))} failed; the reason stands beside each.")
     if absent:
@@ -151,6 +153,18 @@ def _readings(watch: FleetWatch) -> Captioned | None:
 
 def _machines(n: int) -> str:
     return f"{n} machine{'s' * (n != 1)}"
+
+
+def _shared(answer: FleetAnswer) -> Iterator[str]:
+    """Recordings that several machines have."""
+    for one in answer.shared[:_MOST_LOOKED_AT]:
+        runs = ", ".join(one.runs[:3]) + (f" and {len(one.runs) - 3} more" if len(one.runs) > 3 else "")
+        yield (
+            f"{', '.join(one.machines[:-1])} and {one.machines[-1]} have the same recording"
+            f"{'s' * (len(one.runs) > 1)}, byte for byte: {runs}. Look for the machine that recorded them."
+        )
+    if len(answer.shared) > _MOST_LOOKED_AT:
+        yield f"Other machines that share recordings: {len(answer.shared) - _MOST_LOOKED_AT} groups more (in the JSON)."
 
 
 _UNLIKE = 2.0  #: Times the median error of the fleet from which a machine is worth a look.

@@ -10,7 +10,8 @@ import pytest
 from selector.errors import ResultError
 from selector.fleet import RESULT_FILE, Answer, Processes, read_answer, read_fleet, run_fleet
 from selector.fleet.machine_study import Task
-from tests.fleet.machines import fleet_file, machine
+from selector.telling.fleet import fleet_account
+from tests.fleet.machines import Here, fleet_file, machine
 from tests.patience import PATIENCE_S
 
 
@@ -161,3 +162,28 @@ class TestProcesses:
         assert not process.is_alive()
         assert workers.free == 1
         assert workers.finished(0.0) == []
+
+
+def test_recordings_that_several_machines_have_are_told_as_that(tmp_path):
+    for k, name in enumerate(("a", "b", "c", "d")):
+        machine(tmp_path / name, k)
+    for file in (tmp_path / "a").iterdir():
+        (tmp_path / "b" / file.name).write_bytes(file.read_bytes())
+    # one file was put into the folder of another machine, under another name
+    (tmp_path / "c" / "r9.csv").write_bytes((tmp_path / "d" / "r2.csv").read_bytes())
+    names = "".join(f'{name} = "{name}"\n' for name in "abcd")
+    asked = read_fleet(
+        fleet_file(tmp_path, f"[machines]\n{names}[select]\nresponses = ['Z']\nmax_sensors = 1\ndegree = 1\n")
+    )
+    answer = run_fleet(asked, Here())
+    assert (answer.done, answer.reused) == (3, 1)
+    found = {one.machines: one.runs for one in answer.shared}
+    assert found == {("a", "b"): ("r1", "r2", "r3", "r4"), ("c", "d"): ("r9",)}
+    assert read_answer(asked.results) == answer
+    told = " ".join(fleet_account(answer).sentences)
+    assert "earlier run" not in told
+    assert "a and b have the same recordings" in told
+    # the next run has its answers of this one
+    again = fleet_account(run_fleet(asked, Here()))
+    assert "4 of them from an earlier run" in " ".join(again.sentences)
+    assert again.data["shared"][0]["machines"] == ("a", "b")
