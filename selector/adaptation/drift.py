@@ -72,6 +72,10 @@ class Course:
         return np.flatnonzero(np.isfinite(self.modelled_um) & np.isfinite(self.recorded_um))
 
 
+#: The last reading is the offset: it walks without bound, and readings have no noise.
+LAST_READING = Drift(1e6, 0.0, 1e9, 0.0, 1e-6)
+
+
 class Tracked(NamedTuple):
     """What is known after 0, 1, 2 … touch-offs of each course; all of shape (n_courses, 1 + n_touches)."""
 
@@ -141,6 +145,25 @@ def tracked(drift: Drift, touches: Touches) -> Tracked:
         for table, column in zip(found, (since, offset, gain, v, c, u, believed), strict=True):
             table[:, k + 1] = column
     return found
+
+
+def probed_again(drift: Drift, course: Course) -> Course:
+    """The same where a touch-off that is not believed is repeated at once, at the next sample with a displacement.
+
+    Twice at most: a third reading that agrees is believed wherever it is.
+    """
+    repeats: dict[int, int] = {}
+    while True:
+        believed = tracked(drift, Touches.of([course])).is_believed[0, 1:]
+        for at in course.touched_at[~believed].tolist():
+            later = course.judged[course.judged > at]
+            if len(later) and repeats.get(at, 0) < 2 and later[0] not in course.touched_at:
+                repeats[int(later[0])] = repeats.get(at, 0) + 1
+                touched_at = np.sort(np.append(course.touched_at, later[0]))
+                course = course.touched(touched_at, course.recorded_um[touched_at])
+                break
+        else:
+            return course
 
 
 class Known(NamedTuple):

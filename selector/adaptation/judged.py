@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy.optimize import minimize
 
-from selector.adaptation.drift import Course, Drift, Known, Touches, known_before, tracked
+from selector.adaptation.drift import LAST_READING, Course, Drift, Known, Touches, known_before, probed_again, tracked
 from selector.types import Array
 
 MOST_SAMPLES = 150  #: Of a run, evenly spread: more say the same.
@@ -171,12 +171,23 @@ class Judged:
     accuracy: Mapping[str, Accuracy]  #: By run
     overall: Accuracy
     rmse_um_of: Mapping[Kind, float]  #: Over all unseen runs, by kind; empty if it could not be judged
+    #: Of each run, in their order, with the last reading as the offset; empty if it could not be judged
+    last_reading_um: tuple[float, ...] = ()
+
+    @property
+    def last_reading_rmse_um(self) -> float | None:
+        """Over all samples of all runs, with the last reading as the offset."""
+        n = [len(one.time_s) for one in self.runs]
+        if not self.last_reading_um:
+            return None
+        return float(np.sqrt(np.average(np.square(self.last_reading_um), weights=n)))
 
 
 def judged(courses: Sequence[Course], every_s: float | None) -> Judged:
     """Adaptation of one response, each run with what the others taught.
 
-    With `every_s` the recorded displacement is touched off in that period [s], else as the courses say.
+    With `every_s` the recorded displacement is touched off in that period [s], and again where that is not believed;
+    else as the courses say.
     """
     seen = [one for one in courses if len(one.judged)]
     actual = [one if every_s is None else one.touched_every(every_s) for one in seen]
@@ -187,7 +198,10 @@ def judged(courses: Sequence[Course], every_s: float | None) -> Judged:
     lessons = {kind: _lessons(teaching, with_gain=kind == "offset+gain") for kind in KINDS[1:]}
     runs: dict[Kind, list[JudgedRun]] = {"none": [_without(one) for one in actual]}
     for kind, (_, each) in lessons.items():
-        runs[kind] = [_judged_run(one, learnt, kind) for one, learnt in zip(actual, each, strict=True)]
+        runs[kind] = [
+            _judged_run(one if every_s is None else probed_again(learnt.drift, one), learnt, kind)
+            for one, learnt in zip(actual, each, strict=True)
+        ]
     sums = {kind: np.array([np.sum(one.error_um**2) for one in of]) for kind, of in runs.items()}
     n = sum(len(one.time_s) for one in runs["none"])
     chosen = [_chosen({kind: float(np.sum(of) - of[k]) for kind, of in sums.items()}) for k in range(len(seen))]
@@ -195,7 +209,10 @@ def judged(courses: Sequence[Course], every_s: float | None) -> Judged:
     final = min(chosen, key=KINDS.index)
     rmse = {kind: float(np.sqrt(np.sum(of) / n)) for kind, of in sums.items()}
     learnt = None if final == "none" else lessons[final][0]
-    return _told(final, learnt, [runs[kind][k] for k, kind in enumerate(chosen)], rmse)
+    last = [_rms(one.recorded_um - one.modelled_um - known_before(LAST_READING, one.course).added_um)
+            for one in runs["none"]]  # fmt: skip
+    told = _told(final, learnt, [runs[kind][k] for k, kind in enumerate(chosen)], rmse)
+    return replace(told, last_reading_um=tuple(last))
 
 
 def _lessons(teaching: Sequence[Sequence[Course]], *, with_gain: bool) -> tuple[Learnt, list[Learnt]]:

@@ -6,7 +6,17 @@ from typing import Any
 
 from selector.adaptation.drift import Course
 from selector.adaptation.finding_table import FINDINGS
-from selector.adaptation.judged import KINDS, LEVEL, Judged, JudgedRun, Kind, judged, offset_at_limit, refused_touches
+from selector.adaptation.judged import (
+    KINDS,
+    LEVEL,
+    WORTH,
+    Judged,
+    JudgedRun,
+    Kind,
+    judged,
+    offset_at_limit,
+    refused_touches,
+)
 from selector.adaptation.probing import Policy, policy_within
 from selector.findings import Finding, Where
 
@@ -46,13 +56,15 @@ class Adaptation:
 def _learnt(of: Judged) -> dict[str, Any]:
     """What was learnt of one response, in units of a shop: per square root of an hour."""
     unseen = {kind: of.rmse_um_of.get(kind) for kind in KINDS}
+    last = of.last_reading_rmse_um
     if of.learnt is None:
-        return {"kind": of.kind, "unseen_rmse_um": unseen, "drift": None}
+        return {"kind": of.kind, "unseen_rmse_um": unseen, "last_reading_rmse_um": last, "drift": None}
     drift = of.learnt.drift
     hour = 3600.0**0.5
     return {
         "kind": of.kind,
         "unseen_rmse_um": unseen,
+        "last_reading_rmse_um": last,
         "drift": {
             "offset_um_per_sqrt_h": drift.offset_um2_per_s**0.5 * hour,
             "offset_start_um": drift.offset_start_um2**0.5,
@@ -143,6 +155,17 @@ def _of_response(name: str, of: Judged, *, is_probed: bool) -> Iterator[Finding]
             "adapted.",
             Where(channel=name),
             {str(kind): value for kind, value in of.rmse_um_of.items()},
+        )
+    last, left = of.last_reading_rmse_um, overall.rmse_um
+    if last is not None and left is not None and last < WORTH * left:
+        pairs = zip(of.runs, of.last_reading_um, strict=True)
+        better = [run.course.run for run, um in pairs if um < (of.accuracy[run.course.run].rmse_um or 0.0)]
+        yield FINDINGS.finding(
+            "last-reading-better",
+            f"{name}: with the last reading as offset, {last:.3g} µm (RMS) are left, adapted {left:.3g} µm; the last "
+            f"reading is better in {len(better)} of {n_runs} runs. It follows wrong readings, too.",
+            Where(channel=name),
+            {"last_reading_um": last, "adapted_um": left, "runs": better},
         )
     share = overall.interval_share
     if of.learnt is not None and share is not None and not HELD[0] <= share <= HELD[1]:

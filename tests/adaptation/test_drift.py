@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from selector.adaptation.drift import Course, Drift, Touches, known_before, tracked
+from selector.adaptation.drift import LAST_READING, Course, Drift, Touches, known_before, probed_again, tracked
 from selector.adaptation.judged import learnt_drift
 from tests.adaptation.machines import NOTHING, machines, walking
 
@@ -157,3 +157,52 @@ def test_a_gate_that_never_closes_is_the_plain_filter():
     wide = replace(drift, offset_um2_per_s=WIDE)
     assert tracked(wide, Touches.of([wild])).is_believed.all()
     assert not tracked(drift, Touches.of([wild])).is_believed.all()
+
+
+def moved_once() -> tuple[Drift, Course]:
+    """An error that jumps by 20 µm between two touch-offs two hours apart."""
+    time_s = np.arange(0.0, 8 * 3600.0 + 1.0, 600.0)
+    error = np.where(time_s >= 3 * 3600.0, 20.0, 0.0)
+    one = Course("r1", time_s, np.zeros_like(time_s), error, NOTHING, np.zeros(0))
+    return Drift(1e-4, 0.0, 1.0, 0.0, 0.04, offset_limit_um=50.0), one.touched_every(7200.0)
+
+
+def test_a_touch_off_that_is_not_believed_is_repeated_at_once():
+    drift, one = moved_once()
+    again = probed_again(drift, one)
+    assert len(again.touched_at) == len(one.touched_at) + 1
+    extra = set(again.touched_at.tolist()) - set(one.touched_at.tolist())
+    assert extra == {int(np.flatnonzero(one.time_s == 4 * 3600.0)[0]) + 1}
+
+    def left(course):
+        error = course.recorded_um - known_before(drift, course).added_um
+        return float(np.abs(error[course.time_s > 4 * 3600.0 + 600.0]).max())
+
+    assert left(again) < 0.5
+    assert left(one) > 15.0
+    # beyond the limit a third one is asked for
+    beyond = replace(drift, offset_limit_um=10.0)
+    first = int(min(extra))
+    assert {first, first + 1} <= set(probed_again(beyond, one).touched_at.tolist())
+    assert first + 1 not in again.touched_at
+
+
+def test_after_a_wrong_touch_off_the_next_one_is_right():
+    drift, one = moved_once()
+    quiet = Course("r1", one.time_s, one.modelled_um, 0.0 * one.recorded_um, one.touched_at, 0.0 * one.touched_um)
+    assert len(probed_again(drift, quiet).touched_at) == len(one.touched_at)
+    wrong = quiet.touched(quiet.touched_at, np.r_[20.0, quiet.touched_um[1:]])
+    again = probed_again(drift, wrong)
+    assert len(again.touched_at) == len(wrong.touched_at) + 1
+    assert np.abs(known_before(drift, again).added_um).max() < 0.5
+
+
+def test_the_last_reading_is_the_offset():
+    rng = np.random.default_rng(4)
+    one = walking(0, rng).touched_every(7200.0)
+    found = known_before(LAST_READING, one)
+    at = one.judged
+    for sample, added in zip(at, found.added_um, strict=True):
+        before = one.touched_at[one.touched_at < sample]
+        last = one.recorded_um[before[-1]] - one.modelled_um[before[-1]] if len(before) else 0.0
+        assert added == pytest.approx(last, abs=1e-6)

@@ -115,3 +115,34 @@ def test_false_readings_cost_at_most_a_tenth(every_s):
         off = np.where(is_false, rng.choice([-50.0, 50.0], len(is_false)), 0.0)
         spoilt.append(one.touched(one.touched_at, one.touched_um + off))
     assert judged(spoilt, None).overall.rmse_um <= 1.1 * judged(clean, None).overall.rmse_um
+
+
+def jumping(k: int) -> Course:
+    """A run whose error jumps once, and is quiet otherwise."""
+    one = machines(1, 40 + k, walk=1e-5, start=0.01, noise=0.01)[0]
+    moved = one.recorded_um + np.where(one.time_s >= 3600.0 * (2.5 + 0.5 * k), 25.0, 0.0)
+    return replace(one, run=f"r{k}", recorded_um=moved)
+
+
+def test_the_last_reading_is_compared_and_told_where_it_is_better():
+    quiet = machines(12, 41, walk=1e-4, start=0.01, noise=0.01)
+    several = [*quiet, jumping(3), jumping(4), jumping(5)]
+    probed = [one.touched_every(7200.0) for one in several]
+    as_probed = adaptation({"Z": probed}, every_s=None)
+    (told,) = [one for one in as_probed.findings if one.id == "last-reading-better"]
+    of = as_probed.responses["Z"]
+    assert told.evidence["last_reading_um"] == of.last_reading_rmse_um
+    assert told.evidence["adapted_um"] == of.overall.rmse_um
+    assert of.last_reading_rmse_um < 0.98 * of.overall.rmse_um
+    assert "r3" in told.evidence["runs"]
+    assert as_probed.as_dict()["responses"]["Z"]["last_reading_rmse_um"] == of.last_reading_rmse_um
+    # where what is not believed is probed again, the filter is as good
+    repeated = adaptation({"Z": several}, every_s=7200.0)
+    assert "last-reading-better" not in ids(repeated)
+    assert repeated.responses["Z"].overall.rmse_um < 1.02 * repeated.responses["Z"].last_reading_rmse_um
+
+
+def test_with_drift_all_over_the_last_reading_is_not_better():
+    found = adaptation({"Z": machines(8, 42, noise=2.0)}, every_s=3600.0)
+    assert "last-reading-better" not in ids(found)
+    assert found.responses["Z"].overall.rmse_um < found.responses["Z"].last_reading_rmse_um
