@@ -1,12 +1,15 @@
 """The error that `predict` claims from separate tests in a hall that moves, on simulated machines whose truth is known.
 
-    python benchmarks/bench_claims.py [--machines 8] [--seed 1] [--tests 5] [--start cold|mixed]
+    python benchmarks/bench_claims.py [--machines 8] [--seed 1] [--tests 5] [--start cold|mixed] [--days 0.04]
 
 A machine has three to five modes, each with an exponent of the speed and a gain per kelvin of the hall of its own; half
 of the machines cool better while they turn, half drift by 0.3 µm in an hour. So no fit has the law of the machine. A
 test heats, then cools, in a run of its own; `mixed`: all but the first begin warm from other work. From these tests six
 duty cycles that begin cold are predicted. Told is true ÷ claimed error, root mean square over the duty cycles, and
-whether that is within the factor that the finding `few-tests` tells.
+whether that is within the factor that is told beside the claim.
+
+With `--days` the hall is constant and nothing drifts, tests begin cold, and all that a day moves is larger or smaller
+by this much (standard deviation), the days of the duty cycles, too.
 """
 
 from __future__ import annotations
@@ -15,8 +18,9 @@ import argparse
 
 import numpy as np
 
+from selector.physics.thermal.modes.choice import choose_modes
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram
-from selector.physics.thermal.modes.driven_model import driven_model
+from selector.physics.thermal.modes.driven_model import claim_factor, driven_model
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.types import Vector
 from tests.physics.thermal.segments import of_segments
@@ -30,12 +34,16 @@ class Machine:
     """Modes with random time constants, gains and exponents."""
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.rng, modes = rng, int(rng.integers(3, 6))
+        self.rng, modes, self.scatter = rng, int(rng.integers(3, 6)), 0.0
         self.tau_s = np.exp(np.sort(rng.uniform(np.log(400), np.log(20000), modes)))
         self.gain_um = rng.normal(0, 1, (modes, 2)) * [20, 8]
         self.hall_um_per_k = rng.normal(0, 1.5, (modes, 2))
         self.exponent = rng.uniform(0.9, 1.7, modes)
         self.film, self.walk_um, self.noise_um = rng.choice([0.0, 0.5]), rng.choice([0.0, 0.3]), rng.choice([0.1, 0.3])
+
+    def on_days(self, scatter: float) -> None:
+        """From now on the hall is constant, nothing drifts, and days scatter."""
+        self.hall_um_per_k[:], self.walk_um, self.scatter = 0.0, 0.0, scatter
 
     def run(self, cycle: Cyclogram, *, warm: bool = False, noise: bool = True) -> tuple[Vector, Vector, Vector, Vector]:
         """(times [s], displacements [µm], hall [°C], speeds [r/min]); a warm run begins after other work."""
@@ -57,6 +65,7 @@ class Machine:
             level = (here**self.exponent)[:, None] * self.gain_um + (hall[i] - hall[0]) * self.hall_um_per_k
             state = state * kept + level / cooling * (1.0 - kept)
         moved = course[before:] - course[before]
+        moved *= 1.0 + (self.scatter * rng.normal() if self.scatter else 0.0)
         moved += np.cumsum(rng.normal(0, self.walk_um * np.sqrt(PERIOD_S / 3600), moved.shape), axis=0)
         if noise:
             moved += rng.normal(0, self.noise_um, moved.shape)
@@ -69,7 +78,8 @@ def tests_of(machine: Machine, n_tests: int, start: str) -> list[ThermalTest]:
     for k, speed in enumerate(rng.permutation([FASTEST_RPM, *rng.choice(SPEEDS_RPM, n_tests - 1, replace=False)])):
         parts = (10.0, 0.0), (rng.uniform(120, 300), float(speed)), (rng.uniform(60, 300), 0.0)
         time, moved, hall, held = machine.run(of_segments(*parts), warm=start == "mixed" and k > 0)
-        found.append(ThermalTest(f"r{k + 1}", time, held, moved, hall[:, None], ("hall",)))
+        seen = () if machine.scatter else (hall[:, None], ("hall",))
+        found.append(ThermalTest(f"r{k + 1}", time, held, moved, *seen))
     return found
 
 
@@ -79,6 +89,21 @@ def duty_cycle(rng: np.random.Generator) -> Cyclogram:
     return of_segments(*((float(rng.uniform(20, 90)), float(speed)) for speed in speeds))
 
 
+def claimed_of_days(machine: Machine, n_tests: int) -> tuple[Vector, Vector, float]:
+    """True and claimed error [µm] of duty cycles on days that scatter, and the factor that is told."""
+    fit = choose_modes(tests_of(machine, n_tests, "cold"), RESPONSES)
+    assert fit.left_out is not None
+    squares = np.zeros((2, 2))
+    for _ in range(N_CYCLES):
+        cycle = duty_cycle(machine.rng)
+        time, true, *_ = machine.run(cycle, noise=False)
+        course = fit.model.displacement_um(cycle, np.minimum(time, cycle.end_s))
+        claimed = fit.left_out.claimed_um(np.sqrt(np.mean(course**2, axis=0)))
+        squares += np.array([((course - true) ** 2).mean(axis=0), claimed**2]) / N_CYCLES
+    true_um, claimed_um = np.sqrt(squares)
+    return true_um, claimed_um, claim_factor(len(fit.left_out.runs))
+
+
 def main() -> None:
     """Prints a line a machine, and what all of them say."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -86,10 +111,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--tests", type=int, default=5)
     parser.add_argument("--start", choices=("cold", "mixed"), default="cold")
+    parser.add_argument("--days", type=float, default=0.0)
     arguments = parser.parse_args()
     ratios, factors = [], []
     for m in range(arguments.machines):
         machine = Machine(np.random.default_rng([arguments.seed, m]))
+        if arguments.days:
+            machine.on_days(arguments.days)
+            true_um, claimed_um, factor = claimed_of_days(machine, arguments.tests)
+            ratios.append(true_um / claimed_um)
+            factors.append(factor)
+            continue
         model = driven_model(tests_of(machine, arguments.tests, arguments.start), RESPONSES)
         if model is None or model.heldout_um is None:
             print(f"machine {m}: the hall is not seen, or nothing is claimed", flush=True)

@@ -268,7 +268,12 @@ def _trust(prediction: Prediction) -> str:
     if prediction.left_out_um:
         seen = (
             f"Expect the prediction to be off by {listed(errors)} (root mean square): what the tests leave open, times "
-            "how much more those that were left out were off"
+            f"how much more those that were left out were off{_known(prediction)}"
+        )
+    elif prediction.claim_factor is not None:
+        seen = (
+            f"Expect the prediction to be off by {listed(errors)} (root mean square), as tests from cold were that "
+            f"were left out and predicted by the others{_known(prediction)}"
         )
     elif prediction.heldout_um is not None:
         seen = f"On tests that were left out, the modes were off by {listed(errors)} (root mean square)"
@@ -390,7 +395,7 @@ def _accuracy_table(prediction: Prediction) -> Table:
             ("tests that were fitted, means over some samples", prediction.residual_um),
             ("tests, or stretches of them, that were left out", prediction.heldout_um),
             *((f"{test}, left out", errors) for test, errors in prediction.left_out_um.items()),
-            ("claimed for this duty cycle", prediction.claimed_um),
+            (f"claimed for this duty cycle{_known(prediction)}", prediction.claimed_um),
         )
         if values is not None
     ]
@@ -400,6 +405,12 @@ def _accuracy_table(prediction: Prediction) -> Table:
     ]
     note = "Root mean squares of measured minus predicted. Single samples include the noise of the gauge."
     return table(["", *columns], rows, note)
+
+
+def _known(prediction: Prediction) -> str:
+    """Within what factor the claimed error is known."""
+    factor = prediction.claim_factor
+    return "" if factor is None else f", known to a factor of {number_text(factor, 2)} (19 times in 20)"
 
 
 def _modes_table(prediction: Prediction) -> Table:

@@ -75,6 +75,7 @@ class PredictionDocument(Part):
     program: tuple[_Operation, ...] = ()
     tolerance_um: Perhaps = None
     accuracy: dict[str, _Accuracy] = Field(default_factory=dict)
+    claim_factor: Perhaps = None
     left_out: dict[str, dict[str, Perhaps]] = Field(default_factory=dict)
     start: Start = "cold"
     warm_up: BestWarmUp | None = None
@@ -120,6 +121,7 @@ def prediction_of(document: Mapping[str, Any]) -> Prediction:
         warm_up=told.warm_up,
         order=told.order,
         observed=None if told.observed is None else told.observed.again(names),
+        claim_factor=told.claim_factor,
     )
 
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 from threadpoolctl import threadpool_limits
 
@@ -21,10 +20,10 @@ from selector.physics.thermal.modes.fit import (
     block_weights,
     grown,
     searched,
-    solved,
     with_film,
 )
-from selector.physics.thermal.modes.heldout import held_out_um, resemblance, run_folds, tau_intervals, time_folds
+from selector.physics.thermal.modes.heldout import held_out_um, resemblance, tau_intervals, time_folds
+from selector.physics.thermal.modes.left_out_tests import LeftOutTests, law_errors, left_out_tests, speed_folds
 from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ModeData, ThermalTest, mode_data
 from selector.types import Vector
@@ -163,60 +162,6 @@ def _speeds(fit: Fit, data: ModeData) -> Iterator[Finding]:
         )
 
 
-Rows = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class SpeedFold:
-    """Runs that are left out together: those that mainly ran at this level."""
-
-    level_rpm: float  #: The level [r/min]
-    fold: Rows  #: (n_blocks,): Blocks of these runs
-
-
-def speed_folds(data: ModeData) -> list[SpeedFold]:
-    """Left-out levels below the fastest (nobody asks beyond it), as far as other runs remain that turn."""
-    levels = np.array(data.levels_rpm)
-    length_s = data.before_s + data.after_s
-    main: dict[int, list[int]] = {}
-    for run, (begin, end) in enumerate(data.bounds):
-        turning = data.speed_rpm[begin:end] > 0.01 * data.fastest_rpm
-        if turning.any():
-            nearest = np.abs(data.speed_rpm[begin:end, None] - levels).argmin(axis=1)[turning]
-            time_s = np.bincount(nearest, length_s[begin:end][turning], minlength=len(levels))
-            main.setdefault(int(np.argmax(time_s)), []).append(run)
-    if len(main) < 2:
-        return []
-    return [
-        SpeedFold(float(levels[level]), run_folds(data, [runs])[0])
-        for level, runs in sorted(main.items())
-        if level < len(levels) - 1
-    ]
-
-
-def law_errors(fit: Fit, data: ModeData, folds: list[SpeedFold]) -> Vector:
-    """Root mean square error [µm] at left-out speeds, shape (n_folds, n_responses)."""
-    if fit.spec.law_kind != "levels":
-        return held_out_um(fit, data, [one.fold for one in folds], own_zeros=True)
-    errors = np.zeros((len(folds), fit.weights.shape[1]))
-    for i, one in enumerate(folds):
-        # the factor at a left-out level is unknown: it must come from the levels beside it
-        kept = tuple(level for level in data.levels_rpm if level != one.level_rpm)
-        without = replace(data, levels_rpm=kept)
-        there = fit.weights * ~one.fold[:, None]
-        left_out = solved(fit.spec, without, fit.theta, there).left_out_um
-        for r in range(errors.shape[1]):
-            total = samples = 0.0
-            for begin, end in data.bounds:
-                if one.fold[begin]:
-                    count = np.where(fit.weights[begin:end, r] > 0, data.counts[begin:end, r], 0.0)
-                    own = left_out[begin:end, r]
-                    own = own - (own @ count) / max(count.sum(), 1.0)
-                    total, samples = total + float(count @ own**2), samples + float(count.sum())
-            errors[i, r] = np.sqrt(total / max(samples, 1.0))
-    return errors
-
-
 def with_law(fit: Fit, data: ModeData, law_kind: Law) -> Fit:
     """The fit with another law, searched from its time constants and film."""
     modes, old = fit.spec.n_modes, fit.spec
@@ -279,8 +224,9 @@ class ModalFit:
     tau_high_s: Vector
     #: (n_responses,): Root mean square of the block residuals [µm], each block counting as its samples
     residual_um: Vector
-    #: (n_responses,): The same on what was left out: speeds where runs at others remain, else stretches of time
+    #: (n_responses,): The same on what was left out: tests from cold where others remain, else stretches of time
     heldout_um: Vector | None
+    left_out: LeftOutTests | None  #: Whole tests that were left out; None: there are none that others can predict
     warm: tuple[str, ...]  #: Runs that do not begin at rest and cold
     findings: tuple[Finding, ...]  #: What a user should know
 
@@ -486,15 +432,15 @@ def _finished(
 ) -> ModalFit:
     order = np.argsort(fit.tau_s)
     low, high = (bound[order] for bound in tau_intervals(fit, data))
-    folds = speed_folds(data)
-    errors = law_errors(fit, data, folds) if folds else _scores(fit, data)
-    heldout = np.sqrt(np.mean(errors**2, axis=0))
+    left_out = left_out_tests(fit, data)
+    heldout = np.sqrt(np.mean(_scores(fit, data) ** 2, axis=0)) if left_out is None else left_out.rmse_um
     return ModalFit(
         model=fit.model(data, responses),
         tau_low_s=low,
         tau_high_s=high,
         residual_um=np.sqrt(_mean_square(fit, data)),
         heldout_um=heldout,
+        left_out=left_out,
         warm=tuple(tests[run].run for run in fit.spec.free_starts),
         findings=tuple(choice_findings(tests, data, fit, tried, low, high, heldout, responses)),
     )

@@ -242,9 +242,14 @@ class DrivenModel:
         return np.asarray(np.sqrt(squares))
 
     @property
+    def judged(self) -> int:
+        """Tests that were left out and predicted by the others."""
+        return int(np.isfinite(self.unseen.error_um).any(axis=1).sum())
+
+    @property
     def claim_factor(self) -> float:
         """Within what factor the claimed error is known, 19 times in 20."""
-        return claim_factor(int(np.isfinite(self.unseen.error_um).any(axis=1).sum()))
+        return claim_factor(self.judged)
 
     def course_of(self, part: Part, time_s: Vector) -> Vector:
         """What the modes make of a test [µm] at times [s] of its run, (n_times, n_responses); its zero is unknown."""

@@ -74,7 +74,19 @@ def expected_rows(fit: Fit, width: int) -> Vector:
 
 
 def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> Vector:
-    """Root mean square error [µm] of every fold and response, shape (n_folds, n_responses).
+    """Root mean square error [µm] of every fold and response, shape (n_folds, n_responses)."""
+    out = np.full((len(folds), fit.weights.shape[1]), np.nan)
+    for number, errors in enumerate(held_out_blocks(fit, data, folds, own_zeros=own_zeros)):
+        for r, error in enumerate(errors.T):
+            keep = np.isfinite(error)
+            if keep.any():
+                samples = data.counts[keep, r]
+                out[number, r] = np.sqrt((samples * error[keep] ** 2).sum() / samples.sum())
+    return out
+
+
+def held_out_blocks(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: bool) -> list[Vector]:
+    """Error [µm] of every block that is left out, a fold each (n_blocks, n_responses); NaN where nothing is.
 
     For a linear fit with orthonormal columns Q, the error on the rows f when they are left out is
     r_f + Q_f (I − Q_fᵀ Q_f)⁻¹ Q_fᵀ r_f, exactly; a fit of modes is nearly linear around its optimum.
@@ -86,22 +98,17 @@ def held_out_um(fit: Fit, data: ModeData, folds: Sequence[Rows], *, own_zeros: b
     q = np.linalg.qr(np.vstack([rows / size, 1e-7 * np.eye(rows.shape[1])]))[0]
     n_blocks, n_responses = fit.weights.shape
     residual = fit.solution.residual.T.ravel()
-    out = np.full((len(folds), n_responses), np.nan)
-    for number, fold in enumerate(folds):
+    found = []
+    for fold in folds:
         part = np.tile(fold, n_responses) & (fit.weights.T.ravel() > 0)
         mine = q[: len(residual)][part]
         value, vector = np.linalg.eigh(np.eye(q.shape[1]) - mine.T @ mine)
         push = vector @ ((vector.T @ (mine.T @ residual[part])) / np.maximum(value, FIRMEST))
         error = np.zeros(len(residual))
         error[part] = residual[part] + mine @ push
-        for r in range(n_responses):
-            w = fit.weights[:, r]
-            keep = fold & (w > 0)
-            if keep.any():
-                e = error[r * n_blocks : (r + 1) * n_blocks][keep] / w[keep]
-                samples = data.counts[keep, r]
-                out[number, r] = np.sqrt((samples * e**2).sum() / samples.sum())
-    return out
+        weights = np.where(fold[:, None] & (fit.weights > 0), fit.weights, np.nan)
+        found.append(error.reshape(n_responses, n_blocks).T / weights)
+    return found
 
 
 def time_folds(data: ModeData, n_folds: int = 5, n_pieces: int = 4) -> list[Rows]:

@@ -62,5 +62,6 @@ class Answer:
     #: Times → standard deviations of the error (n_times, n_responses) [µm]; None: what was left out says all
     error_um: Callable[[Vector], Vector] | None = None
     left_out_um: Mapping[str, Vector] = field(default_factory=dict)
+    judged: int = 0  #: Tests that were left out as a whole and predicted by the others
     start: Start = "cold"
     ambients: tuple[str, ...] = ()  #: Temperatures around the machine that drive it

@@ -13,7 +13,6 @@ from selector.physics.thermal.prediction.answer import Answer, Asked, Start, mod
 from selector.physics.thermal.prediction.tests_judged import RepeatedTest, fitted_um, longer_than_tests, samples
 from selector.types import Vector
 
-PROMISED_FACTOR = 1.5  #: A claimed error that is known better than to this factor is told without a doubt.
 WORTH_TELLING = 0.3  #: Share of the claimed error from which on a difference is worth a warning.
 
 
@@ -38,6 +37,7 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
         left_out_um={
             name: errors for name, errors in zip(names, model.unseen.error_um, strict=True) if np.isfinite(errors).any()
         },
+        judged=model.judged,
         start=start,
         ambients=model.ambients,
     )
@@ -122,25 +122,10 @@ def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start:
             "others in the same record.",
         )
         return
-    yield from _of_gain(ask, _rms(course), _rms(claims), model.claim_factor)
-    judged = int(np.isfinite(model.unseen.error_um).any(axis=1).sum())
-    yield from few_tests(ask, _rms(claims), judged, model.claim_factor)
+    yield from gain_findings(ask, _rms(course), _rms(claims), model.claim_factor)
 
 
-def few_tests(ask: Asked, claimed_um: Vector, judged: int, factor: float) -> Iterator[Finding]:
-    """A finding if a claimed error is not known well, by how many tests were left out."""
-    if factor > PROMISED_FACTOR:
-        spans = [f"{name} {one / factor:.2g} to {one * factor:.2g} {unit}"
-                 for name, one, unit in zip(ask.responses, claimed_um, ask.units, strict=True)]  # fmt: skip
-        yield FINDINGS.finding(
-            "few-tests",
-            f"The claimed error rests on {judged} test{'s' * (judged > 1)} left out and predicted by the others; it is "
-            f"known to a factor of {factor:.2g}: {', '.join(spans)} (root mean square, 19 times in 20).",
-            evidence={"tests": judged, "factor": factor, "claimed_um": claimed_um.tolist()},
-        )
-
-
-def _of_gain(ask: Asked, moves: Vector, claims: Vector, factor: float) -> Iterator[Finding]:
+def gain_findings(ask: Asked, moves: Vector, claims: Vector, factor: float) -> Iterator[Finding]:
     """Of responses whose error may be as large as what they are predicted to move."""
     for name, unit, moved, claimed in zip(ask.responses, ask.units, moves, claims, strict=True):
         if claimed * factor >= moved:

@@ -11,6 +11,9 @@ from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
 from selector.physics.thermal.finding_table import FINDINGS, ONE_TESTED_SPEED
 from selector.physics.thermal.modes.cyclogram import AmbientCourse, Cyclogram, cyclogram_kind
+from selector.physics.thermal.modes.driven_model import claim_factor
+from selector.physics.thermal.modes.left_out_tests import LeftOutTests
+from selector.physics.thermal.modes.modes import ModalModel
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.answer import Answer, Asked, Mode, Start, modes_of
 from selector.physics.thermal.prediction.characteristics import characteristics
@@ -23,7 +26,7 @@ from selector.physics.thermal.prediction.correction_program import (
     correction_program,
     notation,
 )
-from selector.physics.thermal.prediction.driven import driven_answer, few_tests
+from selector.physics.thermal.prediction.driven import driven_answer, gain_findings
 from selector.physics.thermal.prediction.observer import DayReadings, Observed, observed
 from selector.physics.thermal.prediction.piecewise import piecewise_displacement_um
 from selector.physics.thermal.prediction.tests_judged import (
@@ -78,6 +81,8 @@ class Prediction:
     warm_up: BestWarmUp | None = None  #: The warm-up that leaves the fewest corrections, if it was asked for
     order: BestOrder | None = None  #: The order of operations that needs the fewest corrections, if it was asked for
     observed: Observed | None = None  #: What readings of the day make of it, if there were some
+    #: Within what factor the claimed error is known, 19 times in 20; None where no whole test was left out
+    claim_factor: float | None = None
 
     def unit(self, response: str) -> str:
         """µm, or K for a temperature."""
@@ -112,6 +117,7 @@ class Prediction:
                 }
                 for r, name in enumerate(self.responses)
             },
+            "claim_factor": self.claim_factor,
             "left_out": {
                 test: {name: _at(errors, r) for r, name in enumerate(self.responses)}
                 for test, errors in self.left_out_um.items()
@@ -223,6 +229,8 @@ def predict(
     findings += _halls_not_used(ask, answer)
     time = _times(partial(answer.course, cyclogram), cyclogram, operations_s)
     displacement = answer.course(cyclogram, time)
+    claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
+    factor = claim_factor(answer.judged) if answer.judged else None
     programs: dict[str, CorrectionProgram] = {}
     order: BestOrder | None = None
     warm_up: BestWarmUp | None = None
@@ -239,10 +247,11 @@ def predict(
             order = best_order(answer.course, cyclogram, lengths, tolerances, resolution_s)
         if warm_up_s > 0:
             warm_up = best_warm_up(answer.course, cyclogram, lengths, tolerances, resolution_s, warm_up_s)
-        claims = answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time)
         named = tolerance_um if isinstance(tolerance_um, Mapping) else dict.fromkeys(responses, tolerance_um)
         usual = [name for name in programs if named.get(name) is None]
         findings += _of_program(cyclogram, operations_s, usual, programs, responses, claims)
+        if claims is not None and factor is not None:
+            findings += _few_tests(responses, claims, answer.judged, factor, programs)
     elif resolution_s is not None:
         raise OptionError(
             "a resolution without a program", expected="--operations or --tolerance beside it", where="resolution",
@@ -262,19 +271,20 @@ def predict(
         answer.heldout_um,
         (*told, *findings),
         answer.repeats,
-        answer.heldout_um if answer.error_um is None else _rms(answer.error_um(time), time),
+        claims,
         answer.left_out_um,
         answer.start,
         tuple(temperatures),
         warm_up,
         order,
         seen,
+        factor,
     )
 
 
 def _modal(ask: Asked) -> Answer:
     """By modes that the hall drives too, or that run on through a long record; else by those of cold tests."""
-    from selector.physics.thermal.modes.driven_model import claim_factor, driven_model
+    from selector.physics.thermal.modes.driven_model import driven_model
 
     driven = driven_model(ask.tests, ask.responses, whatever=ask.start == "tests")
     if driven is not None:
@@ -290,16 +300,27 @@ def _modal(ask: Asked) -> Answer:
         *longer_than_tests(ask.tests, cycle),
         *contradiction_findings(ask.tests, repeats, ask.responses),
     ]
-    if fit.heldout_um is not None:
-        findings += few_tests(ask, fit.heldout_um, len(ask.tests), claim_factor(len(ask.tests)))
+    left_out = fit.left_out
+    if left_out is not None:
+        time = np.linspace(0.0, cycle.end_s, 200)
+        moves = _rms(fit.model.displacement_um(cycle, time), time)
+        findings += gain_findings(ask, moves, left_out.claimed_um(moves), claim_factor(len(left_out.runs)))
     return Answer(
         course=fit.model.displacement_um,
         findings=tuple(findings),
         modes=modes_of(fit.model.tau_s, fit.tau_low_s, fit.tau_high_s),
         residual_um=fit.residual_um,
         heldout_um=fit.heldout_um,
+        error_um=None if left_out is None else partial(_expected_um, left_out, fit.model, cycle),
+        judged=0 if left_out is None else len(left_out.runs),
         repeats=repeats,
     )
+
+
+def _expected_um(left_out: LeftOutTests, model: ModalModel, cycle: Cyclogram, time_s: Vector) -> Vector:
+    """The error that left-out tests let expect in a duty cycle, the same all over it; (n_times, n_responses) [µm]."""
+    course = model.displacement_um(cycle, time_s)
+    return np.broadcast_to(left_out.claimed_um(_rms(course, time_s)), course.shape)
 
 
 def _piecewise(ask: Asked) -> Answer:
@@ -478,6 +499,23 @@ def _of_program(
             "record one run like the duty cycle and compare" + ("" if error else "; try --method modal as well"),
             level="warning" if error is None or error > LARGE_ERROR * program.tolerance_um else "info",
         )  # fmt: skip
+
+
+def _few_tests(
+    responses: Sequence[str], claims: Vector, judged: int, factor: float, programs: Mapping[str, CorrectionProgram]
+) -> Iterator[Finding]:
+    """Of tolerances that are kept by the claimed error and not by what it may be: there more tests would decide."""
+    for name, program in programs.items():
+        claimed = float(claims[responses.index(name)])
+        if claimed <= program.tolerance_um < claimed * factor:
+            yield FINDINGS.finding(
+                "few-tests",
+                f"{name}: an error of {claimed:.2g} µm is claimed, within the tolerance of {program.tolerance_um:.3g} "
+                f"µm. {judged} test{'s' * (judged > 1)} left out and predicted by the others tell it to a factor of "
+                f"{factor:.2g}: it may be up to {claimed * factor:.2g} µm (root mean square, 19 times in 20).",
+                Where(channel=name),
+                {"tests": judged, "factor": factor, "claimed_um": claimed, "tolerance_um": program.tolerance_um},
+            )
 
 
 def _at(values: Vector | None, r: int) -> float | None:
