@@ -11,6 +11,8 @@ from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference
 
 _ALIKE = 1.0 - 2e-4  #: Correlation of block means from which two channels are compared sample by sample.
+_ROUND_OFF = 1e-10  #: Of a squared correlation.
+MOST_PAIRS = 20_000  #: So many pairs of channels are compared sample by sample.
 _LEAST = {"degC": 0.6, "um": 4.0}  #: A mismatch below this does not prove a swap [K, µm].
 #: By so much the mismatches of both, or of one, exceed what is usual and what is left when the two change places.
 _TIMES, _TIMES_ALONE = 2.5, 5.0
@@ -21,14 +23,26 @@ _REFERENCES = 10
 def duplicates(survey: Survey, relations: Relations) -> Iterator[Finding]:
     """Findings ``duplicate-channel``: two channels that are the same numbers, or one a scaled copy of the other.
 
-    O(channels² · blocks) to find the pairs, then O(samples) for each pair.
+    O(channels² · samples) to find the pairs, then O(samples) for each pair.
     """
     alike = np.zeros((len(relations.columns), len(relations.columns)), dtype=np.bool_)
     for r in range(len(relations.runs)):
         movement = relations.movement(r)
         size = np.sqrt(np.maximum((movement * movement).sum(axis=1), 1e-300))
         alike |= np.abs(movement @ movement.T) / np.outer(size, size) > _ALIKE
-    for i, j in np.argwhere(np.triu(alike, 1)).tolist():
+    differs = _differing(survey, relations)
+    pairs = np.argwhere(np.triu(alike & np.isfinite(differs), 1))
+    if len(pairs) > MOST_PAIRS:
+        yield FINDINGS.finding(
+            "copies-not-looked-for",
+            f"{len(pairs)} pairs of channels move alike; whether one is a copy of the other was looked at in the "
+            f"{MOST_PAIRS} that resemble each other most.",
+            None,
+            {"pairs": len(pairs), "compared": MOST_PAIRS},
+        )
+        nearest = np.argpartition(differs[pairs[:, 0], pairs[:, 1]], MOST_PAIRS)[:MOST_PAIRS]
+        pairs = pairs[np.sort(nearest)]
+    for i, j in pairs.tolist():
         if _kind(relations, i) != _kind(relations, j):
             continue
         both = np.flatnonzero(relations.present[i] & relations.present[j])
@@ -250,6 +264,30 @@ def _copy(survey: Survey, run: str, i: int, j: int) -> tuple[float, float] | Non
     if abs(moves) < 0.9:
         return None
     return gain, offset
+
+
+def _differing(survey: Survey, relations: Relations) -> Floats:
+    """1 − squared correlation of pairs that may be copies in some run, else infinite; (n_columns, n_columns).
+
+    What a copy leaves beside gain · x + offset is within the rounding of both, so its root mean square is, too.
+    Channels with missing samples may be anything.
+    """
+    found = np.full((len(relations.columns), len(relations.columns)), np.inf)
+    for run in relations.runs:
+        values = survey.values[run][relations.columns]
+        is_whole = np.isfinite(values).all(axis=1)
+        moved = np.where(is_whole[:, None], values - values.mean(axis=1, keepdims=True), 0.0)
+        size = np.sqrt((moved * moved).sum(axis=1))
+        differs = 1.0 - (moved @ moved.T / np.maximum(np.outer(size, size), 1e-300)) ** 2
+        spread = np.maximum(size / np.sqrt(values.shape[1]), 1e-300)
+        quantum = np.array([survey.scale(run, column).quantum for column in relations.columns])
+        rounding = np.maximum.outer(quantum / spread, quantum / spread)
+        ends = np.where(is_whole, np.abs(np.nan_to_num(values)).max(axis=1) / spread, 0.0)
+        left = 0.51 * rounding + 1e-9 * np.maximum.outer(ends, ends)
+        differs[differs > left**2 + _ROUND_OFF] = np.inf
+        differs[~np.logical_and.outer(is_whole, is_whole)] = 0.0
+        found = np.minimum(found, differs)
+    return found
 
 
 def _kind(relations: Relations, i: int) -> bool:

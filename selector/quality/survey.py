@@ -76,10 +76,13 @@ class Survey:
         # channels as rows: every check walks along time
         self.values = {run: np.array(recording.values(run, recording.names).T, order="C") for run in self.runs}
         self._scales: dict[tuple[str, int], Scale] = {}
+        self._columns: dict[tuple[str, ...], list[int]] = {}
 
     def columns(self, *roles: str) -> list[int]:
         """Positions of the channels that have one of these roles."""
-        return [i for i, channel in enumerate(self.channels) if channel.role in roles]
+        if roles not in self._columns:
+            self._columns[roles] = [i for i, channel in enumerate(self.channels) if channel.role in roles]
+        return list(self._columns[roles])
 
     def series(self, run: str, column: int) -> Series:
         """One channel in one run without its missing samples."""

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from selector.quality import identity
 from selector.quality import siblings as relations_module
 from selector.quality.identity import swapped
 from selector.quality.siblings import Relations
@@ -72,3 +73,46 @@ def test_a_swap_is_found_in_the_run_it_is_in(runs: int) -> None:
         ("T1", "r2", "leave-out-channel"),
         ("T4", "r2", "leave-out-channel"),
     ]
+
+
+def _alike(sensors: int) -> Recording:
+    """Sensors that all warm up alike for twenty samples, apart by noise; the last one is a copy of the first."""
+    rng = np.random.default_rng(6)
+    names = [f"T{k}" for k in range(sensors)]
+    warming = np.linspace(0.0, 5.0, 20)[:, None] * rng.uniform(0.9, 1.1, sensors) + rng.normal(0, 0.02, (20, sensors))
+    warming[:, -1] = warming[:, 0]
+    table = pd.DataFrame(20 + np.round(warming, 3), np.arange(20) * 60.0, names)
+    return Recording.from_runs({"r1": table}, [Channel(name, "temperature", "degC") for name in names])
+
+
+def test_among_very_many_alike_the_nearest_are_compared_and_the_rest_is_told(monkeypatch):
+    compared = []
+    copy = identity._copy
+    monkeypatch.setattr(identity, "_copy", lambda *of: compared.append(of[2:]) or copy(*of))
+    recording = _alike(60)
+    monkeypatch.setattr(identity, "MOST_PAIRS", 10)
+    found = list(identity.duplicates(Survey(recording), Relations(Survey(recording))))
+    assert len(compared) == 10
+    (told,) = [one for one in found if one.id == "copies-not-looked-for"]
+    assert told.evidence["compared"] == 10
+    assert told.evidence["pairs"] > 1000
+    assert [(one.where.channel, one.evidence["other"]) for one in found if one.id == "duplicate-channel"] == [
+        ("T59", "T0")
+    ]
+
+
+def test_only_pairs_that_may_be_copies_are_compared(monkeypatch):
+    compared = []
+    copy = identity._copy
+    monkeypatch.setattr(identity, "_copy", lambda *of: compared.append(of[2:]) or copy(*of))
+    rng = np.random.default_rng(7)
+    # 200 samples apart by noise of twenty times the resolution: alike in their block means, and no copies
+    shape = np.cumsum(np.ones(400))[:, None] * 0.05
+    values = np.round(20 + shape + rng.normal(0, 0.02, (400, 30)), 3)
+    values[:, 29] = np.round(2.0 * values[:, 3] + 1.0, 3)
+    names = [f"T{k}" for k in range(30)]
+    table = pd.DataFrame(values, np.arange(400) * 60.0, names)
+    recording = Recording.from_runs({"r1": table}, [Channel(name, "temperature", "degC") for name in names])
+    found = list(identity.duplicates(Survey(recording), Relations(Survey(recording))))
+    assert [(one.where.channel, one.evidence["other"]) for one in found] == [("T29", "T3")]
+    assert len(compared) < 10  # of 435 pairs
