@@ -1,12 +1,20 @@
 """A text file that somebody names: opened only if it is one, read only as far as it may be long; TOML to write."""
 
 import json
+import os
 import re
+import shlex
+import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from selector.errors import InputError
+
+
+def shell_word(text: str) -> str:
+    """A word of a command as a person types it in the shell of this system: quoted where it has blanks."""
+    return subprocess.list2cmdline([text]) if os.name == "nt" else shlex.quote(text)
 
 
 def bytes_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -> bytes:

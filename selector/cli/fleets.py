@@ -153,7 +153,12 @@ def sisters(
         write_model(model, out)
         showing.show_written(showing.screen(as_json), out)
     elif out is not None:
-        showing.screen(as_json).print(f"{out} was not written: there is no model", markup=False)
+        told = f"{out} was not written: there is no model"
+        if out.is_file():
+            older = out.with_name(f"{out.name}.old")
+            out.replace(older)
+            told += f"; the older one that lay there is {older.name} now"
+        showing.screen(as_json).print(told, markup=False)
 
 
 def _show(account: Account, *, as_json: bool) -> None:

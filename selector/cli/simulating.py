@@ -26,6 +26,7 @@ from selector.cli.shared.simulation_files import (
 from selector.cli.shared.source import MachineFile
 from selector.errors import CancelledError
 from selector.physics.simulation_kind import DutyCycle, Option, RunSettings, SimulationKind
+from selector.text_file import shell_word
 
 if TYPE_CHECKING:
     from selector.findings import Finding
@@ -149,4 +150,4 @@ def _show(account: Account, summary: Mapping[str, Any], everything: bool) -> Non
     console.print(f"wrote {written}, and {machine_file}", markup=False, soft_wrap=True)
     if summary["report"] is not None:
         console.print(f"wrote {summary['report']}", markup=False, soft_wrap=True)
-    console.print(f"read it with --machine {machine_file}", markup=False, soft_wrap=True)
+    console.print(f"read it with --machine {shell_word(str(machine_file))}", markup=False, soft_wrap=True)

@@ -275,7 +275,7 @@ def _differing(survey: Survey, relations: Relations) -> Floats:
     found = np.full((len(relations.columns), len(relations.columns)), np.inf)
     for run in relations.runs:
         values = survey.values[run][relations.columns]
-        is_whole = np.isfinite(values).all(axis=1)
+        is_whole = np.asarray(np.isfinite(values).all(axis=1))
         moved = np.where(is_whole[:, None], values - values.mean(axis=1, keepdims=True), 0.0)
         size = np.sqrt((moved * moved).sum(axis=1))
         differs = 1.0 - (moved @ moved.T / np.maximum(np.outer(size, size), 1e-300)) ** 2

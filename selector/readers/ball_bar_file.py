@@ -20,7 +20,7 @@ from selector.readers.roles.names import folded_name, name_and_unit, printable_n
 from selector.readers.strict_text import refused
 from selector.readers.tables import Column, Overrides, Table
 from selector.readers.text.encodings import decoded
-from selector.types import Indices, Vector
+from selector.types import Indices, Mask, Vector
 from selector.units import convert, parse_unit, same_dimension
 
 Way = Literal[1, -1]
@@ -168,11 +168,20 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             "one with the angle of the bar and one with its deviation or length, or one of each direction (ccw, cw)",
             where, "name them e.g. angle_deg and deviation_um, or angle_deg, ccw_um and cw_um",
         )  # fmt: skip
+    if axes is None:
+        said.findings.append(
+            FINDINGS.finding(
+                "ball-bar-axes-assumed",
+                f"Nothing says which axes {where} is of: X at 0° and Y at 90° were assumed.",
+                Where(file=where),
+            )
+        )
     angle = _angles(angles[0], where)
     feed_of = _numbers(feeds[0], ("mm/min", "mm/min"), said, where) if feeds else None
     for value, of_column in values:
         deviation = _deviation(value, radius_m, said, where)
         known = np.isfinite(angle) & np.isfinite(deviation)
+        said.findings += _left_out(known, where, value.header)
         pieces = [rows[known[rows]] for rows in _pieces(table, [*ways, *feeds])]
         if not ways and of_column is None and said.direction is None:
             pieces = [part for rows in pieces for part in _there_and_back(rows, angle)]
@@ -206,6 +215,22 @@ def _circles(table: Table, said: _Said, asked: CircleOptions) -> Iterator[ReadCi
             with told_of(place):
                 trace = BallBarTrace(turned, deviation[kept], way, feed, radius_m, axes or ("X", "Y"))
             yield ReadCircle(trace, table.file, (angles[0].header, value.header), way != rising)
+
+
+def _left_out(known: Mask, where: str, header: str) -> Iterator[Finding]:
+    """Samples that are no finite numbers, and which; a column that ends before the others is no matter."""
+    there = np.flatnonzero(known)
+    rows = np.flatnonzero(~known) + 1
+    rows = rows[(rows > there[0]) & (rows <= there[-1])] if len(there) else rows[:0]
+    if len(rows):
+        listed = ", ".join(map(str, rows[:5].tolist())) + (" …" if len(rows) > 5 else "")
+        yield FINDINGS.finding(
+            "ball-bar-samples-left-out",
+            f"{len(rows)} of {len(known)} samples of {header!r} in {where} have no finite angle or value and were left "
+            f"out: row{'s' * (len(rows) > 1)} {listed} of the table.",
+            Where(file=where, channel=header),
+            {"samples": len(rows), "of": len(known), "rows": rows[:100].tolist()},
+        )
 
 
 def _of_positions(

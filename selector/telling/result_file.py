@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from selector.controllers.strict_json import JSON_KINDS, json_path, parsed_json, shown
 from selector.errors import InputError, ModelFileError, ResultError
-from selector.text_file import text_of
+from selector.text_file import shell_word, text_of
 
 LARGEST_FILE_BYTES = 128_000_000
 MOST_VALUES = 5_000_000
@@ -50,7 +50,7 @@ def result_place(path: str | Path) -> Path:
         "a study without results" if study else "a folder without results",
         expected="a folder with one of " + ", ".join(NAMES),
         where=str(place),
-        advice=f"make them first: `selector select --study {place} --out {place}`"
+        advice="make them first: `selector select --study {0} --out {0}`".format(shell_word(str(place)))
         if study
         else "give a folder that `--out` of select, diagnose, predict or export wrote, or one of these files",
     )

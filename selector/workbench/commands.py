@@ -1,8 +1,5 @@
 """Which command line does the same as a page: words after ``selector``, and the text that a person copies."""
 
-import os
-import shlex
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -12,6 +9,7 @@ from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.selection import Options
 from selector.study import DiagnoseSection
+from selector.text_file import shell_word
 from selector.workbench.study_folder import CYCLE
 
 #: Folders of the answers in the study folder.
@@ -208,8 +206,7 @@ def taps_command(folder: Path, asked: Taps, files: Sequence[Path]) -> tuple[str,
 
 def command_words(command: Sequence[str]) -> list[str]:
     """The command as a person types it in the shell of this system, word by word, ``selector`` first."""
-    quoted = (lambda word: subprocess.list2cmdline([word])) if os.name == "nt" else shlex.quote
-    return [quoted(word) for word in ("selector", *command)]
+    return [shell_word(word) for word in ("selector", *command)]
 
 
 def command_text(command: Sequence[str]) -> str:

@@ -89,10 +89,15 @@ def test_machines_that_share_nothing_are_no_sisters(tmp_path, capsys):
         machine(tmp_path / f"m{number}", number)
     path = fleet_of(tmp_path, [f"m{number}" for number in range(6)], tmp_path)
     out = tmp_path / "model.json"
+    older = '{"schema": "selector.model/1"}'
+    out.write_text(older, encoding="utf-8")
     assert exit_status(["fleet", "sisters", str(path), "--machine", "m0", "--runs", "3", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "no model" in said
     assert not out.exists()
+    # what is no longer true is not lost, and said
+    assert (tmp_path / "model.json.old").read_text(encoding="utf-8") == older
+    assert "model.json.old" in said
 
 
 def test_a_machine_that_is_nothing_like_the_others_gets_no_model(plant, tmp_path):

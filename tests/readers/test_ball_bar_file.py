@@ -54,7 +54,8 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_gives_the_same_circles(tmp_path, form):
     read, findings = circles(tmp_path, FORMS[form], radius_m=0.1, feed_mm_per_min=1000.0)
-    assert not findings
+    assert [one.id for one in findings] == ["ball-bar-axes-assumed"]
+    assert not circles(tmp_path, FORMS[form], radius_m=0.1, feed_mm_per_min=1000.0, axes=("X", "Y"))[1]
     assert [one.trace.direction for one in read] == [1, -1]
     assert [one.is_reversed for one in read] == [False, form in ("side by side", "radians and mm")]
     for one in read:
@@ -89,9 +90,25 @@ def test_times_tell_the_feed(tmp_path):
 
 def test_a_missing_unit_is_told(tmp_path):
     _, findings = circles(
-        tmp_path, table(["angle,deviation"], [(a, oval(a, 1)) for a in ANGLE]), radius_m=0.1, feed_mm_per_min=1000.0
+        tmp_path,
+        table(["angle,deviation"], [(a, oval(a, 1)) for a in ANGLE]),
+        radius_m=0.1,
+        feed_mm_per_min=1000.0,
+        axes=("Z", "X"),
     )
     assert [(one.id, one.where.channel) for one in findings] == [("ball-bar-unit-assumed", "deviation")]
+
+
+def test_samples_that_are_no_numbers_are_left_out_and_told(tmp_path):
+    rows = [(a, oval(a, 1), oval(a, -1)) for a in ANGLE]
+    rows[10], rows[20], rows[30] = (rows[10][0], "NaN", 1.0), ("inf", 1.0, 1.0), (rows[30][0], "", rows[30][2])
+    # the second direction was recorded for a shorter time
+    rows[-3:] = [(a, ccw, "") for a, ccw, _ in rows[-3:]]
+    text = table(["angle_deg,ccw_um,cw_um"], rows)
+    read, findings = circles(tmp_path, text, radius_m=0.1, feed_mm_per_min=1000.0, axes=("X", "Y"))
+    assert len(read) == 2
+    told = {one.where.channel: one.evidence["rows"] for one in findings if one.id == "ball-bar-samples-left-out"}
+    assert told == {"ccw_um": [11, 21, 31], "cw_um": [21]}
 
 
 def test_a_planted_test_is_read_as_it_was_written(tmp_path):
