@@ -1,9 +1,11 @@
 """What an effect of the catalogue is: its physics, the shapes it can take in a residual, how a fit of it is read."""
 
+import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import wraps
-from typing import Literal
+from functools import cache, wraps
+from pathlib import Path
+from typing import Any, Literal
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shown_units import displayed
@@ -200,3 +202,15 @@ class Effect:
     def family(self) -> str:
         """The part of the id before the dot."""
         return self.id.partition(".")[0]
+
+
+def words_of(id_: str) -> dict[str, Any]:
+    """Id, title, physics and the other texts of a shipped effect, from ``words.toml`` in the folder of its family."""
+    family, _, name = id_.partition(".")
+    return {"id": id_, **_words(family)[name]}
+
+
+@cache
+def _words(family: str) -> dict[str, dict[str, Any]]:
+    told = tomllib.loads((Path(__file__).parent / family / "words.toml").read_text(encoding="utf-8"))
+    return {name: {**texts, "confounders": tuple(texts["confounders"])} for name, texts in told.items()}

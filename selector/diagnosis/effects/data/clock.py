@@ -6,7 +6,16 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
+from selector.diagnosis.effects.effect import (
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    equally_likely,
+    words_of,
+)
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
 from selector.types import Vector
@@ -152,24 +161,14 @@ def _tried_value(variant: Variant, name: str) -> float:
 
 
 EFFECT = Effect(
-    id="data.clock",
-    title="the clock of a channel",
-    physics="The time stamps of a channel are shifted, jump, or run at another rate than those of the others. What was "
-    "recorded is the true course at another time, so the difference follows the course's rate of change.",
-    reference="First-order expansion y(t − δ) = y(t) − δ·y'(t); δ constant, a step, or proportional to time",
+    **words_of("data.clock"),
     enters="measurement",
-    acts_at="the time base of a channel, in all runs, in one run, or from a moment on",
     parameters=(
         ShapeParameter("shift_s", "s", -np.inf, np.inf, "by how much the recorded channel is late"),
         ShapeParameter(
             "rate_error", "1", -0.2, 0.2, "by which part the recorded clock runs too slow (positive: too fast)"
         ),
     ),
-    needs="a simulated course that moves",
-    confounders=("drive.delay", "gauging.lag", "thermal.memory"),
-    refuted_by="Two channels of one logger that disagree in time, or a shift that changes with speed or temperature.",
-    experiment="Record one sharp event (spindle start, emergency stop, a knock) in all channels at the start "
-    "and the end of a run, and compare its time in each.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -15,7 +15,16 @@ from selector.diagnosis.effects.data._places import (
     step_unit,
     window,
 )
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, always
+from selector.diagnosis.effects.effect import (
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    always,
+    words_of,
+)
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 
 _STARTS = 12
@@ -56,13 +65,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.drift",
-    title="a sensor that drifts by itself",
-    physics="The reading of a sensor slowly runs away by itself: a loosening mount, an ageing bridge, moisture. The "
-    "difference grows with time, whatever the machine does.",
-    reference="ISO Guide 99:2007 (VIM) 4.21 (instrumental drift), taken as a ramp that begins at some moment",
+    **words_of("data.drift"),
     enters="measurement",
-    acts_at="a recorded channel, from a moment on to the end of the run",
     parameters=(
         ShapeParameter(
             "drift", "unit of the channel per hour", -np.inf, np.inf, "speed at which the reading runs away"
@@ -70,11 +74,6 @@ EFFECT = Effect(
         ShapeParameter("from_s", "s", 0.0, np.inf, "when it begins, from the start of the run"),
         ShapeParameter("bend", "1", 0.5, 2.0, "power of time: below 1 fast at first, above 1 faster and faster"),
     ),
-    needs="a run that is long against the noise's memory",
-    confounders=("thermal.memory", "thermal.ambient", "gauging.wear"),
-    refuted_by="The drift stops, or turns back, when speed, load or coolant change: then it is physics.",
-    experiment="Let the machine stand at constant temperature for as long as the run lasted, with the sensor against a "
-    "piece that carries no heat; swap the sensor for another one and repeat.",
     variants=_variants,
     testable=always,
     reading=or_of_input(_reading),

@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import everywhere, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.signals import excited
 
 #: Factors between units and habits, and what they would mean.
@@ -77,18 +77,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.gain",
-    title="the scale of a channel",
-    physics="A channel is recorded on a wrong scale: another unit or range of the amplifier, a wrong calibration. The "
-    "difference is a constant times the course itself.",
-    reference="ISO Guide 99:2007 (VIM) 4.31 (calibration curve), taken as a straight line",
+    **words_of("data.gain"),
     enters="measurement",
-    acts_at="a recorded channel, in all runs, in one, or from one run on",
     parameters=(ShapeParameter("gain", "1", -np.inf, np.inf, "recorded by true change of reading"),),
-    needs="a simulated course that moves; at least two fitted runs if one of them is to be found at fault",
-    confounders=("thermal.convection", "thermal.interaction", "drive.viscous"),
-    refuted_by="A reference (gauge block, ice water, shunt) that the channel reads rightly in the run in question.",
-    experiment="Let the channel read a reference at two points of its range before and after a run.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, amount, fitted_runs, later_parts, step_unit, window
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import leftover
 
@@ -59,21 +59,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.step",
-    title="a sensor that jumped",
-    physics="A sensor jumps to another level and stays there: it was knocked, slipped in its holder, or its amplifier "
-    "was switched. The difference is constant before and constant after.",
-    reference="Change in mean at an unknown moment: Hinkley, Biometrika 57 (1970) 1",
+    **words_of("data.step"),
     enters="measurement",
-    acts_at="a recorded channel, from a moment on to the end of the run",
     parameters=(
         ShapeParameter("step", "unit of the channel", -np.inf, np.inf, "by how much it jumps"),
         ShapeParameter("from_s", "s", 0.0, np.inf, "when, from the start of the run"),
     ),
-    needs="a run with some samples before and after",
-    confounders=("data.zero", "drive.backlash", "thermal.instant_speed"),
-    refuted_by="Other channels at the same place jump at the same moment, or a command changes then.",
-    experiment="Read a reference before and after the moment, or run the same programme with the sensor fastened anew.",
     variants=_variants,
     testable=_testable,
     reading=or_of_input(_reading),

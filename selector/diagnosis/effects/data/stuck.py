@@ -7,7 +7,7 @@ from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, step_unit, window
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.signals import of_a_drive
 from selector.quality.survey import block_noise
@@ -171,22 +171,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.stuck",
-    title="a frozen reading",
-    physics="A reading freezes while what it measures goes on: a lost connection that holds the last value, a jammed "
-    "probe. During the stretch the difference is the simulated course turned round.",
-    reference="Run lengths of equal readings against their chance, and against the movement of the simulation",
+    **words_of("data.stuck"),
     enters="measurement",
-    acts_at="a recorded channel, in a stretch of a run",
     parameters=(
         ShapeParameter("from_s", "s", 0.0, np.inf, "when it freezes, from the start of the run"),
         ShapeParameter("to_s", "s", 0.0, np.inf, "when it thaws"),
         ShapeParameter("reading", "unit of the channel", -np.inf, np.inf, "where it stands"),
     ),
-    needs="a stretch of equal readings that neither noise nor resolution explains",
-    confounders=("drive.coulomb", "drive.saturation", "drive.backlash"),
-    refuted_by="The readings change within the stretch, or it stands at the same level whenever a limit is met.",
-    experiment="Repeat the run with a second sensor beside this one.",
     variants=_variants,
     testable=_testable,
     reading=or_of_input(_reading),

@@ -5,7 +5,7 @@ from itertools import combinations
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import single_runs, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited
@@ -77,18 +77,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.swapped",
-    title="channels that changed places",
-    physics="Two plugs or two columns were exchanged. What is recorded under one name is the course of the other.",
-    reference="Definition: recorded less simulated is the simulated course of the other less that of this one",
+    **words_of("data.swapped"),
     enters="measurement",
-    acts_at="two channels of the same quantity, in all runs, in one, or from one run on; two temperatures that the "
-    "simulation reads",
     parameters=(ShapeParameter("share", "1", 0.7, 1.3, "how much of the other's course is found; 1 = all"),),
-    needs="a second recorded and simulated channel of the same quantity that moves otherwise",
-    confounders=("data.gain", "thermal.interaction"),
-    refuted_by="Only one of the two channels departs from its simulation.",
-    experiment="Warm, press or move one of the two sensors by hand and see which channel answers.",
     variants=_variants,
     testable=_testable,
     reading=or_of_input(_reading),

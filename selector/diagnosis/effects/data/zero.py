@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, everywhere, step_unit, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, always
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, always, words_of
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -30,18 +30,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="data.zero",
-    title="the zero of a channel",
-    physics="A channel has a constant offset: the gauge was not zeroed, or the sensor was mounted anew. The difference "
-    "is the same all through the runs concerned.",
-    reference="ISO Guide 99:2007 (VIM) 4.28 (zero error)",
+    **words_of("data.zero"),
     enters="measurement",
-    acts_at="a recorded channel, in all runs, in one, or from one run on",
     parameters=(ShapeParameter("zero", "unit of the channel", -np.inf, np.inf, "what is read where nothing is"),),
-    needs="at least two fitted runs; an offset of all runs is the simulation's own",
-    confounders=("data.step", "thermal.ambient", "drive.offset_force"),
-    refuted_by="A reading of the reference point that is right at the start of the run in question.",
-    experiment="Read the reference point (datum bore, gauge block, rest position) before and after every run.",
     variants=_variants,
     testable=always,
     reading=_reading,

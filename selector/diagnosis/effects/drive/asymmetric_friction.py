@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 
 _ALL = "friction that both directions differ by"
 _GROWING = "the same, growing with speed"
@@ -44,16 +44,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.asymmetric_friction",
-    title="friction that differs by direction",
-    physics="Preload, wear or a wiper make the friction of one direction larger than that of the other, by a constant "
-    "or in proportion to speed. What differs starts and stops with the motion; a constant that is there at rest as "
-    "well is a force, not friction.",
-    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; A. Janot, M. "
-    "Gautier, "
-    "M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks",
+    **words_of("drive.asymmetric_friction"),
     enters="force",
-    acts_at="guide, screw, bearings or motor of an axis",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", -1e5, 1e5, "half the difference"
@@ -62,14 +54,6 @@ EFFECT = Effect(
         ShapeParameter("direction", "1", -1.0, 1.0, "the one direction in which the friction is another"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis that goes both ways and stands in between, at "
-    "several speeds",
-    # with a free constant, friction of one direction is half a Coulomb force and half a constant
-    confounders=("drive.coulomb", "drive.viscous", "drive.offset_force", "data.zero"),
-    refuted_by="Strokes at the same speed in both directions whose forces, less the force at rest, are equal and "
-    "opposite.",
-    experiment="Move 50 mm to and fro at 5, 20 and 100 % of the rapid speed with 1 s dwells, and let the drive off and "
-    "on in one dwell: the mean of the forces there and back, less that at rest, is the asymmetry.",
     variants=_variants,
     testable=reverses,
     reading=_reading,

@@ -8,7 +8,7 @@ from numba import njit
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, motion_of, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts
 from selector.diagnosis.shapes.signals import scaled
@@ -124,15 +124,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.backlash",
-    title="backlash",
-    physics="Play between nut and screw, in a gear or coupling is crossed at each reversal before the table follows. "
-    "The position lags by half of it on either side, whatever speed and force, and stays there at standstill; the "
-    "current shows impulses.",
-    reference="ISO 230-2:2014, reversal error of an axis; M. Nordin, P.-O. Gutman (2002), Controlling mechanical "
-    "systems with backlash – a survey, Automatica 38(10), 1633–1649",
+    **words_of("drive.backlash"),
     enters="displacement",
-    acts_at="nut, gear, coupling or bearing of an axis",
     parameters=(
         ShapeParameter("lost_motion", "unit of the response", 0.0, 1e3, "whole play"),
         ShapeParameter("crossed_um", "um", 1.0, 1e6, "way on which it is crossed"),
@@ -140,13 +133,6 @@ EFFECT = Effect(
             "start", "1", -1.0, 1.0, "flank before the first motion: 1 that which touches first, -1 the other"
         ),
     ),
-    needs="displacement or position of an axis that goes both ways; the current shows little of it",
-    # dry friction over compliance is lost motion, too: what tells is whether the drive's force jumps with it
-    confounders=("drive.coulomb", "drive.elasticity", "drive.stribeck"),
-    refuted_by="A lost motion that grows with load, speed or acceleration, or a force that jumps at each reversal by "
-    "its amount.",
-    experiment="Approach ten places from both sides at 1 and 20 mm/s, with dwells of 1 s, with an empty and a loaded "
-    "table: the difference is the same everywhere and for every load.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

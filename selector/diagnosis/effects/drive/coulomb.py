@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 
 _PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
 
@@ -36,15 +36,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.coulomb",
-    title="Coulomb friction",
-    physics="Dry friction of guide, screw and seals acts against the motion with the same force at every speed. "
-    "Current or "
-    "force jumps at each reversal by twice its amount, and the axis is pushed aside until the control has put it back.",
-    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; "
-    "turn-over within the presliding distance: P. Dahl (1968), A solid friction model",
+    **words_of("drive.coulomb"),
     enters="force",
-    acts_at="guide, screw, bearings or motor of an axis",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"
@@ -52,14 +45,6 @@ EFFECT = Effect(
         ShapeParameter("presliding_um", "um", 1.0, 50.0, "way within which the friction turns over after a reversal"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis that goes both ways, and its command, position or "
-    "speed",
-    # at one speed and both ways, v and sign v are the same course
-    confounders=("drive.viscous", "drive.stribeck", "drive.asymmetric_friction", "drive.backlash", "drive.elasticity"),
-    refuted_by="Strokes at constant speed in both directions whose forces differ by nothing, or by what grows with "
-    "speed.",
-    experiment="Move 50 mm to and fro at 5, 20, 50 and 100 % of the rapid speed, three times each with 0.5 s dwells: "
-    "half the difference of the forces there and back is the same at all four speeds.",
     variants=_variants,
     testable=reverses,
     reading=_reading,

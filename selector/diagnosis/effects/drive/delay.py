@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.force_response import responds
 from selector.diagnosis.shapes.signals import rate
@@ -41,25 +41,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.delay",
-    title="dead time",
-    physics="Sampling, bus and filters make command, measurement or current late by a fraction of a cycle or a few. "
-    "The position "
-    "is off by speed times delay, or the force by its rate times delay, which the loop then has to make good.",
-    reference="K. J. Åström, B. Wittenmark (1997), Computer-controlled systems, 3rd edition (sampling as dead time)",
+    **words_of("drive.delay"),
     enters="measurement",
-    acts_at="command, encoder, bus, amplifier or recorder of an axis",
     parameters=(
         ShapeParameter("delay_ms", "ms", -20.0, 20.0, "dead time"),
         ShapeParameter("in", "1", 0.0, 1.0, "0 in command or measurement, 1 in the actuator"),
     ),
-    needs="position error, current or force of an axis at more than one speed",
-    # at one acceleration a delay is a mass, at one speed it is a lag, and one clock of the recording can be late too
-    confounders=("data.clock", "drive.mass", "drive.elasticity", "drive.viscous"),
-    refuted_by="Ramps and strokes at several speeds whose error does not grow with speed, or force whose rate does "
-    "not matter.",
-    experiment="Strokes of 50 mm at 10, 50 and 100 % of the rapid speed and a sine sweep from 1 to 100 Hz: phase grows "
-    "in proportion to frequency, and the error in proportion to speed.",
     variants=_variants,
     testable=responds,
     reading=_reading,

@@ -8,7 +8,7 @@ from scipy.signal import bilinear, lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, motion_of, of_forces, presliding_m
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, responds
 from selector.diagnosis.shapes.signals import by_run, rate
@@ -79,34 +79,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.elasticity",
-    title="wind-up",
-    physics="Screw, coupling, nut and bearings yield by the force that they carry, so that the table stays behind the "
-    "motor with friction and acceleration. Changes of acceleration make the table ring at the natural frequency "
-    "against the motor.",
-    reference="Yao, Zhang, time-varying characteristics of an NC feed system (equations 4 and 5: stiffness of screw, "
-    "nut and bearings in series); Y. Altintas et al. (2011), Machine tool feed drives, CIRP Annals 60(2), 779–796",
+    **words_of("drive.elasticity"),
     enters="state",
-    acts_at="screw, coupling, nut or bearings of an axis",
     parameters=(
         ShapeParameter("compliance", "unit of the response per force or acceleration", -1e3, 1e3, "yield per load"),
         ShapeParameter("frequency_hz", "Hz", 0.0, 1e3, "natural frequency; 0: only wind-up was seen"),
         ShapeParameter("damping_ratio", "1", 0.0, 1.0, "of the mode"),
     ),
-    needs="displacement or position of the table, or the force of the drive, of an axis that speeds up and slows down",
-    # in a displacement alone wind-up by inertia is mass, and wind-up by friction is lost motion
-    confounders=(
-        "drive.mass",
-        "drive.coulomb",
-        "drive.backlash",
-        "drive.varying_stiffness",
-        "drive.delay",
-        "vibration.mode",
-    ),
-    refuted_by="A table that stays where the motor is under a known push, or an error that is the same for every "
-    "acceleration.",
-    experiment="Push the standing table with 0, 200 and 500 N both ways with the drive on; then strokes of 50 mm with "
-    "20, 50 and 100 % of the largest acceleration, and a sine sweep from 5 to 200 Hz.",
     variants=_variants,
     testable=responds,
     reading=_reading,

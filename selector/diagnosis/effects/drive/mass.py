@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 
@@ -25,24 +25,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.mass",
-    title="inertia",
-    physics="Table, workpiece, screw and motor weigh more or less than the simulation has. Force or current differs in "
-    "proportion to acceleration, and at constant speed not at all.",
-    reference="A. Janot, M. Gautier, M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear "
-    "System Identification Benchmarks (inverse dynamic model)",
+    **words_of("drive.mass"),
     enters="force",
-    acts_at="table or motor of an axis",
     parameters=(
         ShapeParameter("mass_kg", "kg (A or V per m/s² where these are compared)", -1e5, 1e5, "what is missing"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis that speeds up and slows down",
-    # in a displacement the wind-up by inertia is the same course
-    confounders=("drive.elasticity", "drive.delay", "drive.saturation", "drive.varying_damping"),
-    refuted_by="Ramps of different acceleration whose force differs from the simulation by the same amount.",
-    experiment="Move 100 mm to and fro with 20, 50 and 100 % of the largest acceleration, at the same speed, with the "
-    "table empty and with a known weight on it.",
     variants=_variants,
     testable=responds,
     reading=_reading,

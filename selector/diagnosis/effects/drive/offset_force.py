@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, direct, force_key, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 from selector.diagnosis.shapes.signals import course, in_run
 from selector.types import Vector
@@ -51,26 +51,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.offset_force",
-    title="a constant force",
-    physics="Weight of a vertical axis, its counterbalance, a hose or a cable chain pull with the same force all the "
-    "time. Current or force is shifted by a constant at rest, in motion and in both directions.",
-    reference="A. Janot, M. Gautier, M. Brunot (2019), Data set and reference models of EMPS, Workshop on Nonlinear "
-    "System Identification Benchmarks (offset of the force)",
+    **words_of("drive.offset_force"),
     enters="force",
-    acts_at="table of an axis",
     parameters=(
         ShapeParameter("force_n", "N (A or V where these are compared)", -1e5, 1e5, "force in positive direction"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis; a constant of all runs may as well be the channel's "
-    "zero",
-    # a constant in one channel says nothing of its cause
-    confounders=("data.zero", "drive.asymmetric_friction", "drive.coulomb"),
-    refuted_by="A current that is zero while the axis is held by its brake or stands without the drive, and shifted "
-    "alike then.",
-    experiment="Hold the axis in position with the drive on for 5 s, then with the brake on and the drive off for 5 s, "
-    "at both ends and in the middle: what the current loses is the constant force.",
     variants=_variants,
     testable=responds,
     reading=_reading,

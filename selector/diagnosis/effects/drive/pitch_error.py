@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import centred_place, direct, leads, motion_of, place_only, waved
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shown_units import displayed
 
 
@@ -49,14 +49,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.pitch_error",
-    title="pitch error",
-    physics="The screw's lead, or the scale's pitch, is off by an amount that belongs to the place: cumulative, or "
-    "repeating with each turn. The position is off by it in both directions and at every speed, and the force is not.",
-    reference="ISO 230-2:2014, positioning deviation along the axis; ISO 3408-3, travel deviation and variation of "
-    "ball screws",
+    **words_of("drive.pitch_error"),
     enters="displacement",
-    acts_at="screw or scale of an axis",
     parameters=(
         ShapeParameter("lead_mm", "mm", 0.5, 1e3, "way after which it repeats"),
         ShapeParameter("amplitude", "unit of the response", 0.0, 1e3, "half of its swing"),
@@ -64,12 +58,6 @@ EFFECT = Effect(
         ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
         ShapeParameter("from_start", "1", 0.0, 1.0, "1: counted from where each run began"),
     ),
-    needs="displacement or position of an axis, with three turns of the lead at least",
-    # at one speed a ripple that has passed the loop is the same sine
-    confounders=("drive.ripple", "drive.varying_stiffness", "thermal.second_source", "vibration.line"),
-    refuted_by="The same places passed at another speed with another error, or one that shifts between directions.",
-    experiment="Measure the position error at rest every 1/8 lead over ten turns and every 50 mm over the whole way, "
-    "both directions, five times (ISO 230-2).",
     variants=_variants,
     testable=place_only,
     reading=_reading,

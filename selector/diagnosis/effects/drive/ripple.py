@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import force_key, leads, motion_of, of_forces, waved
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 
@@ -43,26 +43,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.ripple",
-    title="torque ripple",
-    physics="Cogging, commutation and errors of current measurement make a torque that repeats with the motor's angle. "
-    "The drive counters it in current or force, and what it does not counter moves the axis, more at the speeds that "
-    "the loop is weak at.",
-    reference="T. M. Jahns, W. L. Soong (1996), Pulsating torque minimization techniques for permanent magnet AC motor "
-    "drives – a review, IEEE Trans. Industrial Electronics 43(2), 321–330",
+    **words_of("drive.ripple"),
     enters="force",
-    acts_at="motor or screw of an axis",
     parameters=(
         ShapeParameter("lead_mm", "mm", 0.5, 1e3, "way after which it repeats"),
         ShapeParameter("force_n", "N (A or V where these are compared)", 0.0, 1e5, "amplitude"),
         ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
     ),
-    needs="current, force or position error of an axis over three periods at least, at more than one speed",
-    # in the position alone, and at one speed, both are the same sine
-    confounders=("drive.pitch_error", "vibration.line"),
-    refuted_by="A current without the period, or a period that keeps its frequency when the speed changes.",
-    experiment="Move 10 turns to and fro at 2, 5, 10, 20 and 50 turns per minute: the period stays the same along the "
-    "way, and the amplitude in the current, too.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, motion_of
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     SimulatedAxis,
@@ -115,22 +115,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.saturation",
-    title="a limit of force or speed",
-    physics="Current, voltage, torque or speed of the drive cannot exceed a limit. Where the simulation asks for more, "
-    "the record is flat, the axis falls behind, and the loop makes up for it afterwards.",
-    reference="K. J. Åström, T. Hägglund (2006), Advanced PID control, chapter 3 (limits and windup)",
+    **words_of("drive.saturation"),
     enters="limit",
-    acts_at="amplifier, motor or control of an axis",
     parameters=(
         ShapeParameter("limit", "A, N, V, m/s² or m/s", 0.0, 1e6, "where it is"),
         ShapeParameter("kind", "1", 0.0, 1.0, "0 of force, 1 of speed"),
     ),
-    needs="an axis whose simulated force or speed exceeds the limit for ten samples at least",
-    confounders=("drive.mass", "drive.delay", "data.stuck"),
-    refuted_by="A record that exceeds the limit without becoming flat.",
-    experiment="Strokes of 100 mm with 50, 70, 90 and 100 % of the largest acceleration and speed: the current stops "
-    "growing at one of them.",
     variants=_variants,
     testable=responds,
     reading=_reading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 
 _N_SPEEDS = 6
 _SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.12
@@ -56,14 +56,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.stribeck",
-    title="Stribeck friction",
-    physics="While the film of oil builds up, friction falls from its breakaway value to that of sliding, as "
-    "exp(−(|v|/v_s)^δ). It shows for a short while at each start and reversal, and all the time in slow strokes.",
-    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138; H. Olsson, "
-    "K. J. Åström, C. Canudas de Wit, M. Gäfvert, P. Lischinsky (1998), European Journal of Control 4(3), 176–195",
+    **words_of("drive.stribeck"),
     enters="force",
-    acts_at="guide, screw, bearings or motor of an axis",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "breakaway less sliding"
@@ -72,11 +66,6 @@ EFFECT = Effect(
         ShapeParameter("exponent", "1", 1.0, 2.0, "δ of the law"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis that goes both ways, with slow motion in it",
-    confounders=("drive.coulomb", "drive.viscous", "drive.backlash"),
-    refuted_by="Slow strokes whose friction is no larger than that of fast ones, less the viscous part.",
-    experiment="Move 20 mm to and fro at 0.2, 0.5, 1, 2, 5 and 20 mm/s, then at 100 mm/s: friction against speed falls "
-    "first and rises then.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, centred_place, is_force, motion_of, of_forces, stays
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 _WITH = ("position", "position to the second power", "acceleration")
@@ -37,25 +37,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.varying_damping",
-    title="damping that varies",
-    physics="Preload, lubrication and load of guide and nut change along the way and with acceleration, and the "
-    "friction per "
-    "speed with them. Force or current at constant speed drifts along the stroke, the opposite way on the way back.",
-    reference="Yao, Zhang, time-varying characteristics of an NC feed system (equation 6: damping from equal energy "
-    "per cycle)",
+    **words_of("drive.varying_damping"),
     enters="force",
-    acts_at="guide, nut or bearings of an axis",
     parameters=(
         ShapeParameter("change", "N*s/m (A or V for N)", -1e6, 1e6, "change of the coefficient over half the way"),
         ShapeParameter("law", "1", 0.0, 2.0, "0 with position, 1 with position and its square, 2 with acceleration"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis on long strokes",
-    confounders=("drive.viscous", "drive.varying_stiffness", "drive.pitch_error", "drive.mass"),
-    refuted_by="Strokes at one speed whose force is the same at every place.",
-    experiment="Move over the whole way to and fro at 20 and 100 % of the rapid speed, three times: the force at "
-    "constant speed against position, there and back.",
     variants=_variants,
     testable=lambda comparison, response: responds(comparison, response) or stays(comparison, response),
     reading=_reading,

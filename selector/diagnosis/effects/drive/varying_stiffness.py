@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import centred_place, direct, motion_of, place_only, presliding_m, stays
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 
 _INERTIA, _FRICTION = "inertia", "friction"
@@ -43,25 +43,14 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.varying_stiffness",
-    title="stiffness that varies",
-    physics="The part of the screw that carries the load grows with the distance of the nut from the fixed bearing, "
-    "and contacts stiffen with their load. The same force yields more at one place than at another.",
-    reference="Yao, Zhang, time-varying characteristics of an NC feed system (equations 4 and 5: torsion by length, "
-    "Hertz contacts by load)",
+    **words_of("drive.varying_stiffness"),
     enters="state",
-    acts_at="screw, nut or bearings of an axis",
     parameters=(
         ShapeParameter(
             "law", "1", 0.0, 3.0, "0 with position, 1 with position and its square, 2 with load, 3 with speed"
         ),
         ShapeParameter("load", "1", 0.0, 2.0, "which load: force of the drive if simulated, inertia, friction"),
     ),
-    needs="displacement or position of the table of an axis that is loaded at several places",
-    confounders=("drive.elasticity", "drive.varying_damping", "drive.pitch_error", "thermal.second_source"),
-    refuted_by="The same push that yields the same at both ends of the way.",
-    experiment="Short strokes of 5 mm with the largest acceleration, ten at each end and ten in the middle: the error "
-    "while it speeds up differs by place.",
     variants=_variants,
     testable=lambda comparison, response: place_only(comparison, response) or stays(comparison, response),
     reading=_reading,

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 _EXPONENTS = (1.0, 0.67, 1.5, 2.0)
@@ -39,24 +39,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="drive.viscous",
-    title="viscous friction",
-    physics="Oil sheared in guides, nut and bearings, and eddy currents in the motor, resist in proportion to speed or "
-    "a power of it. Current or force follows the speed, and in its changes the axis is pushed aside.",
-    reference="B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit (1994), Automatica 30(7), 1083–1138",
+    **words_of("drive.viscous"),
     enters="force",
-    acts_at="guide, screw, bearings or motor of an axis",
     parameters=(
         ShapeParameter("coefficient", "N*s/m (A or V for N)", -1e6, 1e6, "what is missing, per speed"),
         ShapeParameter("exponent", "1", 0.67, 2.0, "power of the speed"),
         YIELD,
     ),
-    needs="current, force, voltage or position error of an axis at two speeds at least",
-    # fitted at one speed, each of these is the other
-    confounders=("drive.coulomb", "drive.varying_damping", "drive.asymmetric_friction", "drive.elasticity"),
-    refuted_by="Constant-speed strokes whose forces are the same at all speeds.",
-    experiment="Move 100 mm to and fro at 5, 20, 50 and 100 % of the rapid speed: the force at constant speed grows "
-    "with it.",
     variants=_variants,
     testable=responds,
     reading=_reading,

@@ -12,7 +12,16 @@ from numba import njit
 from scipy.optimize import least_squares as nonlinear_least_squares
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, no_flow, time_constants
 from selector.types import Vector
@@ -374,14 +383,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="flow.overflow",
-    title="a store that spills at a level",
-    physics="A tank is full at a level; what flows in beyond is lost or falls past the next store. The level stays at "
-    "its ceiling while inflow goes on, and is lower than simulated for a time afterwards, in the store below too.",
-    reference="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark combining soft and hard nonlinearities, "
-    "2016",
+    **words_of("flow.overflow"),
     enters="limit",
-    acts_at="every store with a recorded level, and a store above it",
     parameters=(
         ShapeParameter("ceiling", "unit of the response", -1e12, 1e12, "level at which it spills"),
         ShapeParameter("upper_ceiling", "1", 0.0, 1e12, "level at which the store above spills, over its highest"),
@@ -389,11 +392,6 @@ EFFECT = Effect(
         ShapeParameter("tau_s", "s", 0.0, 1e9, "time after which the lost amount is no longer seen"),
         LARGEST,
     ),
-    needs="an inflow that fills the store to the brim",
-    confounders=("drive.saturation", "data.stuck", "data.gain"),
-    refuted_by="the recorded level exceeds the ceiling at any time, or no liquid leaves over the brim",
-    experiment="Hold the inflow at its highest until the level stands, then at its lowest until the store is empty; "
-    "twice.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

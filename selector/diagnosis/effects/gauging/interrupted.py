@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, lagged, no_gauging, part_by_part
@@ -100,22 +100,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="gauging.interrupted",
-    title="the interrupted surface under the gauge",
-    physics="Grooves and keyways let the probe drop, and its filter mixes their depth into the mean. While the surface "
-    "is interrupted the reading is off and ripples with the number of grooves per turn.",
-    reference="G (Trompet, Aleksandrov), interrupted surfaces; docs/explanation/finished-sizes.md",
+    **words_of("gauging.interrupted"),
     enters="measurement",
-    acts_at="the gauge's probe",
     parameters=(
         ShapeParameter("offset", "unit of the response", -1e6, 1e6, "shift of the reading while interrupted"),
         ShapeParameter("grooves", "1", 1.0, 12.0, "interruptions per turn"),
         ShapeParameter("tau_s", "s", 0.0, 1.0, "filter of the gauge"),
     ),
-    needs="a state that says when the surface is interrupted, or the reading in time with the speed of the workpiece",
-    confounders=("vibration.imbalance", "vibration.line", "data.step"),
-    refuted_by="a plain part of the same size gets the same reading",
-    experiment="Gauge a plain and a grooved part of known size at rest and turning.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,7 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.signals import course, excited, lagged, no_gauging, part_by_part, time_constants
 from selector.types import Vector
 
@@ -93,23 +102,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="gauging.lag",
-    title="the lag of the gauge",
-    physics="The smoothing filter, the relay and the stopping feed let the wheel go on for a time after the wanted "
-    "size was reached. The error of the size is that time times the infeed at the stop; a reading in time trails what "
-    "it measures.",
-    reference="G (Trompet, Aleksandrov) eq. 20 to 23: the mean reading is late by T_Φ",
+    **words_of("gauging.lag"),
     enters="measurement",
-    acts_at="the gauge between probe and relay",
     parameters=(
         ShapeParameter("tau_s", "s", 0.001, 10.0, "time constant of the filter, from a reading in time"),
         ShapeParameter("lag_s", "s", -10.0, 10.0, "lateness of the stop, from sizes and infeeds"),
         LARGEST,
     ),
-    needs="sizes at two infeeds at least, or the reading in time while it changes",
-    confounders=("data.clock", "gauging.wear", "drive.delay"),
-    refuted_by="parts finished at half the infeed have the same error of size",
-    experiment="Grind ten parts at each of three last infeeds, in random order.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

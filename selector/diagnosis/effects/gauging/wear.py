@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.shapes.signals import by_run, course, excited, no_gauging, part_by_part
 from selector.types import Vector
@@ -105,14 +105,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="gauging.wear",
-    title="wear of wheel or probe",
-    physics="The probe's tip loses length where it slides on the workpiece, the wheel loses radius with the stock that "
-    "it takes off. Sizes run away slowly with parts, contact time or stock, and jump back at a dressing or a new tip.",
-    reference="Archard, J. Appl. Phys. 24, 1953 (wear proportional to load and path); Malkin, Grinding "
-    "Technology, 1989 (G ratio)",
+    **words_of("gauging.wear"),
     enters="measurement",
-    acts_at="probe tip or grinding wheel",
     parameters=(
         ShapeParameter(
             "over_the_record", "unit of the response", -1e6, 1e6, "change of the size over the whole record"
@@ -120,10 +114,6 @@ EFFECT = Effect(
         ShapeParameter("power", "1", 1.0, 2.0, "power of parts, time or stock"),
         ShapeParameter("settles", "parts, s or um", 0.0, 1e9, "amount after which it has settled by two thirds"),
     ),
-    needs="sizes of many parts in order; the state of dressing or contact helps",
-    confounders=("data.drift", "gauging.lag", "thermal.memory"),
-    refuted_by="the sizes stay where they are after a new tip or a dressing, or run away while nothing is ground",
-    experiment="Measure a master part with the gauge before and after fifty parts, and dress in between once.",
     variants=_variants,
     testable=no_gauging,
     reading=_reading,

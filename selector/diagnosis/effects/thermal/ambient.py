@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
@@ -47,26 +47,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.ambient",
-    title="the hall temperature",
-    physics="Air and floor of the hall warm the structure through its film of air; thin parts follow within minutes, "
-    "column and bed within hours. The displacement follows the hall's rise with these delays, whether the "
-    "spindle turns or not.",
-    reference="Environmental temperature variation error: ISO 230-3 and ISO/TR 16015; a body in a film of air follows "
-    "as a lag of first order with τ = ρ·c·V/(h·A): Incropera, DeWitt, Fundamentals of Heat and Mass Transfer, lumped "
-    "capacitance method",
+    **words_of("thermal.ambient"),
     enters="heat flow",
-    acts_at="structure",
     parameters=(
         ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the structure behind the hall"),
         ShapeParameter("slow_tau_s", "s", 0.0, 86400.0, "delay of its slow part, if two are needed"),
         ShapeParameter("per_kelvin", "um/K", -200.0, 200.0, "displacement a kelvin of the hall once all has followed"),
     ),
-    needs="a recorded temperature of the hall that moves by some tenths of a kelvin",
-    confounders=("thermal.second_source", "thermal.memory", "data.drift"),
-    refuted_by="drift that stays when the hall is held constant, or none while the idle machine's hall moves",
-    experiment="Leave the machine idle with drives on for 24 h in the changing hall (open the gate for 2 h, close it "
-    "for 4 h) and record displacement and hall temperature: what moves then is the hall.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

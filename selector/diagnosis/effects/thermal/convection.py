@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     SpindleLaw,
@@ -75,24 +75,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.convection",
-    title="cooling that changes with speed or temperature",
-    physics="A turning spindle fans itself, and warm surfaces drive the air past them, so that the film coefficient "
-    "grows with speed and with the excess temperature. The machine then warms less and faster at high speed, "
-    "and cools more slowly at standstill, than with a constant film.",
-    reference="Rotating cylinder: Nu ∝ Re^(2/3); free convection: h ∝ ΔT^(1/4) (laminar): Incropera, DeWitt, "
-    "Fundamentals of Heat and Mass Transfer, chapters on external and free convection",
+    **words_of("thermal.convection"),
     enters="heat flow",
-    acts_at="surfaces of spindle and headstock",
     parameters=(
         ShapeParameter("growth", "1", 0.0, 10.0, "growth of the rate of cooling at full speed or largest warmth"),
         ShapeParameter("tau_s", "s", 60.0, 86400.0, "delay, where the simulation's own are not known"),
     ),
-    needs="heating at two speeds or more and cooling at standstill",
-    confounders=("thermal.speed_heating", "thermal.interaction", "thermal.memory"),
-    refuted_by="the same time constant of heating at every speed and of cooling at standstill",
-    experiment="Warm up at full speed for 3 h, then cool once at standstill and once at 10 % of that speed, 3 h each: "
-    "with convection by speed the turning spindle cools faster.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

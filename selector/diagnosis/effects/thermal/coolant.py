@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
 from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
@@ -89,21 +89,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.coolant",
-    title="the coolant",
-    physics="Coolant over a part raises its heat transfer from some 10 to some 1000 W/(m²·K) and draws it towards its "
-    "own temperature, but only while it runs. The response bends when it is switched on, the more the warmer "
-    "the part is, and comes back with the machine's own delay when it is switched off.",
-    reference="Newton's law of cooling with a film coefficient that is switched, q = h(t)·A·(T − T_c): Incropera, "
-    "DeWitt, Fundamentals of Heat and Mass Transfer, introduction to convection",
+    **words_of("thermal.coolant"),
     enters="heat flow",
-    acts_at="parts that coolant reaches: spindle nose, table, bed, tank",
     parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the coolant"),),
-    needs="state, flow or temperature of the coolant, with times on and off in the runs",
-    confounders=("thermal.second_source", "thermal.convection"),
-    refuted_by="no bend of the response within the machine's delay of switching the coolant at constant speed",
-    experiment="At 60 % of the highest speed until steady (4 h), switch the coolant on for 60 min and off for 60 min, "
-    "twice; then the same at standstill: what bends with the switch is the coolant.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
 from selector.diagnosis.shapes.heating import lacking, shown_unit, sources, speed_power, top_speed_rpm
 
@@ -37,24 +37,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.instant_speed",
-    title="a shift at once with the spindle speed",
-    physics="Centrifugal growth of rotor and inner rings, and the change of bearing contact angle and preload with "
-    "speed, shift the spindle as soon as it turns. The displacement steps with the speed and goes back when it "
-    "stops, before anything has warmed up.",
-    reference="Rotating ring: radial growth proportional to ρ·ω²·r³/E (Timoshenko, Goodier, Theory of Elasticity, "
-    "rotating disks); speed-induced axial shift of spindles recorded with the thermal drift: ISO 230-3",
+    **words_of("thermal.instant_speed"),
     enters="displacement",
-    acts_at="spindle nose",
     parameters=(
         ShapeParameter("speed_exponent", "1", 0.5, 2.0, "power of the speed; 2 for centrifugal growth"),
         ShapeParameter("at_top_speed", "um", -500.0, 500.0, "shift at the highest recorded speed"),
     ),
-    needs="a recorded spindle speed with changes, samples within a minute or so of them",
-    confounders=("thermal.speed_heating", "thermal.memory", "vibration.imbalance"),
-    refuted_by="no step within one sample of a change of speed, or a step that takes minutes to come",
-    experiment="On the warm machine run 0 – full speed – 0 – half speed – 0, 60 s each, three times, sampling every "
-    "second: heat cannot follow that quickly, the instant shift does.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

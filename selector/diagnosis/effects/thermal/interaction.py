@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, rise_parts, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
@@ -56,21 +56,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.interaction",
-    title="a response to one temperature that depends on another",
-    physics="Joints, preloads and clearances change with temperature, and with them how much one part's expansion "
-    "moves the tool. The response then has a product of two temperature rises in it, at once, besides the sum "
-    "that a linear model has.",
-    reference="Second-order term of the expansion δ(T1, T2) in a Taylor series; products of temperatures as "
-    "regressors: P, polynomial regression with cross terms",
+    **words_of("thermal.interaction"),
     enters="displacement",
-    acts_at="joints between parts of different temperature",
     parameters=(ShapeParameter("product", "um/K^2", -50.0, 50.0, "displacement a product of two rises"),),
-    needs="two temperatures that do not keep one ratio, or rises of different height",
-    confounders=("thermal.convection", "thermal.speed_heating", "thermal.memory"),
-    refuted_by="the same slope of displacement over one temperature at different levels of the other",
-    experiment="Warm one place alone (spindle at 60 % for 2 h), then the other alone, then both, each from the cold "
-    "machine: with an interaction the third displacement is not the sum of the first two.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
     lacking,
@@ -96,24 +96,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.memory",
-    title="memory of past heating",
-    physics="Heat travels from its source into parts that warm up later and for longer, so that one temperature goes "
-    "with different displacements according to what was run before. It shows as a lag of the heating, with a "
-    "time constant that the simulation does not have, most of all while the machine cools.",
-    reference="C: thermal modes, heating and cooling as Σ A_k·(1 − e^(−t/τ_k)) + Σ B_k·e^(−t/τ_k), and the "
-    "displacements that differ by more than 50 % at one temperature",
+    **words_of("thermal.memory"),
     enters="state",
-    acts_at="parts that heat reaches by conduction: column, headstock, bed",
     parameters=(
         ShapeParameter("tau_s", "s", 60.0, 86400.0, "time constant of the missing mode"),
         ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "time constant of a second one, if two are needed"),
     ),
-    needs="runs that heat and cool, or heat at changing speed, for longer than the time constant",
-    confounders=("thermal.speed_heating", "thermal.convection", "thermal.ambient"),
-    refuted_by="the same displacement at the same temperatures whatever was run before",
-    experiment="Heat at 60 % of the highest speed for 4 h, then let it cool for 6 h at standstill; then 30 min on, 15 "
-    "min off for 5 h: with memory, heating and cooling pass the same temperatures at different displacements.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import heats, lacking, rise_parts, says_other_source, sources
 from selector.diagnosis.shapes.signals import excited, time_constants
@@ -65,23 +65,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.second_source",
-    title="a second source of heat",
-    physics="Feed drives and ball screws, hydraulics, tanks, motors and cabinets heat the machine on their own "
-    "programme. The displacement follows their work with the delay of the path between, whatever the spindle does.",
-    reference="Internal and external heat sources of machine tools: J. Bryan, International status of thermal error "
-    "research, CIRP Annals 39 (1990) 645–656; heat of linear motion of axes: ISO 230-3",
+    **words_of("thermal.second_source"),
     enters="heat flow",
-    acts_at="feed drives, hydraulics, tank, motors",
     parameters=(
         ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the source"),
         ShapeParameter("slow_tau_s", "s", 0.0, 86400.0, "delay of its slow part, if two are needed"),
     ),
-    needs="a channel that shows the source's work: feed, current, state, or a temperature beside it",
-    confounders=("thermal.ambient", "thermal.coolant", "thermal.memory"),
-    refuted_by="no drift when the source works alone with the spindle at standstill",
-    experiment="With the spindle at standstill let the suspected source work alone (axis at rapid feed to and fro, "
-    "hydraulics on) for 2 h, then rest for 2 h: what drifts then is its heat.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

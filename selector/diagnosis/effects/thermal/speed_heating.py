@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     EXPONENTS,
@@ -94,26 +94,14 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="thermal.speed_heating",
-    title="heating by the spindle, or its law of speed",
-    physics="Bearings and seals heat with friction torque times speed, which grows with a power of the speed between "
-    "about 1 and 3. A simulation without it, or with another power, is right at one speed at most: the "
-    "mismatch comes with the delays of the machine and depends on the level of the speed.",
-    reference="Bearing friction torque M0 ∝ (ν·n)^(2/3)·d_m³ and M1 ∝ load (A. Palmgren, Ball and Roller Bearing "
-    "Engineering), so that the heat M·ω goes with n^(5/3) and n; Harris, Kotzalas, Rolling Bearing Analysis",
+    **words_of("thermal.speed_heating"),
     enters="heat flow",
-    acts_at="spindle bearings, spindle motor",
     parameters=(
         ShapeParameter("speed_exponent", "1", 0.5, 3.0, "power of the speed that the missing heat goes with"),
         ShapeParameter("from_speed", "rpm", 0.0, 60000.0, "speed above which it is more than the simulation has"),
         ShapeParameter("tau_s", "s", 60.0, 86400.0, "delay, where the simulation knows no spindle heat at all"),
         ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "delay of its slow part, if two are needed"),
     ),
-    needs="a recorded spindle speed at two levels or more",
-    confounders=("thermal.convection", "thermal.memory", "thermal.instant_speed"),
-    refuted_by="the same ratio of recorded to simulated rise at every speed, after the same time",
-    experiment="Run 25, 50, 75 and 100 % of the highest speed for 90 min each, with 3 h at standstill between: the "
-    "steady rise over speed shows the power.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

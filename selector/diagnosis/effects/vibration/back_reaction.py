@@ -5,7 +5,16 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     inertia_force,
@@ -132,24 +141,14 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.back_reaction",
-    title="a member that acts back on its predecessor",
-    physics="A chain that hands the force from member to member forgets that each member pulls on the one before it "
-    "with its own inertia. The predecessor's resonances shift and split, most where the successor itself resonates.",
-    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 3 (coupled masses, absorber); V eq. 3 to 7, which leave it "
-    "out",
+    **words_of("vibration.back_reaction"),
     enters="force",
-    acts_at="every member of a chain that has a successor",
     parameters=(
         LARGEST,
         ShapeParameter(
             "relative_shift", "1", -0.5, 0.5, "shift of the resonances, where only a response curve is known"
         ),
     ),
-    needs="the motion of two members, recorded quickly, or a response curve over frequency",
-    confounders=("vibration.mode",),
-    refuted_by="the predecessor's response does not change when the successor is clamped or taken off",
-    experiment="Excite the predecessor by a sweep twice: with the successor free and with it clamped.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -6,7 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     displacement_of,
@@ -121,22 +130,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.hardening",
-    title="stiffness that grows with amplitude",
-    physics="Contact, preload or large deflection add a restoring force that grows with the cube of the displacement. "
-    "Resonances move up with amplitude, tops are flattened, and odd harmonics of the excitation appear.",
-    reference="Nayfeh & Mook, Nonlinear Oscillations, 1979, ch. 4 (Duffing); Wigren & Schoukens, ECC 2013 (Silverbox)",
+    **words_of("vibration.hardening"),
     enters="force",
-    acts_at="the joint of the member whose motion is recorded, or between two members",
     parameters=(
         ShapeParameter("stiffening", "percent", 0.0, 1e4, "stiffness at the largest swing above that at rest"),
         ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", 0.0, 1e300, "k₃ in k₃·y³"),
         LARGEST,
     ),
-    needs="excitation at two amplitudes at least, near the resonance",
-    confounders=("vibration.hysteresis", "vibration.mode"),
-    refuted_by="the frequency response is the same at all amplitudes, or the resonance falls as the amplitude grows",
-    experiment="Repeat the same sweep through the resonance at a third, at once and at three times the force.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

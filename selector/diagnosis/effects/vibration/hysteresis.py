@@ -7,7 +7,16 @@ from functools import partial
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.linear_response import (
     Law,
     LinearResponse,
@@ -123,15 +132,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.hysteresis",
-    title="a restoring force with memory",
-    physics="Joints that stick and slip hold a force that depends on the motion since the last reversal, not on the "
-    "position alone. Loops of force over displacement open, damping depends on amplitude, and the stiffness falls "
-    "as joints slip.",
-    reference="Bouc 1967; Wen, J. Eng. Mech. Div. ASCE 102, 1976; Worden & Tomlinson, Nonlinearity in "
-    "Structural Dynamics, 2001",
+    **words_of("vibration.hysteresis"),
     enters="force",
-    acts_at="the joint of the member whose motion is recorded",
     parameters=(
         ShapeParameter(
             "slip", "unit of the motion", 0.0, 1e12, "displacement after a reversal until the element slips"
@@ -139,10 +141,6 @@ EFFECT = Effect(
         ShapeParameter("force", "unit of the input", 0.0, 1e300, "largest force of the element"),
         LARGEST,
     ),
-    needs="the motion within the cycle, at two amplitudes at least",
-    confounders=("vibration.hardening", "drive.coulomb"),
-    refuted_by="force over displacement is one curve, the same to and fro, at a frequency far below resonance",
-    experiment="Move slowly to and fro, far below the resonance, at three amplitudes, with the force recorded.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,7 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, equally_likely
+from selector.diagnosis.effects.effect import (
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    equally_likely,
+    words_of,
+)
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import course, no_vibration, swept_hz
@@ -177,23 +186,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.imbalance",
-    title="imbalance",
-    physics="An eccentric mass on the spindle turns a force m·e·ω² with it, run-out or a coupling a motion at 1, 2, … "
-    "times the speed. The line moves with the recorded speed, its force grows with the square, and at a resonance "
-    "it swings up.",
-    reference="ISO 21940-11:2016 (balance quality, U = m·e); Den Hartog, Mechanical Vibrations, 1956, ch. 2 and 6",
+    **words_of("vibration.imbalance"),
     enters="force",
-    acts_at="the spindle; seen in every response that is recorded quickly or step by step over speed",
     parameters=(
         ShapeParameter("order", "1", 0.5, 4.0, "cycles per turn of the spindle"),
         ShapeParameter("speed_power", "1", 0.0, 4.0, "power of the speed with which the line grows"),
         ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
     ),
-    needs="the spindle speed; to tell it from a fixed frequency, at least two speeds",
-    confounders=("vibration.line", "vibration.mode", "gauging.interrupted"),
-    refuted_by="the line stays at its frequency when the speed changes",
-    experiment="Run the spindle up slowly through its range, without cutting, and stay for 10 s at three speeds.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

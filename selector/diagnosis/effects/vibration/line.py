@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
 from selector.diagnosis.shapes.linear_response import resonances_of
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, swept_hz
@@ -82,22 +82,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.line",
-    title="a vibration at a fixed frequency",
-    physics="A source outside the simulated structure (pump, fan, mains hum, a neighbouring machine) "
-    "shakes it at a frequency "
-    "of its own. A sharp line stands in the spectrum at the same frequency in every run, whatever the spindle does.",
-    reference="Den Hartog, Mechanical Vibrations, 1956, ch. 2; V (Agafonov), external sources IK3 to IK5",
+    **words_of("vibration.line"),
     enters="force",
-    acts_at="any response that is recorded quickly, or step by step over frequency",
     parameters=(
         ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "frequency of the source"),
         ShapeParameter("amplitude", "unit of the response", 0.0, 1e12, "amplitude in the response"),
     ),
-    needs="a sample at least every 50 ms and 8 cycles of the line in every run",
-    confounders=("vibration.imbalance", "vibration.mode", "drive.ripple"),
-    refuted_by="the frequency moves when the spindle speed does, or the line is gone in a run with the source running",
-    experiment="Record for 10 s at two spindle speeds that differ by a fifth, and once with the spindle standing.",
     variants=_variants,
     testable=_testable,
     reading=_reading,

@@ -7,7 +7,16 @@ import numpy as np
 from scipy.optimize import minimize
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import LARGEST, Effect, Fitted, Quantity, Reading, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import (
+    LARGEST,
+    Effect,
+    Fitted,
+    Quantity,
+    Reading,
+    ShapeParameter,
+    Variant,
+    words_of,
+)
 from selector.diagnosis.shapes.linear_response import LinearResponse, inputs, resonances_of, resonator
 from selector.diagnosis.shapes.residual import least_squares, leftover
 from selector.diagnosis.shapes.signals import course, even_runs, no_vibration, of_a_drive, resonance, swept_hz
@@ -128,23 +137,13 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 
 EFFECT = Effect(
-    id="vibration.mode",
-    title="a resonance",
-    physics="A member or a shape of motion that is not in the model swings at its own natural frequency, driven by the "
-    "same forces. The residual follows the input through a lightly damped second-order filter, in all runs the same.",
-    reference="Ewins, Modal Testing, 2nd ed. 2000, ch. 2 (receptance as a sum of modes)",
+    **words_of("vibration.mode"),
     enters="state",
-    acts_at="any response that is recorded quickly, or step by step over frequency",
     parameters=(
         ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "natural frequency of the mode"),
         ShapeParameter("damping", "1", _LEAST_DAMPING, _MOST_DAMPING, "damping ratio"),
         LARGEST,
     ),
-    needs="what drives the structure (force, voltage, motion of its support), or a simulation that follows it",
-    confounders=("vibration.back_reaction", "vibration.imbalance", "drive.elasticity"),
-    refuted_by="the frequency response from the input to the residual has no peak there, or the peak moves with "
-    "amplitude",
-    experiment="Excite with a slow sine sweep or hammer blows, at two amplitudes, over the whole range of frequencies.",
     variants=_variants,
     testable=_testable,
     reading=_reading,
