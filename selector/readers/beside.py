@@ -15,6 +15,7 @@ from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan
 from selector.readers.runs import Beside, TimedRun, averaged
 from selector.readers.tables import Column
+from selector.readers.window import part_of
 from selector.types import Vector
 
 _FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, any other is read between its samples.
@@ -65,11 +66,13 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
 
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
     columns, told, beside = list(run.columns), list(run.findings), list[Beside]()
+    together = np.ones(len(run.time_s), dtype=np.bool_)
     for other in others:
         said_s = repairs.get(other.name, RunSection()).late_s
         late_s = begins_after_s(run, other) if said_s is None else said_s
         values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
-        if not np.isfinite(values).any():
+        known = np.isfinite(values).any(axis=1)
+        if known.sum() < 2:
             raise RecordingError(
                 f"{other.name!r} begins {late_s:g} s after {run.name!r}, which lasts {run.time_s[-1]:g} s",
                 expected="two recordings of one time",
@@ -83,10 +86,15 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
                 header = f"{column.header} ({number})"
             columns.append(Column(header, values[:, k], column.unit, (), column.description))
         told += other.findings
+        # rises count from the start of a run: it has to be one of both
+        together[: int(np.argmax(known))] = False
+        together[len(known) - int(np.argmax(known[::-1])) :] = False
         beside.append(Beside(other.name, str(other.file), other.sha256, late_s - other.skipped_s))
         if said_s is None:
             told.append(_told(run, other, late_s))
-    return replace(run, columns=tuple(columns), findings=tuple(told), beside=tuple(beside))
+    found = part_of(replace(run, columns=tuple(columns), findings=tuple(told)), together)
+    zero = found.skipped_s - run.skipped_s
+    return replace(found, beside=tuple(replace(one, begins_s=one.begins_s - zero) for one in beside))
 
 
 def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.errors import OptionError, ReadError
 from selector.findings import Finding, Where
@@ -107,16 +108,27 @@ def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> T
     inside = (shown >= low) & (shown < high)
     if inside.all() or not inside.any():
         return run if inside.all() else replace(run, time_s=run.time_s[:0])
+    found = part_of(run, inside)
+    begun = [_begun(run.name, found.skipped_s - run.skipped_s)] if found.skipped_s > run.skipped_s else []
+    return replace(found, findings=(*begun, *found.findings))
+
+
+def part_of(run: TimedRun, inside: NDArray[np.bool_]) -> TimedRun:
+    """The rows of a run that are `inside`, from the first of them on; one at least is."""
     zero = float(run.time_s[inside][0])
     length = float(run.time_s[inside][-1]) - zero
-    start = datetime.datetime.fromisoformat(run.start) + datetime.timedelta(seconds=float(shown[inside][0]))
-    begun = [] if zero == 0.0 else [_begun(run.name, zero)]
+    start = run.start
+    if start is not None:
+        begins_s = float(own_clock_s(run.time_s, run.findings, run.period_s)[inside][0])
+        begins = datetime.datetime.fromisoformat(start) + datetime.timedelta(seconds=begins_s)
+        start = begins.isoformat(timespec="seconds" if begins.microsecond == 0 else "milliseconds")
     return replace(
         run,
         time_s=run.time_s[inside] - zero,
         columns=tuple(replace(column, values=column.values[inside]) for column in run.columns),
-        start=start.isoformat(timespec="seconds" if start.microsecond == 0 else "milliseconds"),
-        findings=(*begun, *(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None)),
+        first_s=run.first_s + (zero if start is None else 0.0),
+        start=start,
+        findings=tuple(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None),
         skipped_s=run.skipped_s + zero,
     )
 
