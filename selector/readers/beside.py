@@ -1,4 +1,4 @@
-"""Runs that two loggers recorded at the same time: their channels become one run, on the clock of the first."""
+"""Runs that two loggers recorded at the same time: their channels become one run, on the clock of the slower."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,13 +14,12 @@ from selector.readers.machine_file import RunSection
 from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan
 from selector.readers.runs import Beside, TimedRun, averaged
-from selector.readers.tables import Column
+from selector.readers.tables import Column, listed
 from selector.readers.window import part_of
 from selector.types import Vector
 
-_FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, any other is read between its samples.
-_GAP_PERIODS = 3.5  #: Between samples that are farther apart nothing is known.
-_SWITCH = 3  #: A channel with so few values is switched: it stays as it is until the next sample.
+_FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, of any other the nearest reading is taken.
+_GAP_PERIODS = 3.5  #: Samples that are farther apart have a gap between them, into which no mean reaches.
 _LEAST_SHARED = 0.5  #: Of the shorter of two runs that may be one.
 
 
@@ -65,36 +64,64 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
 
 
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:
-    columns, told, beside = list(run.columns), list(run.findings), list[Beside]()
-    together = np.ones(len(run.time_s), dtype=np.bool_)
+    told, beside, parts = list(run.findings), list[Beside](), [(run, 0.0)]
     for other in others:
         said_s = repairs.get(other.name, RunSection()).late_s
         late_s = begins_after_s(run, other) if said_s is None else said_s
-        values = on_clock(run.time_s, other.time_s + late_s, np.column_stack([one.values for one in other.columns]))
-        known = np.isfinite(values).any(axis=1)
-        if known.sum() < 2:
+        parts.append((other, late_s))
+        beside.append(Beside(other.name, str(other.file), other.sha256, late_s - other.skipped_s))
+        told += other.findings if said_s is not None else [*other.findings, _told(run, other, late_s)]
+    return _together(run, parts, told, beside)
+
+
+def _together(
+    run: TimedRun, parts: Sequence[tuple[TimedRun, float]], told: Sequence[Finding], beside: Sequence[Beside]
+) -> TimedRun:
+    """One run of some that begin so many seconds after it [s], on the clock of the slowest: none has to be made up."""
+    slowest, late_s = max(parts, key=lambda part: part[0].period_s)
+    if run.period_s > _FASTER * slowest.period_s:
+        slowest, late_s = run, 0.0
+    clock = slowest.time_s + late_s
+    columns, inside = list[Column](), np.ones(len(clock), dtype=np.bool_)
+    for part, begins_s in parts:
+        values = on_clock(clock, part.time_s + begins_s, np.column_stack([one.values for one in part.columns]))
+        known = np.flatnonzero(np.isfinite(values).any(axis=1))
+        if len(known) < 2:
             raise RecordingError(
-                f"{other.name!r} begins {late_s:g} s after {run.name!r}, which lasts {run.time_s[-1]:g} s",
+                f"{part.name!r} begins {begins_s:g} s after {run.name!r}, which lasts {run.time_s[-1]:g} s",
                 expected="two recordings of one time",
                 where=f"beside in [runs.{run.name}] of the machine file",
-                advice=f"correct the names, or say in [runs.{other.name}] how long after it begins: late_s = 12.5",
+                advice=f"correct the names, or say in [runs.{part.name}] how long after it begins: late_s = 12.5",
             )
-        for k, column in enumerate(other.columns):
+        # rises count from the start of a run: it has to be one of all
+        inside[: known[0]] = inside[known[-1] + 1 :] = False
+        for k, column in enumerate(part.columns):
             taken, number, header = {one.header for one in columns}, 1, column.header
             while header in taken:
                 number += 1
                 header = f"{column.header} ({number})"
             columns.append(Column(header, values[:, k], column.unit, (), column.description))
-        told += other.findings
-        # rises count from the start of a run: it has to be one of both
-        together[: int(np.argmax(known))] = False
-        together[len(known) - int(np.argmax(known[::-1])) :] = False
-        beside.append(Beside(other.name, str(other.file), other.sha256, late_s - other.skipped_s))
-        if said_s is None:
-            told.append(_told(run, other, late_s))
-    found = part_of(replace(run, columns=tuple(columns), findings=tuple(told)), together)
+    if inside.sum() < 2:
+        raise RecordingError(
+            f"{listed([part.name for part, _ in parts], 8)}, which have no time in common",
+            expected="recordings of one time",
+            where=f"beside in [runs.{run.name}] of the machine file",
+            advice="correct the names of the runs, or say with late_s how they lie",
+        )
+    found = part_of(replace(run, time_s=clock, columns=tuple(columns), findings=tuple(told)), inside)
     zero = found.skipped_s - run.skipped_s
     return replace(found, beside=tuple(replace(one, begins_s=one.begins_s - zero) for one in beside))
+
+
+def of_sensors(parts: Mapping[str, TimedRun]) -> TimedRun:
+    """One run of the sensors of a long table, whose columns are called after them."""
+    named = [
+        replace(part, columns=tuple(replace(one, header=f"{name} {one.header}") for one in part.columns))
+        for name, part in parts.items()
+    ]
+    first = named[0]
+    told = [finding for part in named for finding in part.findings if finding.where.channel is None]
+    return _together(first, [(part, begins_after_s(first, part)) for part in named], told, ())
 
 
 def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:
@@ -134,9 +161,10 @@ def _zone(start: datetime) -> str:
 
 
 def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
-    """Readings at other times, shape (n_times, n_channels): means about every time if they are quicker, else between.
+    """Readings at other times, shape (n_times, n_channels): means about each if they are quicker, else the nearest.
 
-    `values` has shape (n_samples, n_channels); NaN where nothing is known.
+    `values` has shape (n_samples, n_channels); NaN where nothing is known. Nothing is put between two readings: a
+    thermometer of coarse steps would look broken, and a switch half on.
     """
     step_s, own_s = float(np.median(np.diff(clock_s))), float(np.median(np.diff(time_s)))
     result = np.full((len(clock_s), values.shape[1]), np.nan)
@@ -150,17 +178,9 @@ def on_clock(clock_s: Vector, time_s: Vector, values: np.ndarray) -> np.ndarray:
             result[there] = averaged(values[inside], of[inside], len(there))
         return result
     after = np.clip(np.searchsorted(time_s, clock_s), 1, len(time_s) - 1)
-    width = time_s[after] - time_s[after - 1]
-    part = (clock_s - time_s[after - 1]) / width
-    known = (part >= 0.0) & (part <= 1.0) & (width <= _GAP_PERIODS * own_s)
-    between = values[after - 1] + part[:, None] * (values[after] - values[after - 1])
-    # a switch is not half on
-    held = [k for k in range(values.shape[1]) if len(np.unique(values[:, k][np.isfinite(values[:, k])])) <= _SWITCH]
-    between[:, held] = values[after - 1][:, held]
-    # at a sample itself its neighbour may be missing
-    between = np.where(part[:, None] == 0.0, values[after - 1], between)
-    between = np.where(part[:, None] == 1.0, values[after], between)
-    result[known] = between[known]
+    nearest = after - (clock_s - time_s[after - 1] < time_s[after] - clock_s)
+    known = np.abs(time_s[nearest] - clock_s) <= own_s
+    result[known] = values[nearest[known]]
     return result
 
 
@@ -199,12 +219,13 @@ def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
 def _own_part(name: str, names: Sequence[str]) -> str:
     """What tells a run from the others of its kind: its name without what all have in front and behind."""
     front, behind = (_alike(words) for words in (names, [one[::-1] for one in names]))
-    return name[front : max(len(name) - behind, front)]
+    return name[len(front) : max(len(name) - len(behind), len(front))]
 
 
-def _alike(names: Sequence[str]) -> int:
-    """How many letters all begin with."""
-    return sum(1 for _ in takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False)))
+def _alike(names: Sequence[str]) -> str:
+    """What all begin with, but for a number."""
+    letters = takewhile(lambda of: len(set(of)) == 1, zip(*names, strict=False))
+    return "".join(of[0] for of in letters).rstrip("0123456789")
 
 
 def _may_be_one(run: TimedRun, other: TimedRun) -> bool:

@@ -14,7 +14,7 @@ from selector.findings import Finding, Where
 from selector.quality import without_faults
 from selector.quality.broken_sensors import broken_sensors
 from selector.quality.survey import Survey
-from selector.readers.beside import joined, two_loggers
+from selector.readers.beside import joined, of_sensors, two_loggers
 from selector.readers.binary.optional import quiet
 from selector.readers.clock.clock import TimeOptions
 from selector.readers.clock.stamps import time_unit
@@ -24,8 +24,8 @@ from selector.readers.machine_file import ChannelSection, Machine, MachineSectio
 from selector.readers.machine_file import machine as machine_at
 from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.roles.repairs import repaired, used_runs
-from selector.readers.runs import Beside, TimedRun, split_runs, timed_run, uniquely_named
-from selector.readers.tables import Overrides
+from selector.readers.runs import Beside, TimedRun, split_runs, split_sensors, timed_run, uniquely_named
+from selector.readers.tables import Overrides, Table
 from selector.readers.window import files_within, require_some, thinning, within
 from selector.recording import Channel, Recording
 from selector.types import Vector
@@ -255,7 +255,7 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         for path in files_within(found.files, overrides):
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
-                read_runs = [timed_run(table, sha256, options) for table in split_runs(whole, columns)]
+                read_runs = [_timed(table, sha256, options, columns) for table in split_runs(whole, columns)]
                 for run in read_runs:
                     rows += len(run.time_s)
                     kept = within(_believed(run, declared, overrides), overrides)
@@ -270,6 +270,13 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     said = condensed([*findings, *noticed, *told])
     infos, channels = tuple(map(_run_info, runs)), tuple(_channel_info(planned, runs))
     return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
+
+
+def _timed(table: Table, sha256: str, options: TimeOptions, declared: Sequence[str]) -> TimedRun:
+    sensors = split_sensors(table, declared)
+    if not sensors:
+        return timed_run(table, sha256, options)
+    return of_sensors({name: timed_run(one, sha256, options) for name, one in sensors.items()})
 
 
 def _believed(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:

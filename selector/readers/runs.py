@@ -1,6 +1,7 @@
 """Tables with a clock → runs: samples in order of time, and what was noticed, each with its place in the run."""
 
 import datetime
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,10 @@ from selector.readers.finding_table import FINDINGS, UNREADABLE_CELLS
 from selector.readers.roles.names import folded_name, printable_name
 from selector.readers.tables import BreakWord, Column, Table, listed
 
+_SENSOR_WORDS = {"id", "nid", "sensor", "node", "probe", "channel", "sonde", "fühler", "kanal", "knoten"}
+#: The fewest rows of a sensor, the most sensors, how often it changes from row to row where they take turns, and how
+#: many times as many rows one may have as another.
+_LEAST_ROWS, _MOST_SENSORS, _TURNS, _ALIKE = 8, 64, 0.5, 3.0
 _RUN_COLUMNS = frozenset({"run", "runid", "runno", "runname", "lauf"})
 
 
@@ -186,6 +191,41 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
         noticed = findings if i == 0 else ()
         tables.append(replace(table, name=run_name, columns=tuple(columns), lines=lines, findings=noticed))
     return tables
+
+
+def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
+    """Name → table of one sensor, where a column says for each row which sensor it is of; empty otherwise.
+
+    Such sensors take turns, or follow each other with the clock going back in between. Of words, and of numbers under a
+    heading that says so: what changes as often might be a state.
+    """
+    for column in table.columns:
+        words = re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", column.header).lower())
+        if column.header in declared or not (column.kind == "text" or _SENSOR_WORDS & set(words)):
+            continue
+        labels = [_label(value) for value in column.values]
+        names = sorted({label for label in labels if label is not None})
+        if None in labels or not 2 <= len(names) <= _MOST_SENSORS:
+            continue
+        of_row = np.searchsorted(names, np.array(labels, dtype=object).astype(str))
+        counts, changed = np.bincount(of_row), np.flatnonzero(np.diff(of_row))
+        rest = [one for one in table.columns if one is not column]
+        clocks = [one.values.astype(np.float64) for one in rest if one.kind != "text"]
+        turned = [all(values[changed + 1] < values[changed]) for values in clocks]
+        takes_turns = len(changed) > _TURNS * len(table)
+        is_even = counts.min() >= _LEAST_ROWS and counts.max() <= _ALIKE * counts.min()
+        if not is_even or not (takes_turns or (len(changed) + 1 == len(names) and any(turned))):
+            continue
+        told = f"Column {column.header!r} of {table.file.name} tells {len(names)} sensors apart: {listed(names, 8)}."
+        findings = (*table.findings, FINDINGS.finding("sensor-column", told, evidence={"sensors": names}))
+        found = {}
+        for k, name in enumerate(names):
+            rows = np.flatnonzero(of_row == k)
+            columns = tuple(replace(one, header=one.header, values=one.values[rows], breaks=()) for one in rest)
+            lines = None if table.lines is None else table.lines[rows]
+            found[name] = replace(table, columns=columns, lines=lines, findings=findings if k == 0 else ())
+        return found
+    return {}
 
 
 def _label(value: object) -> str | None:

@@ -107,12 +107,21 @@ def test_without_dates_both_begin_together_but_for_what_is_said(loggers):
     assert values[90.0][18] == pytest.approx(0.5 * (values[0.0][18] + values[0.0][19]), abs=0.2)
 
 
-def test_a_slower_logger_is_read_between_its_samples_and_not_over_gaps():
-    clock, time = np.arange(0.0, 100.0, 10.0), np.array([5.0, 25.0, 45.0, 65.0, 205.0])
-    values = np.array([1.0, 3.0, np.nan, 7.0, 9.0])[:, None]
-    expected = [np.nan, 1.5, 2.5, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan, np.nan]
-    np.testing.assert_allclose(on_clock(clock, time, values)[:, 0], expected)
-    np.testing.assert_allclose(on_clock(np.array([25.0, 35.0, 65.0]), time, values)[:, 0], [3.0, np.nan, 7.0])
+def test_of_a_logger_as_quick_the_nearest_reading_is_taken_and_none_over_a_gap():
+    time, values = np.array([4.0, 14.0, 24.0, 34.0, 205.0]), np.array([1.0, 3.0, np.nan, 7.0, 9.0])[:, None]
+    expected = [1.0, 3.0, np.nan, 7.0, 7.0, np.nan, np.nan]
+    np.testing.assert_array_equal(on_clock(np.arange(0.0, 70.0, 10.0), time, values)[:, 0], expected)
+
+
+def test_the_slower_logger_has_the_clock_whichever_is_first(loggers):
+    files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
+    seen = []
+    for first, second in (("logger_1", "gauge_1"), ("gauge_1", "logger_1")):
+        (loggers / "m.toml").write_text(f'[runs.{first}]\nbeside = ["{second}"]\n', encoding="utf-8")
+        reading = read(files, loggers / "m.toml")
+        assert [(run.name, run.start, run.period_s) for run in reading.runs] == [(first, "2026-03-02T06:02:00", SLOW_S)]
+        seen.append(reading.recording.values(first, ("T1", "T2", "T3", "Z")))
+    np.testing.assert_array_equal(*seen)
 
 
 def test_channels_of_one_name_stay_apart(loggers):
@@ -150,11 +159,6 @@ def test_two_headings_of_the_time_are_no_columns_of_a_machine_file(loggers, caps
     assert exit_status(["describe", *files, "--write", str(loggers / "m.toml"), "--json"]) == 0
     assert exit_status(["describe", *files, "--machine", str(loggers / "m.toml"), "--json"]) == 0
     capsys.readouterr()
-
-
-def test_a_switch_of_a_slower_logger_is_never_half_on():
-    time, state = np.arange(0.0, 300.0, 60.0), np.array([0.0, 1.0, 1.0, 0.0, 1.0])[:, None]
-    assert set(on_clock(np.arange(0.0, 240.0, 7.0), time, state)[:, 0]) == {0.0, 1.0}
 
 
 @pytest.mark.parametrize(

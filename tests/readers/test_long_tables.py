@@ -1,0 +1,57 @@
+"""Tables in which a column says of which sensor each row is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from selector.readers import read
+
+NAMES, ROWS = ("front", "rear", "table"), 80
+
+
+def long_table() -> pd.DataFrame:
+    parts = []
+    for k, name in enumerate(NAMES):
+        time_s = 30.0 * np.arange(ROWS) + 0.3 * k
+        parts.append(pd.DataFrame({"t [s]": time_s, "sensor": name, "T [degC]": 20.0 + 5.0 * k + 1e-3 * time_s}))
+    return pd.concat(parts)
+
+
+@pytest.mark.parametrize("column", ["sensor", "Kanal", "sensorId"])
+@pytest.mark.parametrize("is_sorted", [True, False])
+def test_each_sensor_becomes_a_channel(tmp_path, column, is_sorted):
+    table = long_table().rename(columns={"sensor": column})
+    (table.sort_values("t [s]") if is_sorted else table).to_csv(tmp_path / "long.csv", index=False)
+    reading = read([tmp_path / "long.csv"])
+    [run] = reading.runs
+    assert (run.rows, run.period_s) == (ROWS, 30.0)
+    assert [channel.role for channel in reading.channels] == ["temperature"] * 3
+    for k, name in enumerate(NAMES):
+        [channel] = [one for one in reading.recording.names if one.startswith(name)]
+        seen = reading.recording.values("long", (channel,))[:, 0]
+        # of a sensor that is read 0.3 s later the reading is taken as it is
+        np.testing.assert_allclose(seen, 20.0 + 5.0 * k + 1e-3 * (30.0 * np.arange(ROWS) + 0.3 * k), atol=1e-3)
+    [told] = [one for one in reading.findings if one.id == "sensor-column"]
+    assert told.evidence["sensors"] == sorted(NAMES)
+
+
+def test_numbers_are_sensors_only_under_a_heading_that_says_so(tmp_path):
+    numbered = (
+        long_table().sort_values("t [s]").assign(sensor=lambda one: one.sensor.map({"front": 1, "rear": 2, "table": 3}))
+    )
+    numbered.to_csv(tmp_path / "numbered.csv", index=False)
+    assert len(read([tmp_path / "numbered.csv"]).channels) == 3
+    numbered.rename(columns={"sensor": "step"}).to_csv(tmp_path / "steps.csv", index=False)
+    assert "sensor-column" not in {one.id for one in read([tmp_path / "steps.csv"]).findings}
+
+
+def test_words_of_a_state_are_no_sensors(tmp_path):
+    time_s = 10.0 * np.arange(200)
+    words = np.where(time_s % 400 < 200, "heating", "cooling")
+    table = pd.DataFrame({"t [s]": time_s, "state": words, "T1 [degC]": 20.0 + 0.01 * time_s})
+    table.to_csv(tmp_path / "states.csv", index=False)
+    reading = read([tmp_path / "states.csv"])
+    assert "sensor-column" not in {one.id for one in reading.findings}
+    assert reading.runs[0].rows == 200
