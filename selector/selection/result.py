@@ -11,7 +11,7 @@ import numpy as np
 
 from selector.errors import OptionError
 from selector.findings import Finding
-from selector.json_text import fields_of
+from selector.json_text import fields_of, plain
 from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
@@ -278,7 +278,7 @@ class Selection(ProvenModel):
             "provenance": dict(self.provenance),
             "findings": [finding.as_dict() for finding in self.findings],
         }
-        cleaned: dict[str, Any] = finite(document)
+        cleaned: dict[str, Any] = plain(document)
         return cleaned
 
     def _model(self, name: str) -> dict[str, Any]:
@@ -356,19 +356,6 @@ def _fuzzy(fuzzy: FuzzyGroups, axis: LambdaAxis) -> dict[str, Any]:
 def _listed_terms(recipe: Recipe) -> dict[str, Any]:
     form = recipe.shape.form
     return {"terms": [dict(term.powers) for term in form.listed]} if isinstance(form, ListedTerms) else {}
-
-
-def finite(value: Any) -> Any:
-    """The same value with every NaN and infinity replaced by None, and tuples by lists: strict JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    if isinstance(value, np.generic):
-        return finite(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 PROCEDURE = "whole procedure"

@@ -6,8 +6,10 @@ columns each.
 """
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +31,7 @@ from selector.models.best_subsets.problem import (
 from selector.models.best_subsets.results import Coverage, SensorSet, SensorSetSearch, Statistics, Subset, SubsetSearch
 from selector.types import Array
 
+States = NDArray[np.int8]
 MAX_OPEN_NODES = 200_000  #: Open nodes of one size held in memory; beyond it the search goes depth first.
 
 
@@ -112,22 +115,9 @@ def best_subsets(
     # adding a column never raises the RSS
     for size in sorted(bound)[-2::-1]:
         bound[size] = max(bound[size], min(bound[size + 1], float(best_rss[size + 1, 0])))
-    found = [size for size in bound if np.isfinite(best_rss[size, 0])]
-    by_size = {
-        size: tuple(
-            _subset(problem, statistics, state, rss, factor)
-            for rss, state in zip(best_rss[size], best_state[size], strict=True)
-            if np.isfinite(rss)
-        )
-        for size in found
-    }
     return SubsetSearch(
-        by_size=MappingProxyType(by_size),
+        **_of_sizes(problem, bound, best_rss, best_state, partial(_subset, problem, statistics, factor)),
         proved=not open_sizes,
-        gap=MappingProxyType({size: relative_gap(best_rss[size, 0], bound[size]) for size in bound}),
-        lower_bound=MappingProxyType(
-            {size: problem.sst * min(float(best_rss[size, 0]), bound[size]) for size in bound}
-        ),
         nodes=sum(visited.values()),
         seconds=time.perf_counter() - started,
         findings=findings,
@@ -147,13 +137,7 @@ class _SizeSearch:
         return int(self.tree.counters[NODES])
 
     def run(
-        self,
-        problem: Problem,
-        diagonal: Array,
-        scratch: Scratch,
-        best_rss: Array,
-        best_state: NDArray[np.int8],
-        work: int,
+        self, problem: Problem, diagonal: Array, scratch: Scratch, best_rss: Array, best_state: States, work: int
     ) -> bool:
         """Work for one chunk; whether no node is open any more."""
         while True:
@@ -174,15 +158,29 @@ class _SizeSearch:
             self.tree = problem.larger(self.tree)
 
 
-def _subset(
-    problem: Problem, statistics: Statistics, state: NDArray[np.int8], rss: float, factor: Array | None
-) -> Subset:
+def _of_sizes(
+    problem: Problem, bound: Mapping[int, float], best_rss: Any, best_state: Any, made: Callable[[States, float], Any]
+) -> dict[str, Any]:
+    """What a search says of every size: its sets, the gap that is left, and the lower bound of the RSS."""
+    least = {size: float(best_rss[size][0]) for size in bound}
+    sets = {
+        size: tuple(
+            made(state, rss) for rss, state in zip(best_rss[size], best_state[size], strict=True) if np.isfinite(rss)
+        )
+        for size in bound
+        if np.isfinite(least[size])
+    }
+    return {
+        "by_size": MappingProxyType(sets),
+        "gap": MappingProxyType({size: relative_gap(least[size], bound[size]) for size in bound}),
+        "lower_bound": MappingProxyType({size: problem.sst * min(least[size], bound[size]) for size in bound}),
+    }
+
+
+def _subset(problem: Problem, statistics: Statistics, factor: Array | None, state: States, rss: float) -> Subset:
     columns = tuple(np.flatnonzero(state == KEPT).tolist())
     total = float(rss) * problem.sst if factor is None else rss_from_factor(factor, columns)
     return Subset(columns, *statistics.of(total, len(columns)))
-
-
-States = NDArray[np.int8]
 
 
 def best_sensor_sets(
@@ -271,22 +269,8 @@ def best_sensor_sets(
         coverage[size] = Coverage(*done, left=total - sum(done))
         bound[size] = full_rss / problem.sst * (1.0 - 1e-9) if coverage[size].left else np.inf
     return SensorSetSearch(
-        by_size=MappingProxyType(
-            {
-                size: tuple(
-                    house.sensor_set(state, statistics)
-                    for rss, state in zip(best_rss[size], best_state[size], strict=True)
-                    if np.isfinite(rss)
-                )
-                for size in best_rss
-                if np.isfinite(best_rss[size][0])
-            }
-        ),
+        **_of_sizes(problem, bound, best_rss, best_state, partial(house.sensor_set, statistics)),
         proved=not stopped,
-        gap=MappingProxyType({size: relative_gap(best_rss[size][0], bound[size]) for size in best_rss}),
-        lower_bound=MappingProxyType(
-            {size: problem.sst * min(float(best_rss[size][0]), bound[size]) for size in best_rss}
-        ),
         coverage=MappingProxyType(coverage),
         nodes=visited,
         seconds=time.perf_counter() - started,
@@ -363,7 +347,7 @@ class _House:
         path.count[0], path.rss[0] = tree.joined(gram, cross, path, 0, len(first), 1.0, True, -np.inf)
         return path
 
-    def sensor_set(self, state: States, statistics: Statistics) -> SensorSet:
+    def sensor_set(self, statistics: Statistics, state: States, _: float) -> SensorSet:
         """The value that is returned."""
         sensors = tuple(int(s) for s in np.flatnonzero(state == KEPT))
         columns = self.columns(sensors)

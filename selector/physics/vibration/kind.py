@@ -47,7 +47,7 @@ class VibrationKind(SimulationKind):
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The run that the file describes."""
         done = model.simulation(run=run, seed=how.seed, progress=how.progress)
-        return self._simulated(model, done, done.findings)
+        return self._simulated(model, done)
 
     def driven(self, model: Any, recording: Recording, how: RunSettings) -> Simulated:
         """The structure in every recorded run."""
@@ -55,13 +55,13 @@ class VibrationKind(SimulationKind):
         from selector.physics.vibration.vibration_driving import driven_runs
 
         done = driven_runs(model, recording, seed=how.seed, progress=how.progress)
-        differences = channel_differences(done.simulation.recording, recording, done.inputs)
-        return self._simulated(model, done.simulation, done.findings, differences)
+        differences = channel_differences(done.recording, recording, done.inputs)
+        return self._simulated(model, done, differences)
 
-    def _simulated(self, model: Any, done: Any, findings: Any, differences: Any = None) -> Simulated:
+    def _simulated(self, model: Any, done: Any, differences: Any = None) -> Simulated:
         recording = done.recording
         acting = tuple(one.name for one in recording.channels if one.role in ("force", "spindle_speed"))
-        return Simulated(model, recording, findings, done, acting, differences)
+        return Simulated(model, recording, done.findings, done, acting, differences)
 
     def summary(self, done: Simulated, progress: Progress) -> Any:
         """Modes, lines, errors and chains."""

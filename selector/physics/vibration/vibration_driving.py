@@ -186,22 +186,12 @@ _FEWEST = 8
 _TURNED_BACK = 0.01  #: Share of the largest speed, below which a sign is noise.
 
 
-@dataclass(frozen=True)
-class DrivenVibration:
-    """A simulation of recorded runs."""
-
-    #: Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to
-    simulation: VibrationSimulation
-    matched: Mapping[str, str]  #: Name of a channel of the model → name of the recorded one
-    inputs: tuple[str, ...]  #: Recorded channels that drove the model
-    #: Of clocks, gaps, missing values, what could not be matched, and of the motion in time
-    findings: tuple[Finding, ...]
-
-
 def driven_runs(
     model: VibrationModel, recording: Recording, *, seed: int | None = None, progress: Progress | None = None
-) -> DrivenVibration:
+) -> VibrationSimulation:
     """A simulation of every run of a recording: recorded speeds turn the shafts, recorded forces replace spectra.
+
+    Samples at the time stamps of the recording; channels are called as the recorded ones that they belong to.
 
     The shifts of the other sources are drawn by the seed: a recording of speeds does not tell them. Without a `seed`
     they are those of the file's, and there is no noise.
@@ -244,15 +234,15 @@ def driven_runs(
             evidence={"sources": list(channels.forces)},
         )
         findings.append(told)
-    simulation = VibrationSimulation(
+    return VibrationSimulation(
         as_recorded(model.recorded(signals, seed), recording, names),
         model.motions(shaft_rpm),
         shaft_rpm,
         dict.fromkeys(recording.runs, phases),
         tuple(findings),
+        names,
+        tuple(dict.fromkeys((*channels.speeds.values(), *channels.forces.values()))),
     )
-    inputs = tuple(dict.fromkeys((*channels.speeds.values(), *channels.forces.values())))
-    return DrivenVibration(simulation, names, inputs, tuple(findings))
 
 
 class _DrivenRun:

@@ -1,7 +1,7 @@
 """A vibrating structure that runs: its file in, a recording of tool and workpiece out, its parameters open to a fit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -43,7 +43,9 @@ class VibrationSimulation:
     motions: Mapping[str, FinalMotions]
     shaft_rpm: Mapping[str, float]  #: Mean speed of every shaft over all runs [r/min]
     phases_rad: Mapping[str, Mapping[str, float]]  #: Run → source → shift of all its lines [rad]
-    findings: tuple[Finding, ...] = ()  #: What is odd about the motion in time
+    findings: tuple[Finding, ...] = ()  #: What is odd about the motion in time, or the recorded runs
+    matched: Mapping[str, str] = field(default_factory=dict)  #: Name of a channel → that of the recorded one
+    inputs: tuple[str, ...] = ()  #: Recorded channels that drove the model
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from selector.physics.drive.ball_bar.quantities import (
     circle_quantities,
     hysteresis,
     least_squares_circle,
-    narrowest_annulus,
+    minimum_zone_um,
     roundness,
 )
 
@@ -56,9 +56,9 @@ def every_width(angle, deviation) -> float:
 @settings(max_examples=25)
 def test_the_minimum_zone_is_the_narrowest_of_all(deviation, turn):
     angle = turn + np.arange(9) * 2 * np.pi / 9
-    found = narrowest_annulus(angle, deviation, RADIUS_UM)
+    found = minimum_zone_um(angle, deviation, RADIUS_UM)
     # distances of 1e5 µm are exact to 1e-11; bisectors that nearly coincide, left out, cost the rest
-    assert found.width_um == pytest.approx(every_width(angle, deviation), abs=1e-5)
+    assert found == pytest.approx(every_width(angle, deviation), abs=1e-5)
 
 
 deviations = arrays.arrays(np.float64, 120, elements=st.floats(-50, 50))
@@ -79,10 +79,10 @@ def test_nothing_is_narrower_than_the_minimum_zone(deviation):
 def test_set_up_and_turn_do_not_change_the_roundness(deviation, across, along, turn, longer):
     points = (RADIUS_UM + deviation) * np.exp(1j * EVEN)
     moved = (points - complex(across, along)) * np.exp(1j * turn)
-    first = narrowest_annulus(EVEN, deviation, RADIUS_UM)
-    second = narrowest_annulus(np.angle(moved), np.abs(moved) - RADIUS_UM + longer, RADIUS_UM)
+    first = minimum_zone_um(EVEN, deviation, RADIUS_UM)
+    second = minimum_zone_um(np.angle(moved), np.abs(moved) - RADIUS_UM + longer, RADIUS_UM)
     # a bar that is 30 µm of 100 mm longer stretches the points across the radius by 3e-4, and the width follows in part
-    assert second.width_um == pytest.approx(first.width_um, abs=2e-4 * (1 + first.width_um))
+    assert second == pytest.approx(first, abs=2e-4 * (1 + first))
     circle, mean = least_squares_circle(np.angle(moved), np.abs(moved) - RADIUS_UM, RADIUS_UM)
     before, mean_before = least_squares_circle(EVEN, deviation, RADIUS_UM)
     expected = (complex(*before) - complex(across, along)) * np.exp(1j * turn)

@@ -34,7 +34,7 @@ def recording(time_s, *columns, run="r1"):
 
 
 def tool(driven, run="r1", name="tool"):
-    return driven.simulation.recording.values(run, [name])[:, 0]
+    return driven.recording.values(run, [name])[:, 0]
 
 
 def ids(driven):
@@ -51,20 +51,20 @@ def test_the_model_driven_by_its_own_forces_does_what_it_did():
     driven = driven_runs(built, own)
     assert driven.matched == {name: name for name in own.names}
     assert set(driven.inputs) == {"spindle_force", "motor_force", "spindle_speed", "motor_speed"}
-    came, there = (one.values("simulation", FINALS) for one in (driven.simulation.recording, own))
+    came, there = (one.values("simulation", FINALS) for one in (driven.recording, own))
     # steady from the first sample to the last: sines go on as sines, and what ends twice a ring-down outside is left of
     # by 1e-3 at most
     assert np.abs(came - there).max() < 1e-3 * np.abs(there).max()
-    assert driven.simulation.recording.values("simulation", ["motor_force"]) == pytest.approx(
+    assert driven.recording.values("simulation", ["motor_force"]) == pytest.approx(
         own.values("simulation", ["motor_force"])
     )
-    assert vibration_summary(built, driven.simulation).lines == vibration_summary(built, built.simulation()).lines
+    assert vibration_summary(built, driven).lines == vibration_summary(built, built.simulation()).lines
 
 
 def test_chains_are_driven_too():
     built = model(("run.duration_s", 4.0), ("run.period_s", 5e-4), ("run.method", "chains"))
     own = built.simulation().recording
-    came, there = (one.values("simulation", FINALS) for one in (driven_runs(built, own).simulation.recording, own))
+    came, there = (one.values("simulation", FINALS) for one in (driven_runs(built, own).recording, own))
     assert np.abs(came - there).max() < 1e-3 * np.abs(there).max()  # as above; the tool of the chains moves less
 
 
@@ -95,11 +95,11 @@ def test_a_recorded_speed_turns_the_shaft_and_what_follows_it():
     assert (driven.inputs, driven.matched) == (("n",), {"spindle_speed": "n"})
     # corners every millisecond instead of three: the integral of the speed rounds otherwise
     assert tool(driven) == pytest.approx(own.values("simulation", ["tool"])[:4000, 0], abs=1e-6)
-    assert driven.simulation.recording.time_s("r1")[0] == 7.0
-    follows = driven.simulation.recording.values("r1", ["motor_speed"])[:, 0]
+    assert driven.recording.time_s("r1")[0] == 7.0
+    follows = driven.recording.values("r1", ["motor_speed"])[:, 0]
     assert follows == pytest.approx(1.5 * speed, rel=1e-12)  # rounding
     # its trapezoids, the last sample at 3.999 s
-    assert driven.simulation.shaft_rpm["spindle"] == pytest.approx(np.trapezoid(speed, TIME_S) / 3.999, rel=1e-9)
+    assert driven.shaft_rpm["spindle"] == pytest.approx(np.trapezoid(speed, TIME_S) / 3.999, rel=1e-9)
 
 
 def test_displacements_of_nothing_are_named_with_what_to_put_into_the_machine_file():
@@ -126,10 +126,10 @@ def test_noise_comes_with_a_seed_alone():
     recorded = recording(TIME_S, ("n", "spindle_speed", np.full(len(TIME_S), 900.0)))
     without, plain = driven_runs(noisy, recorded), driven_runs(quiet, recorded)
     assert (tool(without) == tool(plain)).all()
-    told = without.simulation.recording.provenance["simulated"]
+    told = without.recording.provenance["simulated"]
     assert (told["seed"], told["instruments"]) == (None, False)
     # phases are those of the file's seed, so that a model follows its own recording in time
-    assert without.simulation.phases_rad["r1"] == noisy.phases_rad(noisy.file.run.seed)
+    assert without.phases_rad["r1"] == noisy.phases_rad(noisy.file.run.seed)
     added = tool(driven_runs(noisy, recorded, seed=2)) - tool(driven_runs(quiet, recorded, seed=2))
     assert np.std(added) == pytest.approx(0.5, rel=0.05)  # 4000 draws: 1.1 %
 
@@ -143,8 +143,8 @@ def test_a_recorded_force_replaces_the_lines_of_its_source_alone():
     assert np.abs(spindle_alone).max() > 0
     # linear, to rounding of the transform
     assert tool(twice) - spindle_alone == pytest.approx(2.0 * (tool(driven) - spindle_alone), abs=1e-9)
-    assert driven.simulation.recording.values("r1", ["F"])[:, 0] == pytest.approx(FORCE, rel=1e-15)
-    assert "spindle_force" in driven.simulation.recording.names
+    assert driven.recording.values("r1", ["F"])[:, 0] == pytest.approx(FORCE, rel=1e-15)
+    assert "spindle_force" in driven.recording.names
     assert [one.evidence["sources"] for one in driven.findings if one.id == "lines-of-the-file"] == [["motor"]]
 
 
@@ -154,7 +154,7 @@ def test_outputs_are_called_as_the_recorded_channels_they_belong_to():
         there = recording(TIME_S, ("F", "force", FORCE, "motor"), (name, "displacement", zero, place))
         driven = driven_runs(model(), there)
         assert driven.matched[own] == name
-        assert driven.simulation.recording.channel(name).role == "displacement"
+        assert driven.recording.channel(name).role == "displacement"
         assert np.abs(tool(driven, name=name)).max() > 0
     both = recording(
         TIME_S, ("F", "force", FORCE, "motor"), ("a", "displacement", zero, "x"), ("tool", "displacement", zero)
@@ -164,7 +164,7 @@ def test_outputs_are_called_as_the_recorded_channels_they_belong_to():
     assert driven.matched == {"tool": "tool", "motor_force": "F"}
     taken = recording(TIME_S, ("F", "force", FORCE, "motor"), ("tool_workpiece_", "displacement", zero, "tool"),
                       ("workpiece", "force", zero, "else"))  # fmt: skip
-    assert "workpiece (simulated)" in driven_runs(model(), taken).simulation.recording.names
+    assert "workpiece (simulated)" in driven_runs(model(), taken).recording.names
 
 
 def test_channels_are_found_by_name_then_place_then_by_being_alone():
@@ -195,7 +195,7 @@ def test_missing_values_are_bridged_and_told():
     driven = driven_runs(model(), recording(TIME_S, ("F", "force", holes, "motor")))
     told = next(one for one in driven.findings if one.id == "input-bridged")
     assert (told.evidence["missing"], told.evidence["longest"], told.where.run) == (3, 3, "r1")
-    assert np.isfinite(driven.simulation.recording.frame.to_numpy()).all()
+    assert np.isfinite(driven.recording.frame.to_numpy()).all()
 
 
 def test_a_run_without_the_channel_has_the_lines_of_the_file():
@@ -211,7 +211,7 @@ def test_a_run_without_the_channel_has_the_lines_of_the_file():
     ]
     own = built.simulation().recording.values("simulation", ["tool"])[:, 0]
     assert tool(driven, "r2") == pytest.approx(own, abs=1e-9)
-    assert driven.simulation.recording.runs == ("r1", "r2")
+    assert driven.recording.runs == ("r1", "r2")
 
 
 def test_gaps_and_uneven_clocks_are_told_and_hardly_matter_where_small():
@@ -294,7 +294,7 @@ def test_a_shaft_of_the_cut_that_stands_is_refused_with_its_channel(shaft):
     assert refused.value.where == "run r1, channel n"
     assert "[cutting]" in refused.value.advice
     begins = recording(TIME_S, ("n", "spindle_speed", 300.0 * TIME_S, "spindle"))
-    assert driven_runs(model(("cutting.shaft", shaft)), begins).simulation.shaft_rpm["spindle"] > 0
+    assert driven_runs(model(("cutting.shaft", shaft)), begins).shaft_rpm["spindle"] > 0
 
 
 def test_of_speeds_below_0_the_amount_counts_and_it_is_said():

@@ -30,20 +30,6 @@ class Extreme:
 
 
 @dataclass(frozen=True)
-class Annulus:
-    """Two concentric circles around a path: centre against the nominal one, radii against the nominal radius [µm]."""
-
-    centre_um: tuple[float, float]
-    inner_um: float
-    outer_um: float
-
-    @property
-    def width_um(self) -> float:
-        """Radial separation [µm]."""
-        return self.outer_um - self.inner_um
-
-
-@dataclass(frozen=True)
 class Roundness:
     """One path, or two paths together."""
 
@@ -54,7 +40,6 @@ class Roundness:
     radial_min: Extreme
     mean_radial_um: float  #: D if of two paths: radius of the least-squares circle minus nominal radius [µm]
     centre_um: tuple[float, float]  #: Centre of the least-squares circle [µm]
-    annulus: Annulus  #: The narrowest one
 
 
 @dataclass(frozen=True)
@@ -109,9 +94,8 @@ def roundness(*traces: BallBarTrace) -> Roundness:
     angle, deviation, radius_um = _together(traces)
     centre, mean = least_squares_circle(angle, deviation, radius_um)
     centred, direction = _about(centre, angle, deviation, radius_um)
-    annulus = narrowest_annulus(angle, deviation, radius_um)
     out, inside = (_extreme(centred, direction, sign) for sign in (1, -1))
-    return Roundness(annulus.width_um, out, inside, mean, centre, annulus)
+    return Roundness(minimum_zone_um(angle, deviation, radius_um), out, inside, mean, centre)
 
 
 def hysteresis(forward: BallBarTrace, back: BallBarTrace) -> Extreme:
@@ -159,8 +143,8 @@ def least_squares_circle(
     return centre, mean
 
 
-def narrowest_annulus(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: float) -> Annulus:
-    """The minimum-zone circles of a path.
+def minimum_zone_um(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: float) -> float:
+    """Radial separation of the minimum-zone circles of a path, the narrowest annulus around it [µm].
 
     Linear programmes about the last centre, each with the radii as they are there, until the centre stays. A linear
     programme takes in the samples that break its bounds, round after round.
@@ -195,7 +179,7 @@ def narrowest_annulus(angle_rad: ArrayLike, deviation_um: ArrayLike, radius_um: 
         if np.hypot(shift[0], shift[1]) <= _ENOUGH * radius_um:
             break
     radial, _ = _about(centre, angle, deviation, radius_um)
-    return Annulus(centre, float(radial.min()), float(radial.max()))
+    return float(radial.max()) - float(radial.min())
 
 
 def _together(traces: Sequence[BallBarTrace]) -> tuple[Vector, Vector, float]:
