@@ -466,6 +466,11 @@ class Design:
         """Names of the variables: inputs, then lags."""
         return (*self.inputs, *(lag.name for lag in self.lags))
 
+    def lag_and_source(self, variable: str) -> tuple[Lag | None, str]:
+        """The lag that a variable is, if it is one, and the channel that it is made from."""
+        lag = next((lag for lag in self.lags if lag.name == variable), None)
+        return lag, lag.source if lag else variable
+
     def pieces(self, source: RunSource, run: str, *, complete: bool = True) -> Iterator[Piece]:
         """Samples of a run in order; with `complete` only those at which nothing is missing."""
         channels = (*self.inputs, *self.responses)

@@ -477,8 +477,7 @@ def _variable_and_unit(selection: Selection, j: int) -> tuple[str, str]:
     """A variable of the model as a person calls it, and the unit of its differences."""
     design = selection.recipe.design
     name = design.variables[j]
-    lag = next((lag for lag in design.lags if lag.name == name), None)
-    source = lag.source if lag else name
+    lag, source = design.lag_and_source(name)
     return f"{source} lagged {lag.tau_s:.0f} s" if lag else name, "K" if source in selection.chosen else "rpm"
 
 

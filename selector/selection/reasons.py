@@ -6,6 +6,7 @@ import numpy as np
 
 from selector.models.least_squares import FittedModel
 from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, coefficients, response_power, squared_error
+from selector.number_text import listed
 from selector.selection.candidates import Grouping
 from selector.selection.choice import Choice, Trial, is_within_noise
 from selector.selection.library import Bench, Library, Shape
@@ -46,7 +47,7 @@ def because_of(
     """
     trial = choice.trial
     options = question.options
-    sensors, compared = _listed(trial.set.sensors), ""
+    sensors, compared = listed(trial.set.sensors), ""
     errors = ", ".join(
         f"{name} from {proof.baselines_um[name]['none']:.1f} to {proof.rmse_um(name):.1f} µm" for name in models
     )
@@ -54,7 +55,7 @@ def because_of(
         top = max(choice.eligible, key=lambda t: t.adjusted_r2)
         rule = (
             f"the cheapest set whose adjusted R² ({trial.adjusted_r2:.5f}) is within {options.tolerance:g} of the best "
-            f"({top.adjusted_r2:.5f}, {_listed(top.set.sensors)})"
+            f"({top.adjusted_r2:.5f}, {listed(top.set.sensors)})"
             if top.set.sensors != trial.set.sensors
             else f"the set with the best adjusted R², {trial.adjusted_r2:.5f}"
         )
@@ -71,7 +72,7 @@ def because_of(
             near = "as good as that of" if options.within is None else f"within {options.within:g} µm of"
             rule = (
                 f"the cheapest set whose {FIXED_SET} error is {near} the best{most and f' {most}'} "
-                f"({_listed(top.set.sensors)})"
+                f"({listed(top.set.sensors)})"
             )
         else:
             rule = f"the set{most and f' {most}'} with the smallest {FIXED_SET} error"
@@ -151,7 +152,7 @@ def reasons_of(grouping: Grouping, sensors: Sequence[str], chosen: Sequence[str]
             if without:
                 best = min(without, key=lambda t: t.error)
                 reasons[name] = (
-                    f"kept: without it the best of the compared sets ({_listed(best.set.sensors)}) has "
+                    f"kept: without it the best of the compared sets ({listed(best.set.sensors)}) has "
                     f"{best.error / max(best_error, 1e-300):.2f} times the error on unseen data"
                 )
             else:
@@ -201,7 +202,3 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
         for name in hits:
             hits[name] += group_of[name] in best
     return {name: count / max(done, 1) for name, count in hits.items()}
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " and " + names[-1]

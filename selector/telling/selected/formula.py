@@ -21,10 +21,8 @@ def formula_text(selection: Selection, response: str) -> str:
 def legend_rows(selection: Selection) -> list[tuple[str, str]]:
     """(symbol, meaning) of every variable in the formula."""
     rows = []
-    lags = {lag.name: lag for lag in selection.recipe.design.lags}
     for name in selection.recipe.design.variables:
-        lag = lags.get(name)
-        source = lag.source if lag else name
+        lag, source = selection.recipe.design.lag_and_source(name)
         if _is_rise(selection, source):
             meaning = f"rise of {source} since the start of the run [K]"
         else:
@@ -61,8 +59,7 @@ def term_text(selection: Selection, term: Term) -> str:
 
 def variable_text(selection: Selection, name: str) -> str:
     """The symbol of a variable: ``ΔT1`` for a rise, ``lag(ΔT1, 30 min)`` for its lag."""
-    lag = next((lag for lag in selection.recipe.design.lags if lag.name == name), None)
-    source = lag.source if lag else name
+    lag, source = selection.recipe.design.lag_and_source(name)
     # an operator or a blank inside a name would read as part of the formula
     plain = source if source.replace("_", "a").isalnum() else f"[{source}]"
     symbol = f"Δ{plain}" if _is_rise(selection, source) else plain
@@ -71,8 +68,7 @@ def variable_text(selection: Selection, name: str) -> str:
 
 def unit_of(selection: Selection, variable: str) -> str:
     """Unit of a variable: K for a rise, °C for a reading, rpm for a spindle speed."""
-    lag = next((lag for lag in selection.recipe.design.lags if lag.name == variable), None)
-    source = lag.source if lag else variable
+    _, source = selection.recipe.design.lag_and_source(variable)
     if source not in selection.recipe.sensors:
         return "rpm"
     return "K" if _is_rise(selection, source) else "°C"

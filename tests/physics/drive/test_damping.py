@@ -53,12 +53,6 @@ def test_equivalent_damping_of_the_source_and_none_without_reversal():
     assert equivalent_damping_ns_per_m(100.0, speed_amplitude_m_per_s=0.5, mean_speed_m_per_s=-3.0) == 0.0
 
 
-@pytest.mark.parametrize("amplitude", [0.0, -1.0, np.nan])
-def test_an_amplitude_must_be_above_0(amplitude):
-    with pytest.raises(InputError, match="speed amplitude"):
-        equivalent_damping_ns_per_m(100.0, speed_amplitude_m_per_s=amplitude)
-
-
 def test_dry_friction_of_guide_and_screw():
     friction = dry_friction(PARTS)
     assert friction.coulomb_n == pytest.approx(0.004 * (1000 * 9.80665 + 2 * 4 * 4000) + 4 * 20)

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.errors import InputError
 from selector.physics.vibration.motion.periodic_error import mean_square, realisation_amounts, section_times
 
 ROUNDING = 1e-10
@@ -155,14 +154,6 @@ def test_nothing_moves():
     for motion in ([], [0.0]):
         found = realisation_amounts(motion, [1.0] * len(motion), [0] * len(motion), [0.0, 1.0], n_sources=5)
         assert (found.expected_m, found.rms_m, found.largest_m, found.count) == (0.0, 0.0, 0.0, 1024)
-
-
-@pytest.mark.parametrize(("phases", "times", "n_sources"), [(0, [0.0], 1), (4, [], 1), (4, [0.0], 0)])
-def test_none_of_something_is_refused(phases, times, n_sources):
-    with pytest.raises(InputError) as refused:
-        realisation_amounts([], [], [], times, n_sources=n_sources, phases=phases)
-    assert refused.value.where == "realisations"
-    assert refused.value.found == f"{n_sources} sources, {len(times)} sections, {phases} phases"
 
 
 def test_section_times_meet_every_line_at_all_phases():

@@ -5,9 +5,6 @@ from __future__ import annotations
 import cmath
 import math
 
-import pytest
-
-from selector.errors import InputError
 from selector.physics.vibration.structure.source import excitation
 from tests.physics.vibration.small_lathe import SOURCES, SPINDLE
 
@@ -42,18 +39,3 @@ def test_rows_alone():
     found = excitation(SOURCES, {"spindle": 1200.0}).only([1, 2])  # type: ignore[arg-type]
     assert found.order == (9.3, None)
     assert found.frequency_hz.tolist() == [186.0, 50.0]
-
-
-@pytest.mark.parametrize(
-    ("sources", "speeds", "where", "found"),
-    [
-        ((SPINDLE,), {}, "sources.spindle.shaft", "no shaft 'spindle'"),
-        ((SPINDLE,), {"spindle": -1.0}, "shafts.spindle", "-1 r/min"),
-        ((SPINDLE,), {"spindle": math.nan}, "shafts.spindle", "nan r/min"),
-    ],
-)
-def test_what_cannot_be_is_refused(sources, speeds, where, found):
-    with pytest.raises(InputError) as caught:
-        excitation(sources, speeds)
-    assert caught.value.where == where
-    assert found in caught.value.found

@@ -97,34 +97,39 @@ def closed_loop(axis: Axis) -> StateSpace:
 
     InputError if the axis has no servo.
     """
-    servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
-    system, radius = plant(mechanics), mechanics.travel_per_motion
-    position, speed = measurement(axis)
+    servo, system = servo_of(axis), plant(small_signal_mechanics(axis))
     order = len(system.A)
     has_integral = servo.velocity_integral_gain > 0
-    gain = servo.position_gain_per_s / radius
-    inertia = inertia_at_motor(mechanics) / (radius * servo.actuator_gain)
-
-    # error of the speed and command, by the states of the plant and the inputs
-    error_by_state = -speed - gain * position
-    error_by_input = np.array([gain, servo.velocity_feedforward / radius, 0.0, 0.0])
-    command_by_state = servo.velocity_gain * error_by_state
-    command_by_input = servo.velocity_gain * error_by_input
-    command_by_input[2] += servo.acceleration_feedforward * inertia
-
+    error_by_state, error_by_input, command_by_state, command_by_input = _control(axis, *measurement(axis))
     torque = servo.actuator_gain * system.B[:, 0]
     size = order + has_integral
     A, B = np.zeros((size, size)), np.zeros((size, 4))
     A[:order, :order] = system.A + np.outer(torque, command_by_state)
-    B[:order] = np.outer(torque, command_by_input)
+    B[:order, :3] = np.outer(torque, command_by_input)
     B[:order, 3] = system.B[:, 1]
     C, D = np.zeros((2, size)), np.zeros((2, 4))
-    C[0, :order], C[1, :order], D[1] = system.C[2], command_by_state, command_by_input
+    C[0, :order], C[1, :order], D[1, :3] = system.C[2], command_by_state, command_by_input
     if has_integral:
         A[:order, order] = torque * servo.velocity_integral_gain
-        A[order, :order], B[order] = error_by_state, error_by_input
+        A[order, :order], B[order, :3] = error_by_state, error_by_input
         C[1, order] = servo.velocity_integral_gain
     return StateSpace(A, B, C, D)
+
+
+def _control(axis: Axis, position: Vector, speed: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """Error of the speed by states and by inputs, then the command by both, without its integral.
+
+    `position` and `speed` are the rows that measure these; inputs are the reference, its speed and its acceleration.
+    """
+    servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
+    radius = mechanics.travel_per_motion
+    gain = servo.position_gain_per_s / radius
+    error_by_state = -speed - gain * position
+    error_by_input = np.array([gain, servo.velocity_feedforward / radius, 0.0])
+    command_by_input = servo.velocity_gain * error_by_input
+    inertia = inertia_at_motor(mechanics) / (radius * servo.actuator_gain)
+    command_by_input[2] += servo.acceleration_feedforward * inertia
+    return error_by_state, error_by_input, servo.velocity_gain * error_by_state, command_by_input
 
 
 def servo_of(axis: Axis) -> Servo:
@@ -156,7 +161,7 @@ def sampled_closed_loop(axis: Axis) -> StateSpace:
     For a sampled servo only; InputError if the axis has none.
     """
     servo, mechanics = servo_of(axis), small_signal_mechanics(axis)
-    system, radius, step_s = plant(mechanics), mechanics.travel_per_motion, servo.sample_s
+    system, step_s = plant(mechanics), servo.sample_s
     position, speed = measurement(axis)
     order = len(system.A)
     waiting, rest_s = waiting_commands(servo)
@@ -166,8 +171,6 @@ def sampled_closed_loop(axis: Axis) -> StateSpace:
     has_integral = servo.velocity_integral_gain > 0
     past, integral = order + n_waiting, order + n_waiting + n_past
     size = integral + has_integral
-    gain = servo.position_gain_per_s / radius
-
     measured, turning = np.zeros(size), np.zeros(size)
     measured[:order] = position
     if n_past:
@@ -175,12 +178,7 @@ def sampled_closed_loop(axis: Axis) -> StateSpace:
         turning[integral - 1] = -1.0 / (n_past * step_s)
     else:
         turning[:order] = speed
-    error_by_state = -turning - gain * measured
-    error_by_input = np.array([gain, servo.velocity_feedforward / radius, 0.0])
-    command_by_state = servo.velocity_gain * error_by_state
-    command_by_input = servo.velocity_gain * error_by_input
-    inertia = inertia_at_motor(mechanics) / (radius * servo.actuator_gain)
-    command_by_input[2] += servo.acceleration_feedforward * inertia
+    error_by_state, error_by_input, command_by_state, command_by_input = _control(axis, measured, turning)
     if has_integral:
         command_by_state[integral] += servo.velocity_integral_gain
 

@@ -337,7 +337,7 @@ def stability_findings(axis: Axis, where: str, at: str = "") -> Iterator[Finding
             told.append(f"{len(growing) - _MOST_POLES} more")
         yield FINDINGS.finding(
             "unstable-loop",
-            f"The control loop of {where}{at} is unstable: it has {_joined(told)}.",
+            f"The control loop of {where}{at} is unstable: it has {' and '.join(told)}.",
             Where(channel=where),
             evidence={
                 **evidence,
@@ -362,7 +362,7 @@ def stability_findings(axis: Axis, where: str, at: str = "") -> Iterator[Finding
             evidence[name] = value if math.isfinite(value) else None
         yield FINDINGS.finding(
             "little-stability-margin",
-            f"The position loop of {where}{at} is stable with {_joined(little)}.",
+            f"The position loop of {where}{at} is stable with {' and '.join(little)}.",
             Where(channel=where),
             evidence,
             suggestion=f"It swings after every change. {_limits_in_words(axis, found)}",
@@ -423,7 +423,3 @@ def _pole_in_words(pole: complex, sample_s: float) -> str:
 
 def _seconds(value: float) -> str:
     return f"{value:.3g} s" if value >= 1 else f"{value * 1e3:.3g} ms"
-
-
-def _joined(parts: object) -> str:
-    return " and ".join(str(part) for part in parts)  # type: ignore[attr-defined]

@@ -58,8 +58,6 @@ def realisation_amounts(
     each of shape (n_lines,). `time_s` are the times of the sections [s], see `section_times`; `phases` is P ≥ 1.
 
     Where there are too many they are drawn (the same ones every time); `mean_square` needs none.
-
-    InputError: no section, no source, or no phase.
     """
     motion = np.asarray(motion_m, dtype=np.complex128)
     frequency, owner = np.asarray(frequency_hz, dtype=np.float64), np.asarray(source, dtype=np.int64)
@@ -67,13 +65,6 @@ def realisation_amounts(
     moving = [motion[rows] for rows in (owner == s for s in range(n_sources))]
     turning = [frequency[owner == s] for s in range(n_sources)]
     active = [s for s in range(n_sources) if np.any(moving[s])]
-    if min(len(time), n_sources, phases) < 1:
-        raise InputError(
-            f"{n_sources} sources, {len(time)} sections, {phases} phases",
-            expected="at least 1 of each",
-            where="realisations",
-            advice="give a source, a section and a phase",
-        )
     # logarithms: the powers may have thousands of digits
     most = min(MOST_REALISATIONS, max(MOST_VALUES // len(time), 1))
     are_few = max(len(active) - 1, 0) * math.log(phases) <= math.log(most) + SAME

@@ -212,10 +212,6 @@ class MotionSignal:
 
 def source_phases_rad(sources: Sequence[Source], *, seed: int, phases: int = 4) -> dict[str, float]:
     """One of the `phases` equal shifts of a turn for every source, drawn with this seed: a realisation of V [rad]."""
-    if phases < 1:
-        raise InputError(
-            f"{phases} phases", expected="at least 1", where="realisations.phases", advice="give at least one phase"
-        )
     drawn = np.random.default_rng(seed).integers(phases, size=len(sources))
     return {source.name: float(2.0 * np.pi * step / phases) for source, step in zip(sources, drawn, strict=True)}
 

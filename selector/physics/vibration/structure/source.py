@@ -1,6 +1,5 @@
 """What shakes the machine: sources with their spectra, fixed or following shafts whose speed may change."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
@@ -107,9 +106,7 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
 
     A line that follows a shaft that stands still is a force that does not change: it has no row.
 
-    `shaft_rpm` is shaft → speed [r/min], 0 or more.
-
-    InputError: a shaft is missing or turns with an impossible speed.
+    `shaft_rpm` is shaft → speed [r/min], 0 or more, of every shaft that a source follows.
     """
     rows: list[tuple[int, int, Line, str | None, float]] = []
     for position, source in enumerate(sources):
@@ -117,7 +114,7 @@ def excitation(sources: Sequence[Source], shaft_rpm: Mapping[str, float]) -> Exc
             if line.order is None:
                 rows.append((position, number, line, None, line.frequency_hz or 0.0))
                 continue
-            speed = shaft_speed(source, shaft_rpm)
+            speed = shaft_rpm[source.shaft or ""]
             if speed > 0:
                 rows.append((position, number, line, source.shaft, line.order * speed / 60.0))
     frequency = np.array([row[4] for row in rows], dtype=np.float64)
@@ -138,21 +135,6 @@ def line_force_n(line: Line, frequency_hz: Vector) -> ComplexVector:
     """F = (force + unbalance·ω²)·e^{i·phase} [N] of one line at frequencies of shape (n,)."""
     amplitude = line.force_n + line.unbalance_kg_m * (2.0 * np.pi * frequency_hz) ** 2
     return np.asarray(amplitude * np.exp(1j * line.phase_rad))
-
-
-def shaft_speed(source: Source, shaft_rpm: Mapping[str, float]) -> float:
-    """Speed of a source's shaft [r/min]; InputError if there is none or it cannot be."""
-    speed = shaft_rpm.get(source.shaft or "")
-    if speed is None or not (math.isfinite(speed) and speed >= 0):
-        raise InputError(
-            f"no shaft {source.shaft!r}" if speed is None else f"{speed:g} r/min",
-            expected=f"one of {', '.join(shaft_rpm) or 'some shafts'}"
-            if speed is None
-            else "0 or more; orders are the same in both directions",
-            where=f"sources.{source.name}.shaft" if speed is None else f"shafts.{source.shaft}",
-            advice="give the speed of every shaft that a source follows",
-        )
-    return speed
 
 
 @dataclass(frozen=True, eq=False)
