@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from selector.errors import InputError
+from selector.findings import Finding
 from selector.physics.checks import told_of
 from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
 from selector.physics.drive.file.model_file import (
@@ -123,6 +124,10 @@ class DriveSimulation:
     axes: Mapping[str, Mapping[str, AxisRun]]  #: Run → axis → what it did
     #: Run → what a ball-bar shows of it; empty unless the axes went in circles
     traces: Mapping[str, BallBarTrace] = field(default_factory=dict)
+    #: Axis → kind, of `KINDS` → name of the recorded channel; for axes that recorded runs drove
+    matched: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()  #: What is to be said about recorded clocks, and what could not be compared
+    opened: bool = False  #: Whether the recorded output of the control acted, so that it is no result
 
     def runs_of(self, name: str) -> list[AxisRun]:
         """What an axis did in every run that it takes part in."""

@@ -169,18 +169,6 @@ _FINEST_SHARE = 20
 _SAME_CLOCK = 1e-6
 
 
-@dataclass(frozen=True)
-class DrivenSimulation:
-    """A simulation of recorded runs."""
-
-    #: Samples at the time stamps of the recording; its channels are called as the recorded ones that they belong to
-    simulation: DriveSimulation
-    #: Axis → kind, of `drive_channels.KINDS` → name of the recorded channel; for the axes that were simulated
-    matched: Mapping[str, Mapping[str, str]]
-    findings: tuple[Finding, ...]  #: What is to be said about the clock, and what could not be compared
-    opened: bool = False  #: Whether the recorded output of the control acted, so that it is no result
-
-
 def driven_runs(
     model: DriveModel,
     recording: Recording,
@@ -188,9 +176,10 @@ def driven_runs(
     opened: bool = False,
     seed: int | None = None,
     progress: Progress | None = None,
-) -> DrivenSimulation:
+) -> DriveSimulation:
     """A simulation of every run of a recording: each axis of the model whose command was recorded follows it.
 
+    Samples at the time stamps of the recording; its channels are called as the recorded ones that they belong to.
     An axis begins where, and as fast as, its position was recorded; else at rest at its first command.
 
     Of the motion of the model's file nothing counts; how channels are found: `recorded_channels`. With `opened` the
@@ -223,9 +212,9 @@ def driven_runs(
     names = {name: channels[name].found if name in apart else _together(channels[name].found) for name in driven}
     own = {name: axis_channels(name, model.file_axes[name], loaded=True, added=True) for name in driven}
     renamed = {own[name][kind].name: there for name in driven for kind, there in names[name].items() if kind != "added"}
-    simulation = replace(gathered, recording=as_recorded(gathered.recording, recording, renamed))
     findings += [*lacking_findings(channels, driven, needed), *channel_findings(channels, recording)]
-    return DrivenSimulation(simulation, names, tuple(findings), opened)
+    made = as_recorded(gathered.recording, recording, renamed)
+    return replace(gathered, recording=made, matched=names, findings=tuple(findings), opened=opened)
 
 
 def _together(found: Mapping[str, str]) -> dict[str, str]:
@@ -366,10 +355,9 @@ def _nothing_drives(
 
 
 def recorded_differences(
-    model: DriveModel, driven: DrivenSimulation, recording: Recording
+    model: DriveModel, driven: DriveSimulation, recording: Recording
 ) -> tuple[ChannelDifference, ...]:
     """Every channel that was both recorded and simulated, run by run; what acts on the axes is left out."""
-    simulated = driven.simulation.recording
     acting = (*INPUTS, "output", "total") if driven.opened else INPUTS
     found = []
     for run in recording.runs:
@@ -386,6 +374,6 @@ def recorded_differences(
                     unit = "urad" if model.file_axes[axis].rotary else "um"
                 elif kind == "force" and model.file_axes[axis].rotary:
                     unit = "N·m"
-                courses = there[seen] * times, simulated.values(run, [name])[seen, 0] * times
+                courses = there[seen] * times, driven.recording.values(run, [name])[seen, 0] * times
                 found.append(ChannelDifference(run, name, unit, time_s[seen] - time_s[0], *courses, axis, kind))
     return tuple(found)

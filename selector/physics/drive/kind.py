@@ -80,16 +80,14 @@ class DriveKind(SimulationKind):
         opened = bool(how.asked.get("open_loop"))
         done = driven_runs(model, recording, opened=opened, seed=how.seed, progress=how.progress)
         differences = recorded_differences(model, done, recording)
-        return self._simulated(model, done.simulation, done.findings, differences)
+        return self._simulated(model, done, differences)
 
-    def _simulated(
-        self, model: Any, done: Any, findings: tuple[Finding, ...] = (), differences: Any = None
-    ) -> Simulated:
+    def _simulated(self, model: Any, done: Any, differences: Any = None) -> Simulated:
         recording = done.recording
         acting = tuple(
             one.name for one in recording.channels if one.role == "position_command" or one.name in model.inputs
         )
-        return Simulated(model, recording, findings, done, acting, differences)
+        return Simulated(model, recording, done.findings, done, acting, differences)
 
     def summary(self, done: Simulated, progress: Progress) -> Any:
         """Errors and their causes, loops, and the circle."""

@@ -69,7 +69,7 @@ def test_differences_are_those_of_the_two_recordings():
     told = {one.kind: one for one in recorded_differences(heavier, driven, own)}
     assert set(told) == {"position", "output", "force"}
     for kind, name, times in (("position", "qm", 1e6), ("output", "i", 1.0)):
-        by_hand = times * (driven.simulation.recording.values("r1", [name]) - own.values("r1", [name]))[:, 0]
+        by_hand = times * (driven.recording.values("r1", [name]) - own.values("r1", [name]))[:, 0]
         assert told[kind].channel == name
         # the order of multiplying and subtracting: 1e-16 of 10 000 µm
         assert told[kind].rms == pytest.approx(np.sqrt(np.mean(by_hand**2)), rel=1e-9)

@@ -41,7 +41,7 @@ def renamed(recording: Recording, names: dict[str, str], without: tuple[str, ...
 def test_driven_by_its_own_command_it_does_the_same():
     drive = model()
     own = drive.simulation(run="r1").recording
-    again = driven_runs(drive, own).simulation.recording
+    again = driven_runs(drive, own).recording
     assert again.channels == own.channels
     # the control reads positions at its samples only, which are those of the recording
     np.testing.assert_array_equal(again.frame.to_numpy(), own.frame.to_numpy())
@@ -51,17 +51,14 @@ def test_opened_it_does_the_same_after_the_same_output():
     drive = model()
     own = drive.simulation(run="r1").recording
     done = driven_runs(drive, own, opened=True)
-    np.testing.assert_array_equal(
-        done.simulation.recording.values("r1", ["X_current"]), own.values("r1", ["X_current"])
-    )
-    error_m = done.simulation.recording.values("r1", ["X_table"]) - own.values("r1", ["X_table"])
+    np.testing.assert_array_equal(done.recording.values("r1", ["X_current"]), own.values("r1", ["X_current"]))
+    error_m = done.recording.values("r1", ["X_table"]) - own.values("r1", ["X_table"])
     # the same outputs on the same steps: nothing differs but rounding of 1e-17 m, which nothing holds back
     assert np.abs(error_m).max() < 1e-12
     heavier = drive.with_parameters({"axes.X.mechanics.mass_kg": 110.0})
     closed_m, opened_m = (
         np.abs(
-            driven_runs(heavier, own, opened=opened).simulation.recording.values("r1", ["X_table"])
-            - own.values("r1", ["X_table"])
+            driven_runs(heavier, own, opened=opened).recording.values("r1", ["X_table"]) - own.values("r1", ["X_table"])
         ).max()
         for opened in (False, True)
     )
@@ -75,9 +72,9 @@ def test_channels_are_found_by_role_and_named_as_recorded():
                   without=("X_table", "X_error", "X_force"))  # fmt: skip
     done = driven_runs(drive, own)
     assert done.matched == {"X": {"command": "qg", "position": "qm", "output": "i"}}
-    assert done.simulation.recording.names == ("qg", "qm", "X_table", "X_error", "i", "X_force")
-    assert done.simulation.recording.channel("qm").axis == "X"
-    np.testing.assert_array_equal(done.simulation.recording.values("r1", ["qm"]), own.values("r1", ["qm"]))
+    assert done.recording.names == ("qg", "qm", "X_table", "X_error", "i", "X_force")
+    assert done.recording.channel("qm").axis == "X"
+    np.testing.assert_array_equal(done.recording.values("r1", ["qm"]), own.values("r1", ["qm"]))
     assert done.findings == ()
 
 
@@ -93,7 +90,7 @@ def test_the_file_names_channels_that_roles_do_not_tell():
 
 def test_a_name_that_is_taken_is_marked():
     own = renamed(model().simulation(run="r1").recording, {"X_force": "X_table", "X_table": "T"})
-    names = driven_runs(model(), own).simulation.recording.names
+    names = driven_runs(model(), own).recording.names
     assert "X_table (simulated)" in names
     assert len(set(names)) == len(names)
 
@@ -101,7 +98,7 @@ def test_a_name_that_is_taken_is_marked():
 def test_a_recorded_load_acts():
     drive = model(("motion.force_n", [[0, 0.0], [0.2, 500.0]]))
     own = drive.simulation(run="r1").recording
-    again = driven_runs(model(), own).simulation.recording
+    again = driven_runs(model(), own).recording
     np.testing.assert_array_equal(again.values("r1", ["X_error"]), own.values("r1", ["X_error"]))
     assert (again.values("r1", ["X_error"]) != model().simulation(run="r1").recording.values("r1", ["X_error"])).any()
 
@@ -118,26 +115,26 @@ def test_samples_stand_at_the_times_of_a_clock_that_is_not_even():
     )
     jittered = Recording.from_runs({"r1": table}, (Channel("X_command", "position_command", "m", axis="X"),))
     done = driven_runs(drive, jittered)
-    np.testing.assert_array_equal(done.simulation.recording.time_s("r1"), time_s)
+    np.testing.assert_array_equal(done.recording.time_s("r1"), time_s)
     assert [one.id for one in done.findings] == ["recorded-clock-jitter", "output-not-recorded"]
     assert done.findings[0].where.run == "r1"
     expected = np.interp(time_s - 3.0, even, own.values("r1", ["X_table"])[:, 0])
     # interpolating twice between samples of 1 ms, at 10 mm and 2 Hz: acceleration·period²/8 each, 0.2 µm
-    np.testing.assert_allclose(done.simulation.recording.values("r1", ["X_table"])[:, 0], expected, atol=1e-6)
+    np.testing.assert_allclose(done.recording.values("r1", ["X_table"])[:, 0], expected, atol=1e-6)
 
 
 def test_two_axes_are_driven_together_and_one_that_was_not_recorded_is_told():
     both = model(("axes.Y", RIGID["axes"]["X"]), ("motion.axis", "X"))
     own = model().simulation(run="r1").recording
     done = driven_runs(both, own)
-    assert list(done.simulation.axes["r1"]) == ["X"]
+    assert list(done.axes["r1"]) == ["X"]
     assert [(one.id, one.where.channel) for one in done.findings] == [("axis-not-driven", "Y")]
     tables = pd.DataFrame(
         {name: own.values("r1", ["X_command"])[:, 0] for name in ("X_command", "Y_command")},
         index=pd.Index(own.time_s("r1"), name="time_s"),
     )
     commands = tuple(Channel(f"{a}_command", "position_command", "m", axis=a) for a in "XY")
-    two = driven_runs(both, Recording.from_runs({"r1": tables}, commands)).simulation
+    two = driven_runs(both, Recording.from_runs({"r1": tables}, commands))
     assert list(two.axes["r1"]) == ["X", "Y"]
     np.testing.assert_array_equal(two.recording.values("r1", ["X_table"]), own.values("r1", ["X_table"]))
 
@@ -180,8 +177,8 @@ def test_it_begins_where_and_as_fast_as_the_machine_did():
     whole = model().simulation(run="r1").recording
     late = whole.frame.iloc[100:]
     rest = whole.with_values(late)
-    done = driven_runs(model(), rest).simulation.recording
-    blind = driven_runs(model(), renamed(rest, {}, without=("X_position", "X_table"))).simulation.recording
+    done = driven_runs(model(), rest).recording
+    blind = driven_runs(model(), renamed(rest, {}, without=("X_position", "X_table"))).recording
     error, blind_error = (
         np.abs(one.values("r1", ["X_table"]) - rest.values("r1", ["X_table"])).max() for one in (done, blind)
     )
@@ -193,9 +190,9 @@ def test_a_start_in_motion_is_told_only_where_the_axis_stands():
     drive = model()
     whole = drive.simulation(run="r1").recording
     rest = whole.with_values(whole.frame.iloc[100:])
-    seen = driven_runs(drive, rest).simulation
+    seen = driven_runs(drive, rest)
     assert simulation_findings(drive, seen, {}, driven=True) == ()
-    blind = driven_runs(drive, renamed(rest, {}, without=("X_position", "X_table"))).simulation
+    blind = driven_runs(drive, renamed(rest, {}, without=("X_position", "X_table")))
     (one,) = simulation_findings(drive, blind, {}, driven=True)
     assert one.id == "begins-in-motion"
     # a recording has no phase

@@ -54,11 +54,11 @@ def test_opened_an_addition_is_as_good_as_more_output():
     apart = driven_runs(model(ADDED), with_channels(recording, pulse=("current", "A", pulses(n))), opened=True)
     assert apart.matched["X"]["total"] == "i"
     for name in ("X_table", "X_force", "i"):
-        a, b = (one.simulation.recording.values("r1", [name])[:, 0] for one in (whole, apart))
+        a, b = (one.recording.values("r1", [name])[:, 0] for one in (whole, apart))
         # the same forces on the same steps but for the order of adding up; 300 N act, and nothing holds the table
         np.testing.assert_allclose(a, b, rtol=0.0, atol=1e-12 * max(1.0, float(np.abs(a).max())))
-    assert np.ptp(whole.simulation.recording.values("r1", ["X_table"])) > 1e-3
-    told = apart.simulation.recording
+    assert np.ptp(whole.recording.values("r1", ["X_table"])) > 1e-3
+    told = apart.recording
     np.testing.assert_allclose(
         told.values("r1", ["X_current"])[:, 0], own.values("r1", ["X_current"])[:, 0], rtol=0.0, atol=1e-9
     )
@@ -68,7 +68,7 @@ def test_a_loop_answers_an_addition_by_the_shift_that_its_gains_ask_for():
     step = np.where(np.arange(600) >= 20, 100.0, 0.0)
     recording = with_channels(standing(), pulse=("current", "A", step))
     done = driven_runs(model(ADDED, ("axes.X.friction", ...)), recording)
-    told = done.simulation.recording
+    told = done.recording
     # P and P: at rest kp·kv·shift = what is added; the slowest pole, 50/s or faster, leaves e^-29 of it
     assert told.values("r1", ["X_table"])[-1, 0] == pytest.approx(2.0 * 100.0 / (KP * KV), rel=1e-9)
     assert told.values("r1", ["X_current"])[-1, 0] == pytest.approx(-200.0, rel=1e-9)
@@ -83,7 +83,7 @@ def test_a_loop_answers_an_addition_by_the_shift_that_its_gains_ask_for():
 def test_nothing_added_is_the_simpler_run_to_the_last_bit():
     own = model().simulation(run="r1").recording
     nothing = with_channels(own, pulse=("current", "A", np.zeros(len(own.frame))))
-    done = driven_runs(model(ADDED), nothing).simulation.recording
+    done = driven_runs(model(ADDED), nothing).recording
     np.testing.assert_array_equal(done.values("r1", ["X_table"]), own.values("r1", ["X_table"]))
 
 
@@ -91,13 +91,13 @@ def test_a_run_without_what_is_added_is_told():
     done = driven_runs(model(ADDED), standing())
     assert [one.id for one in done.findings] == ["output-not-recorded", "nothing-added"]
     assert "pulse" in done.findings[1].statement
-    assert "X_added" not in done.simulation.recording.names
+    assert "X_added" not in done.recording.names
 
 
 def test_a_short_name_is_a_channel_that_adds_as_it_is():
     drive = model(("axes.X.recorded", {"added": "pulse"}))
     recording = with_channels(standing(), pulse=("current", "A", pulses(600)))
-    told = driven_runs(drive, recording).simulation.recording
+    told = driven_runs(drive, recording).recording
     np.testing.assert_array_equal(told.values("r1", ["X_added"])[:, 0], pulses(600))
 
 
@@ -115,9 +115,7 @@ def test_an_axis_with_a_screw_takes_additions_opened_only():
         {"r1": without(recording, "i", "pulse").frame.loc["r1"].assign(i=0.01 * pulses(600))},
         (Channel("r", "position_command", "m"), Channel("i", "current", "A")),
     ), opened=True)  # fmt: skip
-    np.testing.assert_array_equal(
-        done.simulation.recording.values("r1", ["X_table"]), alone.simulation.recording.values("r1", ["X_table"])
-    )
+    np.testing.assert_array_equal(done.recording.values("r1", ["X_table"]), alone.recording.values("r1", ["X_table"]))
     assert done.matched["X"]["output"] == "i"
 
 
@@ -127,7 +125,7 @@ def test_two_channels_of_a_role_are_told_and_none_is_taken():
     done = driven_runs(model(), two)
     assert [(one.id, one.level) for one in done.findings] == [("channel-undecided", "warning")]
     assert done.findings[0].evidence["channels"] == ["a", "b"]
-    assert "X_current" in done.simulation.recording.names
+    assert "X_current" in done.recording.names
     with pytest.raises(OptionError, match="output"):
         driven_runs(model(), two, opened=True)
     said = driven_runs(model(("axes.X.recorded", {"output": "b"})), two)

@@ -158,10 +158,8 @@ class PairGeometry:
     #: Straightness: how far an axis at ± radius has moved across, in the direction of the other one, against the
     #: middle; with the square of the distance [µm]
     bow_um: _MicrometresOfBoth = (0.0, 0.0)
-    centre_offset_um: _MicrometresOfBoth = (
-        0.0,
-        0.0,
-    )  #: Where the ball of the workpiece sits against the commanded centre [µm]
+    #: Where the ball of the workpiece sits against the commanded centre [µm]
+    centre_offset_um: _MicrometresOfBoth = (0.0, 0.0)
     length_error_um: _Micrometres = 0.0  #: How much longer than nominal the bar is where it reads 0 [µm]
     #: Where the centre of the rotary table is against its commanded place [µm]
     rotary_centre_offset_um: _MicrometresOfBoth = (0.0, 0.0)
