@@ -13,19 +13,20 @@ from selector.physics.checks import told_of
 from selector.physics.drive.ball_bar.circle import LONGEST_PERIOD_S, BallBarTrace, Circle, PairGeometry, ball_bar_run
 from selector.physics.drive.file.model_file import (
     Columns,
+    checked_model_file,
     columns_needed,
     file_circles,
     file_reference,
     moved_axes,
+    numbers,
     parameters,
-    with_parameters,
 )
 from selector.physics.drive.file.model_schema import MOST_STEPS, CircleMotion, DriveFile, FileAxis, file_axis
 from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.drive.trajectory import Motion, Reference
-from selector.physics.model_fields import Parameter, value_of
+from selector.physics.model_fields import Parameter, file_with, value_of
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -187,8 +188,8 @@ class DriveModel:
         return {f"F{one.feed_mm_per_min:g} {turns[one.direction]}": one for one in file_circles(self.file)}
 
     def with_parameters(self, values: Mapping[str, float]) -> "DriveModel":
-        """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
-        return DriveModel(with_parameters(self.file, values), self.columns)
+        """The same model with other values of some parameters; errors as `file_with`."""
+        return DriveModel(file_with(self.file, values, numbers(self.file), checked_model_file), self.columns)
 
     def simulation(self, *, run: str = "simulation", seed: int | None = None) -> DriveSimulation:
         """What the axes do in the motion of the file.

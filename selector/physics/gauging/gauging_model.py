@@ -27,13 +27,14 @@ from selector.physics.gauging.model_file import (
     MOST_RECORDED,
     FileParts,
     GaugingFile,
+    checked_model_file,
     file_parts,
     finest_s,
+    numbers,
     parameters,
     sampling_s,
-    with_parameters,
 )
-from selector.physics.model_fields import Parameter, refused, unlikely_values
+from selector.physics.model_fields import Parameter, file_with, refused, unlikely_values
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress
 from selector.recording import Channel, Recording
@@ -247,8 +248,8 @@ class GaugingModel:
         return GaugedGrinding(self.stage_gauges[-1], *process, self.characteristic, volts, self.crest, made.correction)
 
     def with_parameters(self, values: Mapping[str, float]) -> "GaugingModel":
-        """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
-        return gauging_model(with_parameters(self.file, values))
+        """The same model with other values of some parameters; errors as `file_with`."""
+        return gauging_model(file_with(self.file, values, numbers(self.file), checked_model_file))
 
     def measured_um(self, voltage_v: Vector) -> Vector:
         """Allowances that the gauge shows for smoothed voltages; beyond what it can give, those of its ends [µm]."""

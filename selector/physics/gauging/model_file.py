@@ -18,7 +18,6 @@ from selector.physics.model_fields import (
     Parameter,
     Unit,
     entry_of,
-    file_with,
     given,
     numbers_of,
     parameters_of,
@@ -300,15 +299,11 @@ def parameters(file: GaugingFile) -> dict[str, Parameter]:
     Tolerances and whole numbers are none. Bounds are those of the fields, unless ``[bounds]`` says otherwise. Errors
     as `parameters_of`.
     """
-    return parameters_of(file, _numbers(file))
+    return parameters_of(file, numbers(file))
 
 
-def with_parameters(file: GaugingFile, values: Mapping[str, float]) -> GaugingFile:
-    """The model file with other values of some parameters, see `file_with`."""
-    return file_with(file, values, _numbers(file), checked_model_file)
-
-
-def _numbers(file: GaugingFile) -> Iterator[Number]:
+def numbers(file: GaugingFile) -> Iterator[Number]:
+    """Every number that is one of the `parameters`, with its place in the file."""
     parts = file_parts(file)
     if parts.transducer is not None:
         yield from numbers_of(parts.transducer, ("transducer",))

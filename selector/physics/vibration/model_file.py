@@ -11,17 +11,7 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from selector.errors import InputError
-from selector.physics.model_fields import (
-    Fit,
-    Number,
-    Parameter,
-    Unit,
-    Usual,
-    file_with,
-    numbers_of,
-    parameters_of,
-    refusals,
-)
+from selector.physics.model_fields import Fit, Number, Parameter, Unit, Usual, numbers_of, parameters_of, refusals
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Contradiction,
@@ -458,15 +448,11 @@ def parameters(file: VibrationFile) -> dict[str, Parameter]:
     line makes at the highest speed, and the other way round; phases −π to π. Always around the value, unless
     ``[bounds]`` says otherwise. Errors as `parameters_of`.
     """
-    return parameters_of(file, _numbers(file))
+    return parameters_of(file, numbers(file))
 
 
-def with_parameters(file: VibrationFile, values: Mapping[str, float]) -> VibrationFile:
-    """The model file with other values of some parameters, see `file_with`."""
-    return file_with(file, values, _numbers(file), checked_model_file)
-
-
-def _numbers(file: VibrationFile) -> Iterator[Number]:
+def numbers(file: VibrationFile) -> Iterator[Number]:
+    """Every number that is one of the `parameters`, with its place in the file."""
     for name, member in file.members.items():
         yield from _of_section(member, ("members", name))
     for number, joint in enumerate(file.joints):

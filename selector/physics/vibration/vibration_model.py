@@ -8,17 +8,18 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding
-from selector.physics.model_fields import Parameter
+from selector.physics.model_fields import Parameter, file_with
 from selector.physics.simulation_kind import Progress
 from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.model_file import (
     VibrationFile,
+    checked_model_file,
     file_shafts,
     file_structure,
     mean_rpm,
+    numbers,
     parameters,
     source_of,
-    with_parameters,
 )
 from selector.physics.vibration.motion.final_motion import ChainMethod, FinalMotions, final_motions
 from selector.physics.vibration.motion.periodic_error import Cutting, Surface, split_frequency_hz
@@ -142,8 +143,8 @@ class VibrationModel:
         return tuple(found)
 
     def with_parameters(self, values: Mapping[str, float]) -> "VibrationModel":
-        """The same model with other values of some parameters; errors as in `parameters.with_parameters`."""
-        return VibrationModel(with_parameters(self.file, values))
+        """The same model with other values of some parameters; errors as `file_with`."""
+        return VibrationModel(file_with(self.file, values, numbers(self.file), checked_model_file))
 
     def motions(self, shaft_rpm: Mapping[str, float]) -> dict[str, FinalMotions]:
         """Method → motion of the finals by every line at these speeds [r/min]; the chains where there are any."""

@@ -561,14 +561,10 @@ def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
     return {
         "least_stiffness_n_per_um": 1e-6 * stiffness,
         "frequency_hz": frequency_hz,
-        "depth_mm": _finite(limit.at_speed(rpm)[0]),
+        "depth_mm": limit.at_speed(rpm)[0],
         "speed_rpm": speed.tolist(),
-        "limit_depth_mm": [_finite(one) for one in depth.tolist()],
+        "limit_depth_mm": depth.tolist(),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:

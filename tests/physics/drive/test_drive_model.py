@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from selector.errors import InputError, ModelFileError, OptionError
 from selector.physics.drive.ball_bar.circle import circle_references
-from selector.physics.drive.drive_model import axis_channels, drive_model
+from selector.physics.drive.drive_model import DriveModel, axis_channels, drive_model
 from selector.physics.drive.drive_summary import drive_summary
 from selector.physics.drive.file.model_file import (
     checked_model_file,
@@ -20,7 +20,6 @@ from selector.physics.drive.file.model_file import (
     parameters,
     parsed_model_file,
     read_model_file,
-    with_parameters,
 )
 from selector.physics.drive.loop.closed_loop import fastest_rate_per_s
 from selector.physics.drive.model_findings import model_findings, simulation_findings
@@ -30,6 +29,10 @@ from selector.physics.model_text import plain_values
 from tests.physics.drive.test_model_file import CIRCLE, MOVES, PARTS, RIGID, changed
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "fixtures" / "drive"
+
+
+def with_parameters(file, values):
+    return DriveModel(file).with_parameters(values).file
 
 
 def model(*changes: tuple[str, object], columns=None):

@@ -12,7 +12,7 @@ from selector.physics.vibration.structure.structure import (
     Structure,
     StructureModes,
     known_place,
-    mass_matrix,
+    masses_kg,
     refuse_unresolved,
     scaled_stiffness_matrix,
     structure_modes,
@@ -53,7 +53,7 @@ def _by_schur(structure: Structure, square: NDArray[np.float64], force: NDArray[
 
     (K − ω²)⁻¹ = T·(1 − ω²·T)⁻¹ between unitary matrices; needs no complete modes.
     """
-    root = np.sqrt(np.diag(mass_matrix(structure)))
+    root = np.sqrt(masses_kg(structure))
     triangle, unitary = linalg.schur(linalg.inv(scaled_stiffness_matrix(structure)), output="complex")
     load = unitary.conj().T @ (force / root)
     found = np.zeros((len(load), len(square)), dtype=np.complex128)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from selector.errors import ModelFileError, OptionError
-from selector.physics.vibration.model_file import checked_model_file, parameters, read_model_file, with_parameters
+from selector.physics.vibration.model_file import checked_model_file, parameters, read_model_file
 from selector.physics.vibration.vibration_model import vibration_model
 from tests.physics.vibration.model_values import SMALL, changed
 
@@ -45,25 +45,25 @@ def test_any_values_within_the_bounds_make_a_model_that_has_them(data):
     found = parameters(LATHE)
     names = data.draw(st.sets(st.sampled_from(sorted(found)), min_size=1, max_size=6))
     values = {name: data.draw(st.floats(found[name].low, found[name].high)) for name in names}
-    new = with_parameters(LATHE, values)
+    new = vibration_model(LATHE).with_parameters(values).file
     assert {name: parameters(new)[name].value for name in names} == values
     others = {name: one.value for name, one in parameters(new).items() if name not in names}
     assert others == {name: one.value for name, one in found.items() if name not in names}
 
 
 def test_no_change_is_the_same_file():
-    assert with_parameters(LATHE, {}) == LATHE
+    assert vibration_model(LATHE).with_parameters({}).file == LATHE
 
 
 def test_unknown_parameters_and_impossible_values_are_refused():
     with pytest.raises(OptionError, match=r"no parameter 'joints\.9\.dissipation'"):
-        with_parameters(FILE, {"joints.9.dissipation": 0.1})
+        vibration_model(FILE).with_parameters({"joints.9.dissipation": 0.1})
     with pytest.raises(ModelFileError, match=r"joints\[1\].stiffness_n_per_m"):
-        with_parameters(FILE, {"joints.1.stiffness_n_per_m": 0.0})
+        vibration_model(FILE).with_parameters({"joints.1.stiffness_n_per_m": 0.0})
     bounded = checked_model_file(changed(("bounds", {"joints.1.stiffness_n_per_m": [1e8, 5e10]})))
     assert parameters(bounded)["joints.1.stiffness_n_per_m"].high == 5e10
     with pytest.raises(OptionError, match=r"1e\+08 to 5e\+10"):
-        with_parameters(bounded, {"joints.1.stiffness_n_per_m": 1e7})
+        vibration_model(bounded).with_parameters({"joints.1.stiffness_n_per_m": 1e7})
 
 
 @pytest.mark.parametrize("bounds", [{"joints.1.mass": [0.0, 1.0]}, {"members.tool.mass_kg": [6.0, 9.0]}])

@@ -9,14 +9,7 @@ from scipy import fft, linalg, signal
 from selector.physics.vibration.motion.final_motion import final_receptance
 from selector.physics.vibration.recorded_force import FADED, force_answer, ring_time_s
 from selector.physics.vibration.structure.source import Line, Source
-from selector.physics.vibration.structure.structure import (
-    GROUND,
-    Joint,
-    Member,
-    Structure,
-    mass_matrix,
-    stiffness_matrix,
-)
+from selector.physics.vibration.structure.structure import GROUND, Joint, Member, Structure, masses_kg, stiffness_matrix
 
 STEP_S = 5e-4
 TIME_S = np.arange(4000) * STEP_S
@@ -72,7 +65,7 @@ def test_noise_is_exact_but_for_what_acted_before_and_after():
 
 
 def test_noise_moves_it_as_a_simulation_in_time_with_the_same_loss_of_every_mode():
-    mass, stiffness = np.diag(mass_matrix(STRUCTURE)), stiffness_matrix(STRUCTURE)
+    mass, stiffness = masses_kg(STRUCTURE), stiffness_matrix(STRUCTURE)
     squares, shapes = linalg.eigh(stiffness.real, np.diag(mass))
     loss = np.diag(shapes.T @ stiffness.imag @ shapes) / squares
     a = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.diag(squares), -np.diag(loss * np.sqrt(squares))]])

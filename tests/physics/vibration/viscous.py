@@ -10,7 +10,7 @@ from selector.physics.drive.loop.closed_loop import StateSpace
 from selector.physics.vibration.structure.structure import (
     Structure,
     known_place,
-    mass_matrix,
+    masses_kg,
     stiffness_matrix,
     unit_force,
 )
@@ -20,7 +20,7 @@ def state_space(structure: Structure, at_hz: float, *, inputs=None, outputs=None
     """Forces on members [N] to displacements of members [m], by default of all; right at `at_hz`."""
     names = structure.names
     inputs, outputs = tuple(inputs or names), tuple(outputs or names)
-    n, stiffness, mass = len(names), stiffness_matrix(structure), np.diag(mass_matrix(structure))
+    n, stiffness, mass = len(names), stiffness_matrix(structure), masses_kg(structure)
     a = np.zeros((2 * n, 2 * n))
     a[:n, n:] = np.eye(n)
     a[n:, :n] = -stiffness.real / mass[:, None]

@@ -31,7 +31,7 @@ from selector.physics.drive.file.model_schema import (
 )
 from selector.physics.drive.parts.axis import RigidMechanics
 from selector.physics.drive.trajectory import Reference, move_phases, moves, recorded, sine
-from selector.physics.model_fields import Fit, Number, Parameter, file_with, numbers_of, parameters_of, refusals
+from selector.physics.model_fields import Fit, Number, Parameter, numbers_of, parameters_of, refusals
 from selector.physics.model_text import (
     MOST_SAMPLES,
     Column,
@@ -317,15 +317,11 @@ def parameters(file: DriveFile) -> dict[str, Parameter]:
     machine of this mass could have: 0.3 of its weight of dry friction, damping that stops it in 0.1 s, a fifth of
     critical damping in its springs; unless ``[bounds]`` says otherwise. Errors as `parameters_of`.
     """
-    return parameters_of(file, _numbers(file))
+    return parameters_of(file, numbers(file))
 
 
-def with_parameters(file: DriveFile, values: Mapping[str, float]) -> DriveFile:
-    """The model file with other values of some parameters, see `file_with`."""
-    return file_with(file, values, _numbers(file), checked_model_file)
-
-
-def _numbers(file: DriveFile) -> Iterator[Number]:
+def numbers(file: DriveFile) -> Iterator[Number]:
+    """Every number that is one of the `parameters`, with its place in the file."""
     for name, section in file.axes.items():
         made = file_axis(section)
         for one in _of_axis(made):

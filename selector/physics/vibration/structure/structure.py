@@ -125,9 +125,9 @@ UNDAMPED = 1e-9
 RESOLVED = 1e3 * np.finfo(float).eps
 
 
-def mass_matrix(structure: Structure) -> Matrix:
-    """M [kg], diagonal, shape (n_members, n_members), in the order of the members."""
-    return np.diag(_masses_kg(structure))
+def masses_kg(structure: Structure) -> Vector:
+    """Diagonal of M [kg], shape (n_members,), in the order of the members."""
+    return np.array([member.mass_kg for member in structure.members], dtype=np.float64)
 
 
 def stiffness_matrix(structure: Structure) -> Complex:
@@ -145,7 +145,7 @@ def joint_ends(structure: Structure) -> Matrix:
 
 def scaled_stiffness_matrix(structure: Structure) -> Complex:
     """M^−½·K·M^−½ [1/s²]: its eigenvalues are those of the pencil (K, M)."""
-    root = np.sqrt(_masses_kg(structure))
+    root = np.sqrt(masses_kg(structure))
     return np.asarray(stiffness_matrix(structure) / root / root[:, None])
 
 
@@ -223,13 +223,9 @@ def refuse_unresolved(structure: Structure, frequency_hz: Vector) -> None:
     )
 
 
-def _masses_kg(structure: Structure) -> Vector:
-    return np.array([member.mass_kg for member in structure.members], dtype=np.float64)
-
-
 def _solved(structure: Structure, frequency_hz: Vector, force_n: Complex) -> Complex:
     """X of (K − ω²M)·X = F, shape (n_freq, n_members, n_cases)."""
-    scaled, root = scaled_stiffness_matrix(structure), np.sqrt(_masses_kg(structure))
+    scaled, root = scaled_stiffness_matrix(structure), np.sqrt(masses_kg(structure))
     refuse_unresolved(structure, frequency_hz)
     motion = np.empty(force_n.shape, dtype=np.complex128)
     at_once = max(1, NUMBERS_AT_ONCE // (len(root) * (len(root) + force_n.shape[2])))
@@ -255,7 +251,7 @@ def _most_in_mode(structure: Structure, square: float) -> tuple[str, tuple[str, 
     """The member that moves most in the mode nearest to ω² = `square`, and the joint that it strains most."""
     eigenvalues, vectors = np.linalg.eig(scaled_stiffness_matrix(structure))
     near: Complex = vectors[:, np.argmin(np.abs(eigenvalues - square))].astype(np.complex128)
-    shape = near / np.sqrt(_masses_kg(structure))
+    shape = near / np.sqrt(masses_kg(structure))
     return structure.names[int(np.argmax(np.abs(shape)))], strained_joint(structure, shape).between
 
 
@@ -298,7 +294,7 @@ def structure_modes(structure: Structure) -> StructureModes:
     return StructureModes(
         frequency_hz=np.sqrt(eigenvalues).real / (2.0 * math.pi),
         loss_factor=eigenvalues.imag / eigenvalues.real,
-        shapes=vectors / np.sqrt(np.diag(mass_matrix(structure)))[:, None],
+        shapes=vectors / np.sqrt(masses_kg(structure))[:, None],
         eigenvalues_per_s2=eigenvalues,
         members=structure.names,
         complete=bool(lost <= COMPLETE),
