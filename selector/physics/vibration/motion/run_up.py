@@ -27,15 +27,6 @@ _MOST_MOMENTS = 20_000
 _JITTER = 0.125  #: Part of the time constant over which a speed is averaged, to tell its noise from a run-up.
 
 
-@dataclass(frozen=True, eq=False)
-class RunUp:
-    """What the lines of one source that follow its shaft do, as analytic signals whose imaginary parts are meant."""
-
-    force_n: Complex  #: (n_times,): [N]
-    motion_m: Complex  #: (n_finals, n_times): [m]
-    findings: tuple[Finding, ...]  #: Lines that the sampling cannot carry, a change from one set of chains to the other
-
-
 def run_up(
     structure: Structure,
     source: Source,
@@ -46,10 +37,12 @@ def run_up(
     half_rate_hz: float,
     chains: ChainMethod | None = None,
     beyond: Beyond = "refuse",
-) -> RunUp:
-    """Force and motion by the lines of `source` that follow its shaft; see `motion_signal`.
+) -> tuple[Complex, Complex, list[Finding]]:
+    """Force, motion and findings by the lines of `source` that follow its shaft; see `motion_signal`.
 
-    `half_rate_hz` is half the sampling rate, from which on a line is refused or left out [Hz].
+    The force [N] has the shape (n_times,), the motion [m] (n_finals, n_times); both are analytic signals whose
+    imaginary parts are meant. `half_rate_hz` is half the sampling rate, from which on a line is refused or left out
+    [Hz].
 
     InputError: a line that the sampling cannot carry, a resonance without dissipation, or the errors of
     `final_receptance`.
@@ -88,7 +81,7 @@ def run_up(
             evidence={"source": source.name, "split_hz": jump_hz},
         )
         findings.append(told)
-    return RunUp(force, motion, tuple(findings))
+    return force, motion, findings
 
 
 def beyond_sampling(
@@ -262,10 +255,12 @@ def motion_signal(
             force[position] = signal[-1]
         if source.shaft in courses:
             course = courses[source.shaft]
-            moved = run_up(structure, source, course, finals, time, half_rate_hz=half_hz, chains=chains, beyond=beyond)
-            motion += (moved.motion_m * shift[position]).imag
-            force[position] += (moved.force_n * shift[position]).imag
-            findings += moved.findings
+            pushed, moved, odd = run_up(
+                structure, source, course, finals, time, half_rate_hz=half_hz, chains=chains, beyond=beyond
+            )
+            motion += (moved * shift[position]).imag
+            force[position] += (pushed * shift[position]).imag
+            findings += odd
     speeds = {
         name: np.full(len(time), constant[name]) if name in constant else courses[name].rpm_at(time)
         for name in shaft_rpm
