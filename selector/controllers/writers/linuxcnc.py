@@ -1,6 +1,7 @@
 """LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
@@ -13,6 +14,7 @@ from selector.controllers.writers.exported import Exported, heading, require_own
 from selector.findings import Finding
 
 NAME = "thermcorr"
+_MEMORY = Path(__file__).with_name("linuxcnc_memory.txt")
 
 COUNTS_PER_UM = 10  #: ``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm.
 #: So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then.
@@ -29,44 +31,9 @@ def memory_files(model: ModelFile) -> dict[str, str]:
     What was saved for another model is left alone: its first sensor may be another one.
     """
     parameters = " ".join(one.name.replace("_", "-") for one in guarded_program(model).of("retained"))
-    script = f"""\
-#!/bin/sh
-# {NAME}_memory.sh save | restore: start readings and memory while LinuxCNC is closed.
-# They are in {NAME}_kept.txt beside the INI file; delete it to take new start readings.
-kept={NAME}_kept.txt
-model={kept_sha256(model)}
-case "$1" in
-save)
-    {{
-        echo "model $model"
-        echo "saved-at $(date +%s)"
-        for name in {parameters}; do
-            value=$(halcmd -s getp "{NAME}.$name") || exit 1
-            echo "$name $value"
-        done
-    }} > "$kept.new" && mv "$kept.new" "$kept"
-    ;;
-restore)
-    [ -r "$kept" ] || exit 0
-    if [ "$(head -n 1 "$kept")" != "model $model" ]; then
-        echo "$kept is of another model: start readings are taken anew" >&2
-        exit 0
-    fi
-    while read -r name value; do
-        case "$name" in
-        model) ;;
-        saved-at) halcmd setp {NAME}.standstill $(($(date +%s) - value)) ;;
-        *) halcmd setp "{NAME}.$name" "$value" ;;
-        esac || exit 1
-    done < "$kept"
-    halcmd setp {NAME}.restart 1
-    ;;
-*)
-    echo "usage: $0 save | restore" >&2
-    exit 2
-    ;;
-esac
-"""
+    script = _MEMORY.read_text(encoding="ascii")
+    for place, text in (("@NAME@", NAME), ("@MODEL@", kept_sha256(model)), ("@PARAMETERS@", parameters)):
+        script = script.replace(place, text)
     return {f"{NAME}_memory.sh": script, f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n"}
 
 

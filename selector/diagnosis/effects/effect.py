@@ -205,7 +205,11 @@ class Effect:
 
 
 def words_of(id_: str) -> dict[str, Any]:
-    """Id, title, physics and the other texts of a shipped effect, from ``words.toml`` in the folder of its family."""
+    """What is declared of a shipped effect in ``words.toml`` of its family: id, texts, where it enters, parameters.
+
+    Of the parameters each has a row: name, unit, lowest and highest value, meaning. Those that are made of constants of
+    the code stand in the code.
+    """
     family, _, name = id_.partition(".")
     return {"id": id_, **_words(family)[name]}
 
@@ -213,4 +217,8 @@ def words_of(id_: str) -> dict[str, Any]:
 @cache
 def _words(family: str) -> dict[str, dict[str, Any]]:
     told = tomllib.loads((Path(__file__).parent / family / "words.toml").read_text(encoding="utf-8"))
-    return {name: {**texts, "confounders": tuple(texts["confounders"])} for name, texts in told.items()}
+    for of in told.values():
+        of["confounders"] = tuple(of["confounders"])
+        if "parameters" in of:
+            of["parameters"] = tuple(ShapeParameter(*row) for row in of["parameters"])
+    return told

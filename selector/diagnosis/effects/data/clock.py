@@ -6,16 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, duration, everywhere, later_parts, single_runs, whole_runs
-from selector.diagnosis.effects.effect import (
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    equally_likely,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.input_faults import input_faults
 from selector.diagnosis.shapes.signals import by_run, excited, rate
 from selector.types import Vector
@@ -160,16 +151,4 @@ def _tried_value(variant: Variant, name: str) -> float:
     return variant.shape[name].value if name in variant.shape else 1.0
 
 
-EFFECT = Effect(
-    **words_of("data.clock"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter("shift_s", "s", -np.inf, np.inf, "by how much the recorded channel is late"),
-        ShapeParameter(
-            "rate_error", "1", -0.2, 0.2, "by which part the recorded clock runs too slow (positive: too fast)"
-        ),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("data.clock"), variants=_variants, testable=_testable, reading=_reading)

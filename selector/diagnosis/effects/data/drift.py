@@ -15,16 +15,7 @@ from selector.diagnosis.effects.data._places import (
     step_unit,
     window,
 )
-from selector.diagnosis.effects.effect import (
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    always,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, always, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 
 _STARTS = 12
@@ -64,17 +55,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("data.drift"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter(
-            "drift", "unit of the channel per hour", -np.inf, np.inf, "speed at which the reading runs away"
-        ),
-        ShapeParameter("from_s", "s", 0.0, np.inf, "when it begins, from the start of the run"),
-        ShapeParameter("bend", "1", 0.5, 2.0, "power of time: below 1 fast at first, above 1 faster and faster"),
-    ),
-    variants=_variants,
-    testable=always,
-    reading=or_of_input(_reading),
-)
+EFFECT = Effect(**words_of("data.drift"), variants=_variants, testable=always, reading=or_of_input(_reading))

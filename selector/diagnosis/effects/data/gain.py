@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import everywhere, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.signals import excited
 
 #: Factors between units and habits, and what they would mean.
@@ -76,11 +76,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("data.gain"),
-    enters="measurement",
-    parameters=(ShapeParameter("gain", "1", -np.inf, np.inf, "recorded by true change of reading"),),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("data.gain"), variants=_variants, testable=_testable, reading=_reading)

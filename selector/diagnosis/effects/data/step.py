@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import Part, amount, fitted_runs, later_parts, step_unit, window
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import leftover
 
@@ -58,14 +58,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("data.step"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter("step", "unit of the channel", -np.inf, np.inf, "by how much it jumps"),
-        ShapeParameter("from_s", "s", 0.0, np.inf, "when, from the start of the run"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=or_of_input(_reading),
-)
+EFFECT = Effect(**words_of("data.step"), variants=_variants, testable=_testable, reading=or_of_input(_reading))

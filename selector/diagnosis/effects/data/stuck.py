@@ -7,7 +7,7 @@ from scipy.special import erf
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, step_unit, window
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.signals import of_a_drive
 from selector.quality.survey import block_noise
@@ -170,15 +170,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("data.stuck"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter("from_s", "s", 0.0, np.inf, "when it freezes, from the start of the run"),
-        ShapeParameter("to_s", "s", 0.0, np.inf, "when it thaws"),
-        ShapeParameter("reading", "unit of the channel", -np.inf, np.inf, "where it stands"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=or_of_input(_reading),
-)
+EFFECT = Effect(**words_of("data.stuck"), variants=_variants, testable=_testable, reading=or_of_input(_reading))

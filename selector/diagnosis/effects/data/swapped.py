@@ -5,7 +5,7 @@ from itertools import combinations
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import single_runs, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, equally_likely, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import exchanged, weights_of_readings
 from selector.diagnosis.shapes.signals import excited
@@ -76,11 +76,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, {"share": fitted.coefficient("1")})
 
 
-EFFECT = Effect(
-    **words_of("data.swapped"),
-    enters="measurement",
-    parameters=(ShapeParameter("share", "1", 0.7, 1.3, "how much of the other's course is found; 1 = all"),),
-    variants=_variants,
-    testable=_testable,
-    reading=or_of_input(_reading),
-)
+EFFECT = Effect(**words_of("data.swapped"), variants=_variants, testable=_testable, reading=or_of_input(_reading))

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import amount, everywhere, step_unit, whole_runs
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, always, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, always, words_of
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -29,11 +29,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("data.zero"),
-    enters="measurement",
-    parameters=(ShapeParameter("zero", "unit of the channel", -np.inf, np.inf, "what is read where nothing is"),),
-    variants=_variants,
-    testable=always,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("data.zero"), variants=_variants, testable=always, reading=_reading)

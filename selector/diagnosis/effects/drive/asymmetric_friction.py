@@ -45,7 +45,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.asymmetric_friction"),
-    enters="force",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", -1e5, 1e5, "half the difference"

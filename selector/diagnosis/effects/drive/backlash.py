@@ -8,7 +8,7 @@ from numba import njit
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, motion_of, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import FORCE_ROLES, Motion, simulated_drive_force
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, loop_parts
 from selector.diagnosis.shapes.signals import scaled
@@ -123,17 +123,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"At each reversal the drive crosses a play: impulses of {fitted.size_words}.", fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("drive.backlash"),
-    enters="displacement",
-    parameters=(
-        ShapeParameter("lost_motion", "unit of the response", 0.0, 1e3, "whole play"),
-        ShapeParameter("crossed_um", "um", 1.0, 1e6, "way on which it is crossed"),
-        ShapeParameter(
-            "start", "1", -1.0, 1.0, "flank before the first motion: 1 that which touches first, -1 the other"
-        ),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.backlash"), variants=_variants, testable=_testable, reading=_reading)

@@ -37,7 +37,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.coulomb"),
-    enters="force",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"

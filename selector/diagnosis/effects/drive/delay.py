@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.force_response import responds
 from selector.diagnosis.shapes.signals import rate
@@ -40,14 +40,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.delay"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter("delay_ms", "ms", -20.0, 20.0, "dead time"),
-        ShapeParameter("in", "1", 0.0, 1.0, "0 in command or measurement, 1 in the actuator"),
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.delay"), variants=_variants, testable=responds, reading=_reading)

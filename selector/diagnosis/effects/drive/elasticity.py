@@ -8,7 +8,7 @@ from scipy.signal import bilinear, lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import direct, motion_of, of_forces, presliding_m
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, responds
 from selector.diagnosis.shapes.signals import by_run, rate
@@ -78,15 +78,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.elasticity"),
-    enters="state",
-    parameters=(
-        ShapeParameter("compliance", "unit of the response per force or acceleration", -1e3, 1e3, "yield per load"),
-        ShapeParameter("frequency_hz", "Hz", 0.0, 1e3, "natural frequency; 0: only wind-up was seen"),
-        ShapeParameter("damping_ratio", "1", 0.0, 1.0, "of the mode"),
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.elasticity"), variants=_variants, testable=responds, reading=_reading)

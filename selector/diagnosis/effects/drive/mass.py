@@ -26,7 +26,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.mass"),
-    enters="force",
     parameters=(
         ShapeParameter("mass_kg", "kg (A or V per m/s² where these are compared)", -1e5, 1e5, "what is missing"),
         YIELD,

@@ -52,7 +52,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.offset_force"),
-    enters="force",
     parameters=(
         ShapeParameter("force_n", "N (A or V where these are compared)", -1e5, 1e5, "force in positive direction"),
         YIELD,

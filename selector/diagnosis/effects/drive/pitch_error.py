@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import centred_place, direct, leads, motion_of, place_only, waved
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shown_units import displayed
 
 
@@ -48,17 +48,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.pitch_error"),
-    enters="displacement",
-    parameters=(
-        ShapeParameter("lead_mm", "mm", 0.5, 1e3, "way after which it repeats"),
-        ShapeParameter("amplitude", "unit of the response", 0.0, 1e3, "half of its swing"),
-        ShapeParameter("power", "1", 1.0, 3.0, "of the cumulative course over position"),
-        ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
-        ShapeParameter("from_start", "1", 0.0, 1.0, "1: counted from where each run began"),
-    ),
-    variants=_variants,
-    testable=place_only,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.pitch_error"), variants=_variants, testable=place_only, reading=_reading)

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import force_key, leads, motion_of, of_forces, waved
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 
@@ -42,15 +42,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"{text}: {fitted.size_words}.", {"lead_mm": lead} | fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("drive.ripple"),
-    enters="force",
-    parameters=(
-        ShapeParameter("lead_mm", "mm", 0.5, 1e3, "way after which it repeats"),
-        ShapeParameter("force_n", "N (A or V where these are compared)", 0.0, 1e5, "amplitude"),
-        ShapeParameter("harmonics", "1", 1.0, 2.0, "parts of a turn that it has"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.ripple"), variants=_variants, testable=_testable, reading=_reading)

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back, held_back_axis, motion_of
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     SimulatedAxis,
@@ -114,14 +114,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.saturation"),
-    enters="limit",
-    parameters=(
-        ShapeParameter("limit", "A, N, V, m/s² or m/s", 0.0, 1e6, "where it is"),
-        ShapeParameter("kind", "1", 0.0, 1.0, "0 of force, 1 of speed"),
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.saturation"), variants=_variants, testable=responds, reading=_reading)

@@ -57,7 +57,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.stribeck"),
-    enters="force",
     parameters=(
         ShapeParameter(
             "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "breakaway less sliding"

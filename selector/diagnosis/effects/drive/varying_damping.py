@@ -38,7 +38,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.varying_damping"),
-    enters="force",
     parameters=(
         ShapeParameter("change", "N*s/m (A or V for N)", -1e6, 1e6, "change of the coefficient over half the way"),
         ShapeParameter("law", "1", 0.0, 2.0, "0 with position, 1 with position and its square, 2 with acceleration"),

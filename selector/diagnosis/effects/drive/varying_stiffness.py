@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import centred_place, direct, motion_of, place_only, presliding_m, stays
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import simulated_drive_force
 
 _INERTIA, _FRICTION = "inertia", "friction"
@@ -44,13 +44,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.varying_stiffness"),
-    enters="state",
-    parameters=(
-        ShapeParameter(
-            "law", "1", 0.0, 3.0, "0 with position, 1 with position and its square, 2 with load, 3 with speed"
-        ),
-        ShapeParameter("load", "1", 0.0, 2.0, "which load: force of the drive if simulated, inertia, friction"),
-    ),
     variants=_variants,
     testable=lambda comparison, response: place_only(comparison, response) or stays(comparison, response),
     reading=_reading,

@@ -40,7 +40,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.viscous"),
-    enters="force",
     parameters=(
         ShapeParameter("coefficient", "N*s/m (A or V for N)", -1e6, 1e6, "what is missing, per speed"),
         ShapeParameter("exponent", "1", 0.67, 2.0, "power of the speed"),

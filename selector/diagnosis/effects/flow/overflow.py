@@ -384,7 +384,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("flow.overflow"),
-    enters="limit",
     parameters=(
         ShapeParameter("ceiling", "unit of the response", -1e12, 1e12, "level at which it spills"),
         ShapeParameter("upper_ceiling", "1", 0.0, 1e12, "level at which the store above spills, over its highest"),

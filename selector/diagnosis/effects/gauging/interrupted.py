@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import SLOWEST_VIBRATION_S, course, excited, lagged, no_gauging, part_by_part
@@ -99,15 +99,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, fitted.size | {"offset": offset})
 
 
-EFFECT = Effect(
-    **words_of("gauging.interrupted"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter("offset", "unit of the response", -1e6, 1e6, "shift of the reading while interrupted"),
-        ShapeParameter("grooves", "1", 1.0, 12.0, "interruptions per turn"),
-        ShapeParameter("tau_s", "s", 0.0, 1.0, "filter of the gauge"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("gauging.interrupted"), variants=_variants, testable=_testable, reading=_reading)

@@ -103,7 +103,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("gauging.lag"),
-    enters="measurement",
     parameters=(
         ShapeParameter("tau_s", "s", 0.001, 10.0, "time constant of the filter, from a reading in time"),
         ShapeParameter("lag_s", "s", -10.0, 10.0, "lateness of the stop, from sizes and infeeds"),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.gauging.lag import infeed
 from selector.diagnosis.shapes.signals import by_run, course, excited, no_gauging, part_by_part
 from selector.types import Vector
@@ -104,17 +104,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, {"over_the_record": amount} | fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("gauging.wear"),
-    enters="measurement",
-    parameters=(
-        ShapeParameter(
-            "over_the_record", "unit of the response", -1e6, 1e6, "change of the size over the whole record"
-        ),
-        ShapeParameter("power", "1", 1.0, 2.0, "power of parts, time or stock"),
-        ShapeParameter("settles", "parts, s or um", 0.0, 1e9, "amount after which it has settled by two thirds"),
-    ),
-    variants=_variants,
-    testable=no_gauging,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("gauging.wear"), variants=_variants, testable=no_gauging, reading=_reading)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
@@ -46,15 +46,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.ambient"),
-    enters="heat flow",
-    parameters=(
-        ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the structure behind the hall"),
-        ShapeParameter("slow_tau_s", "s", 0.0, 86400.0, "delay of its slow part, if two are needed"),
-        ShapeParameter("per_kelvin", "um/K", -200.0, 200.0, "displacement a kelvin of the hall once all has followed"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.ambient"), variants=_variants, testable=_testable, reading=_reading)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     SpindleLaw,
@@ -74,14 +74,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.convection"),
-    enters="heat flow",
-    parameters=(
-        ShapeParameter("growth", "1", 0.0, 10.0, "growth of the rate of cooling at full speed or largest warmth"),
-        ShapeParameter("tau_s", "s", 60.0, 86400.0, "delay, where the simulation's own are not known"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.convection"), variants=_variants, testable=_testable, reading=_reading)

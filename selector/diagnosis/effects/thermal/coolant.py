@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
 from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
@@ -88,11 +88,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.coolant"),
-    enters="heat flow",
-    parameters=(ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the coolant"),),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.coolant"), variants=_variants, testable=_testable, reading=_reading)

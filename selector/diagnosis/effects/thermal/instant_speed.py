@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
 from selector.diagnosis.shapes.heating import lacking, shown_unit, sources, speed_power, top_speed_rpm
 
@@ -36,14 +36,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.instant_speed"),
-    enters="displacement",
-    parameters=(
-        ShapeParameter("speed_exponent", "1", 0.5, 2.0, "power of the speed; 2 for centrifugal growth"),
-        ShapeParameter("at_top_speed", "um", -500.0, 500.0, "shift at the highest recorded speed"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.instant_speed"), variants=_variants, testable=_testable, reading=_reading)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import lacking, rise_parts, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
@@ -55,11 +55,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.interaction"),
-    enters="displacement",
-    parameters=(ShapeParameter("product", "um/K^2", -50.0, 50.0, "displacement a product of two rises"),),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.interaction"), variants=_variants, testable=_testable, reading=_reading)

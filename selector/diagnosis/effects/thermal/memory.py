@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
     lacking,
@@ -95,14 +95,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.memory"),
-    enters="state",
-    parameters=(
-        ShapeParameter("tau_s", "s", 60.0, 86400.0, "time constant of the missing mode"),
-        ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "time constant of a second one, if two are needed"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.memory"), variants=_variants, testable=_testable, reading=_reading)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import heats, lacking, rise_parts, says_other_source, sources
 from selector.diagnosis.shapes.signals import excited, time_constants
@@ -64,14 +64,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.second_source"),
-    enters="heat flow",
-    parameters=(
-        ShapeParameter("tau_s", "s", 0.0, 86400.0, "delay of the response behind the source"),
-        ShapeParameter("slow_tau_s", "s", 0.0, 86400.0, "delay of its slow part, if two are needed"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.second_source"), variants=_variants, testable=_testable, reading=_reading)

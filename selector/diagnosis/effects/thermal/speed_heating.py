@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.effects.thermal._wording import late, place_of, quantities, worth
 from selector.diagnosis.shapes.heating import (
     EXPONENTS,
@@ -93,16 +93,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("thermal.speed_heating"),
-    enters="heat flow",
-    parameters=(
-        ShapeParameter("speed_exponent", "1", 0.5, 3.0, "power of the speed that the missing heat goes with"),
-        ShapeParameter("from_speed", "rpm", 0.0, 60000.0, "speed above which it is more than the simulation has"),
-        ShapeParameter("tau_s", "s", 60.0, 86400.0, "delay, where the simulation knows no spindle heat at all"),
-        ShapeParameter("slow_tau_s", "s", 60.0, 86400.0, "delay of its slow part, if two are needed"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("thermal.speed_heating"), variants=_variants, testable=_testable, reading=_reading)

@@ -142,7 +142,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("vibration.back_reaction"),
-    enters="force",
     parameters=(
         LARGEST,
         ShapeParameter(

@@ -131,7 +131,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("vibration.hardening"),
-    enters="force",
     parameters=(
         ShapeParameter("stiffening", "percent", 0.0, 1e4, "stiffness at the largest swing above that at rest"),
         ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", 0.0, 1e300, "k₃ in k₃·y³"),

@@ -133,7 +133,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("vibration.hysteresis"),
-    enters="force",
     parameters=(
         ShapeParameter(
             "slip", "unit of the motion", 0.0, 1e12, "displacement after a reversal until the element slips"

@@ -7,16 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    equally_likely,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, equally_likely, words_of
 from selector.diagnosis.shapes.linear_response import LinearResponse, linear_responses, resonator
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import course, no_vibration, swept_hz
@@ -185,15 +176,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, {"order": order} | fitted.size | ({"speed_power": power} if power is not None else {}))
 
 
-EFFECT = Effect(
-    **words_of("vibration.imbalance"),
-    enters="force",
-    parameters=(
-        ShapeParameter("order", "1", 0.5, 4.0, "cycles per turn of the spindle"),
-        ShapeParameter("speed_power", "1", 0.0, 4.0, "power of the speed with which the line grows"),
-        ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("vibration.imbalance"), variants=_variants, testable=_testable, reading=_reading)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.linear_response import resonances_of
 from selector.diagnosis.shapes.residual import leftover
 from selector.diagnosis.shapes.signals import no_vibration, of_a_drive, swept_hz
@@ -81,14 +81,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, {"frequency_hz": line, "amplitude": size})
 
 
-EFFECT = Effect(
-    **words_of("vibration.line"),
-    enters="force",
-    parameters=(
-        ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "frequency of the source"),
-        ShapeParameter("amplitude", "unit of the response", 0.0, 1e12, "amplitude in the response"),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("vibration.line"), variants=_variants, testable=_testable, reading=_reading)

@@ -138,7 +138,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("vibration.mode"),
-    enters="state",
     parameters=(
         ShapeParameter("frequency_hz", "Hz", 0.5, 1e5, "natural frequency of the mode"),
         ShapeParameter("damping", "1", _LEAST_DAMPING, _MOST_DAMPING, "damping ratio"),
