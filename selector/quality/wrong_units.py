@@ -199,7 +199,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                         level="error",
                     )
                     break
-        if told or not usable:
+        if told or not usable or not thermal:
             continue
         largest = max(scales[run].span for run in usable)
         rise = max(warmed[run] for run in usable)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selector.quality import inspect
@@ -88,3 +89,12 @@ def test_not_when_it_is_small():
     found = verdict(tables)
     assert (found.level, found.action) == ("warning", "none")
     assert "source" in found.suggestion
+
+
+def test_without_a_thermometer_a_long_way_is_no_wrong_unit():
+    time_s, draw = 10.0 * np.arange(300), np.random.default_rng(2)
+    way = pd.DataFrame({"Z": 4e4 * np.sin(time_s / 200.0) + draw.standard_normal(300)}, index=time_s)
+    cold = way.assign(T=20.0 + 0.05 * draw.standard_normal(300))
+    axis, sensor = Channel("Z", "displacement", "um"), Channel("T", "temperature", "degC")
+    assert "wrong-unit" not in {one.id for one in inspect(Recording.from_runs({"r1": way}, [axis]))}
+    assert "wrong-unit" in {one.id for one in inspect(Recording.from_runs({"r1": cold}, [axis, sensor]))}
