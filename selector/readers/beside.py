@@ -20,6 +20,7 @@ from selector.types import Vector
 
 _FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, of any other the nearest reading is taken.
 _GAP_PERIODS = 3.5  #: Samples that are farther apart have a gap between them, into which no mean reaches.
+_DAY_S = 86400.0
 _LEAST_SHARED = 0.5  #: Of the shorter of two runs that may be one.
 
 
@@ -140,7 +141,10 @@ def begins_after_s(run: TimedRun, other: TimedRun) -> float:
     Raises RecordingError: one has dates with a time zone, the other without: nobody knows what lies between them.
     """
     if not _has_dates(run, other):
-        return other.first_s - run.first_s if run.start is None and other.start is None else 0.0
+        late_s = other.first_s - run.first_s if run.start is None and other.start is None else 0.0
+        # times of day: the nearest of all days
+        is_daily = run.clock.time_of_day and other.clock.time_of_day
+        return (late_s + 0.5 * _DAY_S) % _DAY_S - 0.5 * _DAY_S if is_daily else late_s
     starts = [datetime.fromisoformat(one.start or "") for one in (run, other)]
     if (starts[0].tzinfo is None) != (starts[1].tzinfo is None):
         raise RecordingError(

@@ -197,8 +197,9 @@ def test_the_clocks_of_the_files_count_where_there_are_no_dates(loggers):
     (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
     files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
     by_dates = read(files, loggers / "m.toml").recording.values("logger_1", ("Z",))
+    before_midnight = pd.Timedelta(hours=17, minutes=59)
     for name in ("logger_1", "gauge_1"):
-        rewritten(loggers, name, lambda time: time.dt.strftime("%H:%M:%S"))
+        rewritten(loggers, name, lambda time: (time + before_midnight).dt.strftime("%H:%M:%S"))
     by_clock = read(files, loggers / "m.toml")
     np.testing.assert_array_equal(by_clock.recording.values("logger_1", ("Z",)), by_dates)
     assert {one.level for one in by_clock.findings if one.id == "loggers-aligned"} == {"warning"}
