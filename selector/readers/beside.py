@@ -15,8 +15,8 @@ from selector.readers.roles.names import one_of_words
 from selector.readers.roles.plan import Plan
 from selector.readers.runs import Beside, TimedRun, averaged
 from selector.readers.tables import Column, listed
-from selector.readers.window import part_of
-from selector.types import Vector
+from selector.readers.window import part_of, told_from
+from selector.types import Matrix, Vector
 
 _FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, of any other the nearest reading is taken.
 _GAP_PERIODS = 3.5  #: Samples that are farther apart have a gap between them, into which no mean reaches.
@@ -71,7 +71,9 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
         late_s = begins_after_s(run, other) if said_s is None else said_s
         parts.append((other, late_s))
         beside.append(Beside(other.name, str(other.file), other.sha256, late_s - other.skipped_s))
-        told += other.findings if said_s is not None else [*other.findings, _told(run, other, late_s)]
+        told += [moved for one in other.findings if (moved := told_from(one, -late_s, np.inf)) is not None]
+        if said_s is None:
+            told.append(_told(run, other, late_s))
     return _together(run, parts, told, beside)
 
 
@@ -85,7 +87,7 @@ def _together(
     clock = slowest.time_s + late_s
     columns, inside = list[Column](), np.ones(len(clock), dtype=np.bool_)
     for part, begins_s in parts:
-        values = on_clock(clock, part.time_s + begins_s, np.column_stack([one.values for one in part.columns]))
+        values = on_clock(clock, part.time_s + begins_s, _readings(part))
         known = np.flatnonzero(np.isfinite(values).any(axis=1))
         if len(known) < 2:
             raise RecordingError(
@@ -114,12 +116,19 @@ def _together(
     return replace(found, beside=tuple(replace(one, begins_s=one.begins_s - zero) for one in beside))
 
 
+def _readings(of: TimedRun) -> Matrix:
+    return np.column_stack([np.empty((len(of.time_s), 0)), *(column.values for column in of.columns)])
+
+
 def of_sensors(parts: Mapping[str, TimedRun]) -> TimedRun:
     """One run of the sensors of a long table, whose columns are called after them."""
     named = [
         replace(part, columns=tuple(replace(one, header=f"{name} {one.header}") for one in part.columns))
         for name, part in parts.items()
+        if np.isfinite(_readings(part)).any(axis=1).sum() > 1
     ]
+    if not named:
+        return next(iter(parts.values()))
     first = named[0]
     told = [finding for part in named for finding in part.findings if finding.where.channel is None]
     return _together(first, [(part, begins_after_s(first, part)) for part in named], told, ())

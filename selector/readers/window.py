@@ -128,7 +128,7 @@ def part_of(run: TimedRun, inside: NDArray[np.bool_]) -> TimedRun:
         columns=tuple(replace(column, values=column.values[inside]) for column in run.columns),
         first_s=run.first_s + (zero if start is None else 0.0),
         start=start,
-        findings=tuple(moved for one in run.findings if (moved := _moved(one, zero, length)) is not None),
+        findings=tuple(moved for one in run.findings if (moved := told_from(one, zero, length)) is not None),
         skipped_s=run.skipped_s + zero,
     )
 
@@ -152,7 +152,7 @@ def _begun(name: str, zero: float) -> Finding:
     )
 
 
-def _moved(finding: Finding, zero: float, length: float) -> Finding | None:
+def told_from(finding: Finding, zero: float, length: float) -> Finding | None:
     """A finding with its place counted from another start; None: it lies outside."""
     where = finding.where
     if where.from_s is None:

@@ -47,6 +47,13 @@ def test_numbers_are_sensors_only_under_a_heading_that_says_so(tmp_path):
     assert "sensor-column" not in {one.id for one in read([tmp_path / "steps.csv"]).findings}
 
 
+def test_a_sensor_without_a_reading_costs_no_other(tmp_path):
+    table = long_table()
+    table.loc[table.sensor == "rear", "T [degC]"] = np.nan
+    table.to_csv(tmp_path / "long.csv", index=False)
+    assert [one.split()[0] for one in read([tmp_path / "long.csv"]).recording.names] == ["front", "table"]
+
+
 def test_words_of_a_state_are_no_sensors(tmp_path):
     time_s = 10.0 * np.arange(200)
     words = np.where(time_s % 400 < 200, "heating", "cooling")
