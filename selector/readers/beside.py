@@ -57,11 +57,9 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
                 where=f"[runs.{name}] of the machine file",
                 advice="move it to the section of the run that began later, or take it out",
             )
-    return [
-        _with(run, [by_name[one] for one in repairs.get(run.name, RunSection()).beside], repairs)
-        for run in runs
-        if run.name not in first_of
-    ]
+    others = {run.name: [by_name[one] for one in repairs.get(run.name, RunSection()).beside] for run in runs}
+    kept = [run for run in runs if run.name not in first_of]
+    return [_with(run, others[run.name], repairs) if others[run.name] else run for run in kept]
 
 
 def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> TimedRun:

@@ -137,6 +137,16 @@ def test_channels_of_one_name_stay_apart(loggers):
     np.testing.assert_array_equal(other, pd.read_csv(loggers / "logger_2.csv")["T1 [degC]"])
 
 
+def test_a_run_that_nothing_stands_beside_stays_as_it_is(loggers):
+    """Rows without a reading at its start and end, too."""
+    table = pd.read_csv(loggers / "logger_2.csv")
+    table.iloc[[0, 1, -1], 1:] = np.nan
+    table.to_csv(loggers / "logger_2.csv", index=False)
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["gauge_1"]\n', encoding="utf-8")
+    reading = read([loggers / f"{name}.csv" for name in ("logger_1", "gauge_1", "logger_2")], loggers / "m.toml")
+    assert [(run.name, run.rows) for run in reading.runs] == [("logger_1", ROWS - 2), ("logger_2", ROWS)]
+
+
 def test_repairs_of_what_stands_beside_a_run_are_made(loggers):
     files = [loggers / "logger_1.csv", loggers / "gauge_1.csv"]
     said = '[runs.logger_1]\nbeside = ["gauge_1"]\n[runs.gauge_1.channels.Z]\n'
