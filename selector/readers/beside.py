@@ -118,18 +118,22 @@ def _readings(of: TimedRun) -> Matrix:
     return np.column_stack([np.empty((len(of.time_s), 0)), *(column.values for column in of.columns)])
 
 
-def of_sensors(parts: Mapping[str, TimedRun]) -> TimedRun:
-    """One run of the sensors of a long table, whose columns are called after them."""
-    named = [
-        replace(part, columns=tuple(replace(one, header=f"{name} {one.header}") for one in part.columns))
-        for name, part in parts.items()
-        if np.isfinite(_readings(part)).any(axis=1).sum() > 1
-    ]
-    if not named:
-        return next(iter(parts.values()))
-    first = named[0]
-    told = [finding for part in named for finding in part.findings if finding.where.channel is None]
-    return _together(first, [(part, begins_after_s(first, part)) for part in named], told, ())
+def called_after(name: str, part: TimedRun) -> TimedRun:
+    """The same with the name of a sensor before every heading."""
+    told = [replace(of, where=replace(of.where, channel=of.where.channel and f"{name} {of.where.channel}"))
+            for of in part.findings]  # fmt: skip
+    columns = tuple(replace(one, header=f"{name} {one.header}") for one in part.columns)
+    return replace(part, columns=columns, findings=tuple(told))
+
+
+def of_sensors(parts: Sequence[TimedRun]) -> TimedRun:
+    """One run of the sensors of a long table."""
+    read = [part for part in parts if np.isfinite(_readings(part)).any(axis=1).sum() > 1]
+    if not read:
+        return parts[0]
+    first = read[0]
+    told = [finding for part in read for finding in part.findings]
+    return _together(first, [(part, begins_after_s(first, part)) for part in read], told, ())
 
 
 def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:

@@ -1,6 +1,5 @@
 """Files → a Recording, with everything that was found and guessed on the way, and its description."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from selector.findings import Finding, Where
 from selector.quality import without_faults
 from selector.quality.broken_sensors import broken_sensors
 from selector.quality.survey import Survey
-from selector.readers.beside import joined, of_sensors, two_loggers
+from selector.readers.beside import called_after, joined, of_sensors, two_loggers
 from selector.readers.binary.optional import quiet
 from selector.readers.clock.clock import TimeOptions
 from selector.readers.clock.stamps import time_unit
@@ -25,9 +24,10 @@ from selector.readers.machine_file import machine as machine_at
 from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.roles.repairs import repaired, used_runs
 from selector.readers.runs import Beside, TimedRun, split_runs, split_sensors, timed_run, uniquely_named
-from selector.readers.tables import Overrides, Table
+from selector.readers.tables import Overrides
 from selector.readers.window import files_within, require_some, thinning, within
 from selector.recording import Channel, Recording
+from selector.text_file import shell_word
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
 
@@ -50,7 +50,7 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
         if empty.all():
             advice = "check the decimal mark and the columns, or leave this file out"
             if not any(run.name in channel.headers for channel in planned.channels):
-                role = shlex.quote(f"{run.columns[0].header if run.columns else 'COLUMN'}=displacement")
+                role = shell_word(f"{run.columns[0].header if run.columns else 'COLUMN'}=displacement")
                 advice = f"say what its columns measure, e.g. --role {role}, or leave this file out"
             raise ReadError(
                 f"no value in any of the channels {', '.join(names[:10])}",
@@ -154,9 +154,11 @@ class RunInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, without `begins_s`; `beside` where there is any."""
-        found = {"run" if name == "name" else name: value for name, value in vars(self).items() if name != "begins_s"}
-        found["beside"] = [{"run" if key == "name" else key: v for key, v in vars(b).items()} for b in self.beside]
-        return found if self.beside else {name: value for name, value in found.items() if name != "beside"}
+        shown = {name: value for name, value in vars(self).items() if name not in ("name", "begins_s", "beside")}
+        beside = [
+            {"run": one.name, "file": one.file, "sha256": one.sha256, "begins_s": one.begins_s} for one in self.beside
+        ]
+        return {"run": self.name, **shown, **({"beside": beside} if beside else {})}
 
 
 @dataclass(frozen=True)
@@ -205,8 +207,10 @@ class Reading:
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """Every file that was read, with its hash; once for each of its runs."""
-        own = [[(run.file, run.sha256), *((one.file, one.sha256) for one in run.beside)] for run in self.runs]
-        return tuple(file for files in own for file in files)
+        found: list[tuple[str, str]] = []
+        for run in self.runs:
+            found += [(run.file, run.sha256), *((one.file, one.sha256) for one in run.beside)]
+        return tuple(found)
 
     @property
     def origins(self) -> dict[str, tuple[str, str]]:
@@ -255,7 +259,9 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         for path in files_within(found.files, overrides):
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
-                read_runs = [_timed(table, sha256, options, columns) for table in split_runs(whole, columns)]
+                parts = [split_sensors(table, columns) or {"": table} for table in split_runs(whole, columns)]
+                timed_parts = [{name: timed_run(one, sha256, options) for name, one in of.items()} for of in parts]
+                read_runs = [_of_parts(of, declared, overrides) for of in timed_parts]
                 for run in read_runs:
                     rows += len(run.time_s)
                     kept = within(_believed(run, declared, overrides), overrides)
@@ -272,18 +278,22 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
 
 
-def _timed(table: Table, sha256: str, options: TimeOptions, declared: Sequence[str]) -> TimedRun:
-    sensors = split_sensors(table, declared)
-    if not sensors:
-        return timed_run(table, sha256, options)
-    return of_sensors({name: timed_run(one, sha256, options) for name, one in sensors.items()})
+def _of_parts(parts: Mapping[str, TimedRun], declared: Machine | None, overrides: Overrides) -> TimedRun:
+    """The run of a table, or of the sensors that a long table names."""
+    if len(parts) == 1:
+        return next(iter(parts.values()))
+    named = [called_after(name, part) for name, part in parts.items()]
+    return of_sensors([_without_codes(part, declared, overrides) for part in named])
 
 
 def _believed(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:
-    """A run of which means are taken, without codes of broken sensors and without what a repair leaves out."""
+    """A run, and one of which means are taken without codes of broken sensors."""
     is_averaged = declared is not None and any(section.beside for section in declared.runs.values())
-    if overrides.mean_s is None and not is_averaged:
-        return run
+    return _without_codes(run, declared, overrides) if overrides.mean_s is not None or is_averaged else run
+
+
+def _without_codes(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:
+    """A run without codes of broken sensors and without what a repair leaves out."""
     try:
         runs, planned, _ = settled([run], declared, replace(overrides, partial=True))
         recording, _ = assembled(runs, planned)

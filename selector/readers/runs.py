@@ -203,6 +203,8 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
         words = re.split(r"[^a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", column.header).lower())
         if column.header in declared or not (column.kind == "text" or _SENSOR_WORDS & set(words)):
             continue
+        if len({_label(value) for value in column.values[: _LEAST_ROWS * _MOST_SENSORS]}) > _MOST_SENSORS:
+            continue
         labels = [_label(value) for value in column.values]
         names = sorted({label for label in labels if label is not None})
         if None in labels or not 2 <= len(names) <= _MOST_SENSORS:
@@ -221,7 +223,7 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
         found = {}
         for k, name in enumerate(names):
             rows = np.flatnonzero(of_row == k)
-            columns = tuple(replace(one, header=one.header, values=one.values[rows], breaks=()) for one in rest)
+            columns = tuple(replace(one, values=one.values[rows], breaks=()) for one in rest)
             lines = None if table.lines is None else table.lines[rows]
             found[name] = replace(table, columns=columns, lines=lines, findings=findings if k == 0 else ())
         return found

@@ -54,6 +54,17 @@ def test_a_sensor_without_a_reading_costs_no_other(tmp_path):
     assert [one.split()[0] for one in read([tmp_path / "long.csv"]).recording.names] == ["front", "table"]
 
 
+def test_codes_of_a_quicker_sensor_are_in_no_mean(tmp_path):
+    table = long_table()
+    quick = pd.DataFrame({"t [s]": 10.0 * np.arange(3 * ROWS - 2), "sensor": "bed"})
+    quick["T [degC]"] = 30.0 + 0.01 * np.random.default_rng(1).standard_normal(len(quick))
+    quick.loc[20:60:5, "T [degC]"] = 850.0
+    pd.concat([table, quick]).to_csv(tmp_path / "long.csv", index=False)
+    seen = read([tmp_path / "long.csv"]).recording
+    assert len(seen.names) == 4
+    assert np.nanmax(seen.values("long", tuple(one for one in seen.names if one.startswith("bed")))) < 31.0
+
+
 def test_words_of_a_state_are_no_sensors(tmp_path):
     time_s = 10.0 * np.arange(200)
     words = np.where(time_s % 400 < 200, "heating", "cooling")
