@@ -34,6 +34,7 @@ from selector.cli import (
     workbench,
 )
 from selector.cli.shared import running
+from selector.cli.shared.option_table import option
 from selector.errors import OptionError
 from selector.physics.simulation_kind import own_kinds, simulation_kinds
 
@@ -59,12 +60,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def _selector(
     context: typer.Context,
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, metavar="", help="Print the version and stop."
-        ),
-    ] = False,
+    version: Annotated[bool, option("selector --version", callback=_print_version, is_eager=True)] = False,
 ) -> None:
     """Choose temperature sensors of a machine tool, prove the model on runs it has not seen, and hand it over."""
     if context.invoked_subcommand is None:
@@ -77,12 +73,12 @@ class _OnceEach(typer.core.TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """The arguments that are left. Raises OptionError: an option with one value has two."""
         _, _, given = self.make_parser(ctx).parse_args(args=list(args))
-        for option in given:
-            single = isinstance(option, typer.core.TyperOption) and not (option.multiple or option.is_flag)
-            if single and given.count(option) > 1:
-                name = max(option.opts, key=len)
+        for one in given:
+            single = isinstance(one, typer.core.TyperOption) and not (one.multiple or one.is_flag)
+            if single and given.count(one) > 1:
+                name = max(one.opts, key=len)
                 raise OptionError(
-                    f"{name} {given.count(option)} times", expected="one value", where=name,
+                    f"{name} {given.count(one)} times", expected="one value", where=name,
                     advice="leave all of them out but one",
                 )  # fmt: skip
         return super().parse_args(ctx, args)

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -34,22 +33,9 @@ _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 class Asked:
     """The options of `adapt`, one field an option."""
 
-    every: Annotated[
-        str | None,
-        typer.Option(
-            "--every", metavar="TIME", help="See the recorded displacement only so often, e.g. 2h, 90min, 3600s."
-        ),
-    ] = None
-    touch_offs: Annotated[
-        Path | None,
-        typer.Option(
-            "--touch-offs", metavar="FILE.csv", help="Touch-offs as measured: run,time_s and a column a response."
-        ),
-    ] = None
-    within: Annotated[
-        float | None,
-        typer.Option("--within", metavar="µm", help="How often to probe so that ± µm is held in 95 % of the time."),
-    ] = None
+    every: Annotated[str | None, option("adapt --every")] = None
+    touch_offs: Annotated[Path | None, option("adapt --touch-offs")] = None
+    within: Annotated[float | None, option("adapt --within")] = None
 
     def every_s(self) -> float | None:
         """The period of --every [s].
@@ -88,9 +74,7 @@ def adapt(
     source: Source,
     model: Model,
     asked: Asked,
-    out: Annotated[
-        Path | None, out_folder(help="Write adaptation.json, model.json with what was learnt, and report.html.")
-    ] = None,
+    out: Annotated[Path | None, out_folder("adapt --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

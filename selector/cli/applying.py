@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from selector.atomic_file import refuse_to_replace_input, require_replaceable
 from selector.cli.models import Model
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.findings import Finding
@@ -27,9 +26,7 @@ if TYPE_CHECKING:
 def apply(
     source: Source,
     model: Model,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.csv", help="Write the predicted displacement of every sample.")
-    ] = None,
+    out: Annotated[Path | None, option("apply --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

@@ -3,44 +3,23 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.errors import OptionError
 
 
 def ballbar(
-    files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE...", help="Tables with angle and deviation, both directions; or folders of them."),
-    ],
-    radius: Annotated[
-        float | None, typer.Option("--radius", metavar="MM", help="Nominal length of the bar; default: as a file says.")
-    ] = None,
-    feed: Annotated[
-        float | None, typer.Option("--feed", metavar="MM/MIN", help="Feed of all circles; default: as the files say.")
-    ] = None,
-    axes: Annotated[
-        str | None,
-        typer.Option("--axes", metavar="X,Y", help="The axis at 0° and that at 90°; default: as a file says, or X,Y."),
-    ] = None,
-    lead: Annotated[
-        list[str] | None,
-        typer.Option("--lead", metavar="X=10", help="Lead of an axis' screw in mm: wavelength of its pitch error."),
-    ] = None,
-    reset_time: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--reset-time",
-            metavar="X=20",
-            help="Reset time of an axis' velocity controller in ms: how strong its reversal pulses have to be.",
-        ),
-    ] = None,
-    out: Annotated[Path | None, out_folder(help="Write ballbar.json and report.html.")] = None,
+    files: Annotated[list[Path], argument("ballbar FILE...")],
+    radius: Annotated[float | None, option("ballbar --radius")] = None,
+    feed: Annotated[float | None, option("ballbar --feed")] = None,
+    axes: Annotated[str | None, option("ballbar --axes")] = None,
+    lead: Annotated[list[str] | None, option("ballbar --lead")] = None,
+    reset_time: Annotated[list[str] | None, option("ballbar --reset-time")] = None,
+    out: Annotated[Path | None, out_folder("ballbar --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
@@ -60,14 +39,14 @@ def ballbar(
     names = None if axes is None else tuple(name.strip().upper() for name in axes.split(","))
     if names is not None and (len(names) != 2 or "" in names or names[0] == names[1]):
         raise _option(f"--axes {axes}", "two axes that differ", "e.g. --axes X,Y")
-    for option, value in (("--radius", radius), ("--feed", feed)):
+    for name, value in (("--radius", radius), ("--feed", feed)):
         if value is not None and not 0 < value < 1e6:
-            raise _option(f"{option} {value:g}", "a number above 0 and below 1e6", "correct the option")
+            raise _option(f"{name} {value:g}", "a number above 0 and below 1e6", "correct the option")
     leads = dict(_of_axis("--lead", one, "the lead of its screw in mm", "X=10") for one in lead or ())
     resets = dict(_of_axis("--reset-time", one, "a time in ms", "X=20") for one in reset_time or ())
-    for option, asked_for, known in (("--lead", lead, leads), ("--reset-time", reset_time, resets)):
+    for name, asked_for, known in (("--lead", lead, leads), ("--reset-time", reset_time, resets)):
         if len(known) < len(asked_for or ()):
-            raise _option(f"{option} of an axis twice", "every axis once", "leave one of them out")
+            raise _option(f"{name} of an axis twice", "every axis once", "leave one of them out")
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
         refuse_folder_of_inputs(out, files)

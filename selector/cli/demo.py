@@ -17,8 +17,7 @@ from selector.cli.shared.source import Source
 
 
 def demo(
-    out: Annotated[Path, out_folder(help="Where to write; the report is DIR/report.html.")] = Path("selector-demo"),
-    everything: Everything = False,
+    out: Annotated[Path, out_folder("demo --out")] = Path("selector-demo"), everything: Everything = False
 ) -> None:
     """Runs the main job on two shipped recordings and ends with the path of a report.
 

@@ -22,14 +22,7 @@ def diagnose(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: diagnosed.Asked,
-    out: Annotated[
-        Path | None,
-        out_folder(
-            help="Write diagnosis.json, report.html and study.toml; with --model improved.toml; where physics is named "
-            "that is not in that, correction.json, and model.json if it is thermal. Those of an earlier answer there "
-            "are replaced or removed."
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_folder("diagnose --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import argument
 from selector.cli.shared.showing import AsJson
 
 if TYPE_CHECKING:
@@ -17,9 +16,7 @@ if TYPE_CHECKING:
 
 
 def effects(
-    id: Annotated[  # noqa: A002 - the word of the contract
-        str | None, typer.Argument(metavar="[ID]", help="Effect to explain, e.g. thermal.memory. Default: list all.")
-    ] = None,
+    id: Annotated[str | None, argument("effects [ID]")] = None,  # noqa: A002 - the word of the contract
     as_json: AsJson = False,
 ) -> None:
     """Lists what a diagnosis can name, by family with a line each, or explains one effect: its physics, where it

@@ -6,10 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.progress import fleet_progress, progress_bar
 from selector.cli.shared.showing import AsJson
 from selector.cli.shared.simulation_files import require_page_place
@@ -19,27 +18,14 @@ if TYPE_CHECKING:
     from selector.fleet import Fleet
     from selector.telling.account import Account
 
-FleetPath = Annotated[
-    Path, typer.Argument(metavar="FLEET.toml", help="The machines, what is asked of them, and the results folder.")
-]
+FleetPath = Annotated[Path, argument("fleet FLEET.toml")]
 
 
 def run(
     fleet: FleetPath,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes at a time. Default: one a processor.")
-    ] = None,
-    dask: Annotated[
-        str | None, typer.Option("--dask", metavar="ADDRESS", help="Instead: the workers of this Dask scheduler.")
-    ] = None,
-    refit: Annotated[
-        bool,
-        typer.Option(
-            "--refit",
-            metavar="",
-            help="Keep each model unless one from later recordings is better in still later ones.",
-        ),
-    ] = False,
+    jobs: Annotated[int | None, option("fleet run --jobs", min=1)] = None,
+    dask: Annotated[str | None, option("fleet run --dask")] = None,
+    refit: Annotated[bool, option("fleet run --refit")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Does the study of every machine, and keeps each as soon as it is done.
@@ -70,11 +56,7 @@ def run(
 
 
 def watch(
-    fleet: FleetPath,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="FILE.html", help="Also make a page of it.")
-    ] = None,
-    as_json: AsJson = False,
+    fleet: FleetPath, out: Annotated[Path | None, option("fleet watch --out")] = None, as_json: AsJson = False
 ) -> None:
     """Applies every machine's model to the recordings that came after it, and says where it is no longer true.
 
@@ -98,12 +80,7 @@ def watch(
 
 
 def report(
-    fleet: FleetPath,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE.html", help="The page. Default: fleet.html in the results folder."),
-    ] = None,
-    as_json: AsJson = False,
+    fleet: FleetPath, out: Annotated[Path | None, option("fleet report --out")] = None, as_json: AsJson = False
 ) -> None:
     """Makes one page from the results folder: what to do this week, all machines, sensor places that serve all."""
     from selector.fleet import overview, read_answer, read_fleet
@@ -124,13 +101,9 @@ def report(
 
 def sisters(
     fleet: FleetPath,
-    machine: Annotated[str, typer.Option("--machine", metavar="NAME", help="The new machine, one of the fleet file.")],
-    runs: Annotated[
-        int | None, typer.Option("--runs", metavar="N", min=1, help="Use its first N runs. Default: all.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", metavar="MODEL.json", help="Write its model, where sisters help.")
-    ] = None,
+    machine: Annotated[str, option("fleet sisters --machine")],
+    runs: Annotated[int | None, option("fleet sisters --runs", min=1)] = None,
+    out: Annotated[Path | None, option("fleet sisters --out")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Makes a model for a machine with one to three runs from what the other machines of its type share.

@@ -9,12 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from selector.atomic_file import require_writable_folder
 from selector.cli.models import Model
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, written_folder
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.showing import AsJson
 from selector.errors import CancelledError, OptionError
 
@@ -22,12 +21,12 @@ if TYPE_CHECKING:
     from selector.live.collecting import Collection
     from selector.live.compensating import Compensation
 
-Cycles = Annotated[int | None, typer.Option("--cycles", metavar="N", min=1, help="Stop after so many periods.")]
+Cycles = Annotated[int | None, option("live --cycles", min=1)]
 
 
 def collect(
-    io: Annotated[Path, typer.Argument(metavar="IO.toml", help="Servers and channels.")],
-    out: Annotated[Path, typer.Option("--out", metavar="LAKE", parser=written_folder, help="Folder of the lake.")],
+    io: Annotated[Path, argument("collect IO.toml")],
+    out: Annotated[Path, option("collect --out", parser=written_folder)],
     cycles: Cycles = None,
     as_json: AsJson = False,
 ) -> None:
@@ -53,12 +52,10 @@ def collect(
 
 def compensate(
     model: Model,
-    io: Annotated[Path, typer.Option("--io", metavar="IO.toml", help="Servers, channels, outputs, heartbeats.")],
-    out: Annotated[Path, out_folder(help="Journal, status page, start readings.")] = Path("live"),
+    io: Annotated[Path, option("compensate --io")],
+    out: Annotated[Path, out_folder("compensate --out")] = Path("live"),
     cycles: Cycles = None,
-    fast: Annotated[
-        bool, typer.Option("--fast", metavar="", help="A rehearsal with files only: as fast as it can be computed.")
-    ] = False,
+    fast: Annotated[bool, option("compensate --fast")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Corrects a machine from a process beside its control: reads sensors, computes, writes, reads back.

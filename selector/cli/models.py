@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.showing import AsJson
 
-Model = Annotated[Path, typer.Argument(metavar="MODEL.json", help="A model file, as `selector select` writes it.")]
+Model = Annotated[Path, argument("model MODEL.json")]
 
 
 def show(model: Model, as_json: AsJson = False) -> None:
@@ -46,12 +45,7 @@ def show(model: Model, as_json: AsJson = False) -> None:
 
 
 def check(
-    model: Model,
-    as_json: AsJson = False,
-    accept: Annotated[
-        bool,
-        typer.Option("--accept", metavar="", help="The guard was changed on purpose: write vectors and digest anew."),
-    ] = False,
+    model: Model, as_json: AsJson = False, accept: Annotated[bool, option("model check --accept")] = False
 ) -> None:
     """Recomputes the vectors of a model file and looks for what would go wrong on a control.
 
@@ -89,9 +83,7 @@ def check(
     require_usable(findings, model)
 
 
-def card(
-    model: Model, out: Annotated[Path, typer.Option("--out", metavar="FILE.html", help="Where to write the card.")]
-) -> None:
+def card(model: Model, out: Annotated[Path, option("model card --out")]) -> None:
     """Writes the card of a model: machine, data, method, ranges, coefficients, limits, validation, identity."""
     from selector.atomic_file import refuse_to_replace_input
     from selector.controllers.model_file import read_model

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
 
 from selector.atomic_file import begins_with, require_writable_folder
 from selector.cli.selecting import Responses
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
 from selector.errors import OptionError
@@ -22,98 +20,24 @@ if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
     from selector.physics.thermal.prediction.prediction import Prediction, Tolerance
 
-_of_program = partial(typer.Option, rich_help_panel="Correction program")
-_of_day = partial(typer.Option, rich_help_panel="The day as it was")
-
 
 @dataclass(frozen=True)
 class Asked:
     """The options of `predict`, one field an option."""
 
-    cycle: Annotated[
-        Path,
-        typer.Option(
-            "--cycle",
-            metavar="CYCLE.csv",
-            help="Duty cycle: time_s,spindle_speed, one row a change; beside them columns named as ambient channels.",
-        ),
-    ]
+    cycle: Annotated[Path, option("predict --cycle")]
     response: Responses = None
-    method: Annotated[
-        Literal["modal", "piecewise"],
-        typer.Option(
-            "--method", metavar="modal|piecewise", help="Thermal modes, or pieces of the measured characteristics."
-        ),
-    ] = "modal"
-    operations: Annotated[
-        str | None, _of_program("--operations", metavar="MIN,MIN,...", help="Lengths of the operations in minutes.")
-    ] = None
-    tolerance: Annotated[
-        list[str] | None,
-        _of_program(
-            "--tolerance",
-            metavar="[NAME=]µm[,µm...]",
-            help="Drift that is allowed between corrections: one for all, one an operation (10,5,10), or by response "
-            "(Z=10); repeat.",
-        ),
-    ] = None
-    resolution: Annotated[
-        float | None,
-        _of_program(
-            "--resolution",
-            metavar="MIN",
-            help="Corrections only at whole multiples of these minutes, never late. Default: exact times.",
-        ),
-    ] = None
-    order: Annotated[
-        bool,
-        _of_program(
-            "--order", metavar="", help="Also find the order of the operations that needs the fewest corrections."
-        ),
-    ] = False
-    warm_up: Annotated[
-        float | None,
-        _of_program(
-            "--warm-up",
-            metavar="MIN",
-            min=5.0,
-            max=600.0,
-            help="Also find the warm-up before the duty cycle, up to so long, that leaves the fewest corrections.",
-        ),
-    ] = None
-    start: Annotated[
-        Literal["cold", "tests"] | None,
-        typer.Option(
-            "--start",
-            metavar="cold|tests",
-            help="How the duty cycle begins: cold, or where the tests end. Default: where they end if they are one "
-            "long record, else cold.",
-        ),
-    ] = None
-    nc: Annotated[
-        str | None,
-        _of_program(
-            "--nc",
-            metavar="fanuc|sinumerik",
-            help="Write the program as an NC subprogram too, with a sheet (needs --out).",
-        ),
-    ] = None
-    invert: Annotated[
-        list[str] | None,
-        _of_program("--invert", metavar="NAME", help="Response whose axis the control counts the other way; repeat."),
-    ] = None
-    readings: Annotated[
-        Path | None,
-        _of_day(
-            "--readings", metavar="DAY", help="Thermometers recorded on the day: finds stops that were not planned."
-        ),
-    ] = None
-    observe: Annotated[
-        list[str] | None,
-        _of_day(
-            "--observe", metavar="NAME", help="Thermometer of DAY and of the tests to go by; repeat. Default: all."
-        ),
-    ] = None
+    method: Annotated[Literal["modal", "piecewise"], option("predict --method")] = "modal"
+    operations: Annotated[str | None, option("predict --operations")] = None
+    tolerance: Annotated[list[str] | None, option("predict --tolerance")] = None
+    resolution: Annotated[float | None, option("predict --resolution")] = None
+    order: Annotated[bool, option("predict --order")] = False
+    warm_up: Annotated[float | None, option("predict --warm-up", min=5.0, max=600.0)] = None
+    start: Annotated[Literal["cold", "tests"] | None, option("predict --start")] = None
+    nc: Annotated[str | None, option("predict --nc")] = None
+    invert: Annotated[list[str] | None, option("predict --invert")] = None
+    readings: Annotated[Path | None, option("predict --readings")] = None
+    observe: Annotated[list[str] | None, option("predict --observe")] = None
 
     def require_usable(self, out: Path | None) -> None:
         """Ends with an error when a number is out of its limits, or an NC subprogram has nothing to say or to go to."""
@@ -156,13 +80,13 @@ class Asked:
         Raises OptionError: one is no drift above 0, a response is named twice, or some have a name and others not.
         """
         told: dict[str | None, float | list[float]] = {}
-        for option in self.tolerance or ():
-            name, mark, numbers = option.rpartition("=")
-            values = [_above_zero(part, option, "--tolerance", "a drift in µm above 0") for part in numbers.split(",")]
+        for text in self.tolerance or ():
+            name, mark, numbers = text.rpartition("=")
+            values = [_above_zero(part, text, "--tolerance", "a drift in µm above 0") for part in numbers.split(",")]
             key = name.strip() if mark else None
             if key in told or (told and None in (key, *told)):
                 raise OptionError(
-                    f"{option[:60]!r} beside other tolerances", expected="one for all, or one a response by its name",
+                    f"{text[:60]!r} beside other tolerances", expected="one for all, or one a response by its name",
                     where="--tolerance", advice="e.g. --tolerance 10, or --tolerance Z=10 --tolerance X=5",
                 )  # fmt: skip
             told[key] = values if len(values) > 1 else values[0]
@@ -179,14 +103,14 @@ class Asked:
         return [60.0 * _above_zero(part, self.operations, "--operations", expected) for part in parts]
 
 
-def _above_zero(part: str, option: str, where: str, expected: str) -> float:
+def _above_zero(part: str, text: str, where: str, expected: str) -> float:
     try:
         value = float(part)
     except ValueError:
         value = math.nan
     if not (math.isfinite(value) and value > 0):
         advice = f"e.g. {where} {_EXAMPLES[where]}"
-        raise OptionError(f"{part.strip()!r} in {option[:60]!r}", expected=expected, where=where, advice=advice)
+        raise OptionError(f"{part.strip()!r} in {text[:60]!r}", expected=expected, where=where, advice=advice)
     return value
 
 
@@ -197,10 +121,7 @@ _EXAMPLES = {"--operations": "60,60,45.5", "--tolerance": "10 or --tolerance 10,
 def predict(
     source: Source,
     asked: Asked,
-    out: Annotated[
-        Path | None,
-        out_folder(help="Write prediction.json, report.html, and program.csv and program.txt if there is a program."),
-    ] = None,
+    out: Annotated[Path | None, out_folder("predict --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

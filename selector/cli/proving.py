@@ -5,59 +5,26 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, write_answer
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson
 
-_which = partial(typer.Option, rich_help_panel="Which cases")
-
 
 def prove(
-    families: Annotated[
-        list[str] | None, _which("--families", metavar="NAME", help="Family of scenarios; repeat. Default: all.")
-    ] = None,
-    scenarios: Annotated[
-        list[str] | None, _which("--scenarios", metavar="PATTERN", help="Only scenarios such as 'thermal.*'; repeat.")
-    ] = None,
-    strengths: Annotated[
-        str, _which("--strengths", metavar="D,D,…", help="What an oracle could detect, d′.")
-    ] = "3,6,12",
-    seeds: Annotated[
-        str | None,
-        _which("--seeds", metavar="FROM:TO|N,N", help="Seeds, TO not included. Default: 0:5, with --exam 10000:10005."),
-    ] = None,
-    is_exam: Annotated[
-        bool, _which("--exam", metavar="", help="Seeds from 10000 on, which nobody develops with.")
-    ] = False,
-    rivals: Annotated[
-        list[str] | None,
-        typer.Option("--rivals", metavar="NAME|all", help="Let other methods sit the same exam, too; repeat."),
-    ] = None,
-    recordings: Annotated[
-        Path | None,
-        _which(
-            "--recordings",
-            metavar="DIR",
-            help="Also real recordings from elsewhere: DIR holds silverbox, cascaded_tanks, ace_thermal.",
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes. Default: as many as there are cores.")
-    ] = None,
-    list_only: Annotated[bool, _which("--list", metavar="", help="Print the names of the scenarios and stop.")] = False,
-    write_cases: Annotated[
-        Path | None,
-        typer.Option(
-            "--write-cases",
-            metavar="DIR",
-            help="Answer nothing: write the cases as folders for `selector diagnose`, and the answers apart.",
-        ),
-    ] = None,
-    out: Annotated[Path | None, out_folder(help="Write score.json, cases.csv and report.html, all or none.")] = None,
+    families: Annotated[list[str] | None, option("prove --families")] = None,
+    scenarios: Annotated[list[str] | None, option("prove --scenarios")] = None,
+    strengths: Annotated[str, option("prove --strengths")] = "3,6,12",
+    seeds: Annotated[str | None, option("prove --seeds")] = None,
+    is_exam: Annotated[bool, option("prove --exam")] = False,
+    rivals: Annotated[list[str] | None, option("prove --rivals")] = None,
+    recordings: Annotated[Path | None, option("prove --recordings")] = None,
+    jobs: Annotated[int | None, option("prove --jobs", min=1)] = None,
+    list_only: Annotated[bool, option("prove --list")] = False,
+    write_cases: Annotated[Path | None, option("prove --write-cases")] = None,
+    out: Annotated[Path | None, out_folder("prove --out")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Proves blind that what a simulation left out is found: cases with sealed answers, scores beside their goals.
@@ -80,9 +47,9 @@ def prove(
         return
     numbers = exam.asked_seeds(seeds, is_exam=is_exam)
     asked = runner.questions(chosen, exam.asked_strengths(strengths), numbers)
-    for folder, option, written in ((out, "--out", ("score.json", "report.html")), (write_cases, "--write-cases", ())):
+    for folder, name, written in ((out, "--out", ("score.json", "report.html")), (write_cases, "--write-cases", ())):
         if folder is not None:
-            require_writable_folder(folder, option, written)
+            require_writable_folder(folder, name, written)
     console = showing.screen(as_json)
     if write_cases is not None:
         with folder_written_whole(write_cases) as part, counted_progress("writing cases") as say:

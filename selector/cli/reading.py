@@ -4,8 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from selector.atomic_file import (
     folder_written_whole,
     refuse_to_overwrite,
@@ -14,6 +12,7 @@ from selector.atomic_file import (
 )
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
@@ -25,10 +24,8 @@ if TYPE_CHECKING:
 @with_source
 def describe(
     source: Source,
-    write: Annotated[
-        Path | None, typer.Option("--write", metavar="M.toml", help="Write the machine file, for correction.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", metavar="", help="Replace the machine file if it exists.")] = False,
+    write: Annotated[Path | None, option("describe --write")] = None,
+    force: Annotated[bool, option("describe --force")] = False,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:
@@ -76,14 +73,9 @@ def describe(
 @with_source
 def convert(
     source: Source,
-    out: Annotated[Path, out_folder(help="Folder that receives the recordings.")],
-    table_format: Annotated[
-        Literal["csv", "parquet"], typer.Option("--format", metavar="csv|parquet", help="Format of the tables.")
-    ] = "csv",
-    lake: Annotated[
-        bool,
-        typer.Option("--lake", metavar="", help="Put them into a lake: DIR/machine=NAME/month=YYYY-MM, a file a day."),
-    ] = False,
+    out: Annotated[Path, out_folder("convert --out")],
+    table_format: Annotated[Literal["csv", "parquet"], option("convert --format")] = "csv",
+    lake: Annotated[bool, option("convert --lake")] = False,
     as_json: AsJson = False,
 ) -> None:
     """Writes clean recordings: UTF-8, comma, decimal point, time in seconds, canonical units, and machine.toml.

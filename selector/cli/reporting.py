@@ -6,10 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from selector.atomic_file import refuse_to_replace_input
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.studying import OpenedStudy, source_of_study
 from selector.errors import InputError, OptionError
@@ -21,17 +20,9 @@ Say = Callable[[str], None]
 
 
 def report(
-    results: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RESULT...",
-            help="selection.json, diagnosis.json, prediction.json or model.json, or a folder that holds one.",
-        ),
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE.html", help="Where to write the report.")],
-    title: Annotated[
-        str | None, typer.Option("--title", metavar="TEXT", help="Heading; default: that of the results.")
-    ] = None,
+    results: Annotated[list[Path], argument("report RESULT...")],
+    out: Annotated[Path, option("report --out")],
+    title: Annotated[str | None, option("report --title")] = None,
 ) -> None:
     """Makes the report of results again, from their files; several stand in one file, one after the other.
 

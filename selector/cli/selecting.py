@@ -16,6 +16,7 @@ import typer
 from selector.atomic_file import folder_written_whole, require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import Progress, progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, pairs, with_source
@@ -37,13 +38,8 @@ if TYPE_CHECKING:
     from selector.study.material import Material
     from selector.telling.account import Account
 
-_of_sensors = partial(typer.Option, rich_help_panel="Which sensors")
-_of_model = partial(typer.Option, rich_help_panel="Which model")
 
-Responses = Annotated[
-    list[str] | None,
-    typer.Option("--response", metavar="NAME", help="Displacement to predict; repeat. Default: all there are."),
-]
+Responses = Annotated[list[str] | None, option("select --response")]
 
 
 @dataclass(frozen=True)
@@ -51,90 +47,25 @@ class Asked:
     """The options of `select`, one field an option, named as in `selector.selection.Options`."""
 
     responses: Responses = None
-    level: Annotated[
-        list[str] | None,
-        _of_sensors(
-            "--lambda", metavar="λ|auto", help="Level of the cut, 0 to 1; repeat for one a round. Default: auto."
-        ),
-    ] = None
-    rounds: Annotated[int, _of_sensors("--rounds", metavar="N", help="Rounds of screening.")] = 1
-    max_sensors: Annotated[int, _of_sensors("--max-sensors", metavar="K", help="Most sensors in a set.")] = 5
-    grouping: Annotated[
-        str,
-        _of_sensors(
-            "--grouping",
-            metavar="closure|cmeans",
-            help="Groups by cuts of the closure, or by fuzzy c-means: a sensor between two groups is seen as such.",
-        ),
-    ] = "closure"
-    absolute_similarity: Annotated[
-        bool,
-        _of_sensors(
-            "--absolute-similarity", help="Group by |r|: a sensor and its mirror image stand together.", metavar=""
-        ),
-    ] = False
-    must: Annotated[
-        list[str] | None, _of_sensors("--must", metavar="SENSOR", help="A sensor that must be kept; repeat.")
-    ] = None
-    never: Annotated[
-        list[str] | None, _of_sensors("--never", metavar="SENSOR", help="A sensor that must not be used; repeat.")
-    ] = None
-    cost: Annotated[
-        list[str] | None, _of_sensors("--cost", metavar="SENSOR=COST", help="Cost of a sensor (default 1); repeat.")
-    ] = None
-    tolerance: Annotated[
-        float | None,
-        _of_sensors(
-            "--tolerance",
-            metavar="ΔR²",
-            help="Take the cheapest set whose adjusted R² is within this distance of the best. Default: the cheapest "
-            "that predicts unseen runs as well as the best, within one standard error.",
-        ),
-    ] = None
-    degree: Annotated[int, _of_model("--degree", metavar="1|2|3", help="Highest power offered to the model.")] = 1
-    interactions: Annotated[bool, _of_model("--interactions", help="Offer products of sensors.", metavar="")] = False
-    memory: Annotated[
-        bool, _of_model("--memory", help="Offer lagged temperatures and lagged spindle speed.", metavar="")
-    ] = False
-    reference: Annotated[
-        str,
-        _of_model(
-            "--reference",
-            metavar="rise|absolute",
-            help="Readings as differences to the start of the run, or as they are.",
-        ),
-    ] = "rise"
-    ridge: Annotated[
-        bool, _of_model("--ridge", help="Shrink coefficients as far as unseen runs profit; shows the cost.", metavar="")
-    ] = False
-    conditions: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--condition", metavar="RUN=NAME", help="Condition of a run; whole conditions are left out in turn. Repeat."
-        ),
-    ] = None
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the bootstrap over runs.")] = 0
-    formula: Annotated[
-        str | None,
-        _of_model(
-            "--formula",
-            metavar="TEXT",
-            help='This model and no other, proved like any: "Z ~ T1 + T3 + T1:T3"; I(T1**2) is a square.',
-        ),
-    ] = None
-    within: Annotated[
-        float | None,
-        _of_sensors(
-            "--within",
-            metavar="µm",
-            help="Sets whose unseen error is within this of the best are equal, and the cheapest is taken. Default: "
-            "one standard error, or the noise of the gauge up to a tenth of the error.",
-        ),
-    ] = None
-    target: Annotated[
-        float | None,
-        _of_sensors("--target", metavar="µm", help="Take the cheapest set whose error on unseen runs is at most this."),
-    ] = None
+    level: Annotated[list[str] | None, option("select --lambda")] = None
+    rounds: Annotated[int, option("select --rounds")] = 1
+    max_sensors: Annotated[int, option("select --max-sensors")] = 5
+    grouping: Annotated[str, option("select --grouping")] = "closure"
+    absolute_similarity: Annotated[bool, option("select --absolute-similarity")] = False
+    must: Annotated[list[str] | None, option("select --must")] = None
+    never: Annotated[list[str] | None, option("select --never")] = None
+    cost: Annotated[list[str] | None, option("select --cost")] = None
+    tolerance: Annotated[float | None, option("select --tolerance")] = None
+    degree: Annotated[int, option("select --degree")] = 1
+    interactions: Annotated[bool, option("select --interactions")] = False
+    memory: Annotated[bool, option("select --memory")] = False
+    reference: Annotated[str, option("select --reference")] = "rise"
+    ridge: Annotated[bool, option("select --ridge")] = False
+    conditions: Annotated[list[str] | None, option("select --condition")] = None
+    seed: Annotated[int, option("select --seed")] = 0
+    formula: Annotated[str | None, option("select --formula")] = None
+    within: Annotated[float | None, option("select --within")] = None
+    target: Annotated[float | None, option("select --target")] = None
 
     def options(self) -> Options:
         """The same as options of a selection. Raises OptionError: one cannot be used."""
@@ -193,13 +124,8 @@ def select(
     from_study: StudyPath = None,
     accept_changes: AcceptChanges = False,
     asked: Asked,
-    out: Annotated[
-        Path | None, out_folder(help="Write selection.json, model.json, report.html and study.toml, all or none.")
-    ] = None,
-    date: Annotated[
-        str | None,
-        typer.Option("--date", metavar="YYYY-MM-DD", help="Date to write into the files; the clock is not read."),
-    ] = None,
+    out: Annotated[Path | None, out_folder("select --out")] = None,
+    date: Annotated[str | None, option("select --date")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

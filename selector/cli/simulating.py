@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from selector.cli.shared import showing
+from selector.cli.shared.option_table import option
 from selector.cli.shared.progress import counted_progress
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.simulation_files import (
@@ -32,12 +33,7 @@ if TYPE_CHECKING:
     from selector.findings import Finding
     from selector.telling.account import Account
 
-Inputs = Annotated[
-    list[Path] | None,
-    typer.Option(
-        "--inputs", metavar="RUN", help="Recordings that drive the model, run by run, at their own time stamps; repeat."
-    ),
-]
+Inputs = Annotated[list[Path] | None, option("simulate --inputs")]
 
 
 def simulate_command(kind: SimulationKind) -> Callable[..., None]:

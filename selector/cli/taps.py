@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import typer
-
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.simulation_files import named
@@ -15,40 +14,15 @@ from selector.errors import OptionError
 
 
 def taps(
-    model: Annotated[Path, typer.Argument(metavar="MODEL.toml", help="Model file of vibration, where the fit begins.")],
-    files: Annotated[
-        list[Path],
-        typer.Argument(metavar="FILE...", help="UFF files: frequency responses, or hammer and motion over time."),
-    ],
-    point: Annotated[
-        list[str],
-        typer.Option("--point", metavar="NODE=MEMBER", help="Member that a node is on; empty: left out; repeat."),
-    ],
-    axis: Annotated[
-        Literal["X", "Y", "Z"] | None,
-        typer.Option("--axis", metavar="X|Y|Z", help="Direction of the files along which the model moves."),
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option("--unit", metavar="MOTION/FORCE", help="Units, e.g. m/s^2/N; default: as the files say."),
-    ] = None,
-    window: Annotated[
-        float | None,
-        typer.Option(
-            "--window", metavar="S", help="Time constant of an exponential window that the analyser laid over all."
-        ),
-    ] = None,
-    band: Annotated[
-        tuple[float, float] | None,
-        typer.Option("--band", metavar="HZ HZ", help="Frequencies that count; default: up to twice the highest mode."),
-    ] = None,
-    free: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--free", metavar="NAME", help="Number to fit, e.g. joints.3.dissipation; repeat. Default: all joints."
-        ),
-    ] = None,
-    out: Annotated[Path | None, out_folder(help="Write taps.json, report.html and model.toml.")] = None,
+    model: Annotated[Path, argument("taps MODEL.toml")],
+    files: Annotated[list[Path], argument("taps FILE...")],
+    point: Annotated[list[str], option("taps --point")],
+    axis: Annotated[Literal["X", "Y", "Z"] | None, option("taps --axis")] = None,
+    unit: Annotated[str | None, option("taps --unit")] = None,
+    window: Annotated[float | None, option("taps --window")] = None,
+    band: Annotated[tuple[float, float] | None, option("taps --band")] = None,
+    free: Annotated[list[str] | None, option("taps --free")] = None,
+    out: Annotated[Path | None, out_folder("taps --out")] = None,
     everything: Everything = False,
     as_json: AsJson = False,
 ) -> None:

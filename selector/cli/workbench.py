@@ -6,26 +6,16 @@ from typing import Annotated
 
 import typer
 
+from selector.cli.shared.option_table import argument, option
 from selector.cli.shared.source import MachineFile
 
 
 def workbench(
-    files: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="FILE...", help="Recordings to begin with; they are read where they are."),
-    ] = None,
+    files: Annotated[list[Path] | None, argument("workbench FILE...")] = None,
     machine: MachineFile = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--folder",
-            metavar="DIR",
-            help="Study folder: recordings, corrections and results. One that exists is taken up. Default: a new "
-            "`selector-study` in the current folder.",
-        ),
-    ] = None,
-    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port; 0: any that is free.")] = 0,
-    no_browser: Annotated[bool, typer.Option("--no-browser", metavar="", help="Print the address only.")] = False,
+    folder: Annotated[Path | None, option("workbench --folder")] = None,
+    port: Annotated[int, option("workbench --port", min=0, max=65535)] = 0,
+    no_browser: Annotated[bool, option("workbench --no-browser")] = False,
 ) -> None:
     """Opens the workbench in the browser: load recordings, correct what was guessed, select, diagnose, export.
 

@@ -8,13 +8,11 @@ import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from selector import atomic_file
+from selector.cli.shared.option_table import option
 from selector.cli.shared.studying import OpenedStudy, recording_entries, write_study_beside
 from selector.errors import ModelFileError, OptionError
 
@@ -29,56 +27,18 @@ if TYPE_CHECKING:
     from selector.readers import Reading
     from selector.recording import Recording
 
-_of_simulation = partial(typer.Option, rich_help_panel="What it is compared with")
-
 
 @dataclass(frozen=True)
 class Asked:
     """The options of `diagnose`, one field an option."""
 
-    simulation: Annotated[
-        list[Path] | None,
-        _of_simulation(
-            "--simulation",
-            metavar="PATH",
-            help="Simulated runs, named as the recorded ones: a folder, or a file; repeat.",
-        ),
-    ] = None
-    model: Annotated[
-        Path | None,
-        _of_simulation(
-            "--model",
-            metavar="MODEL.toml|UNIT.fmu",
-            help="Instead: a model file of `selector simulate`, or an FMU; the recordings drive it, and it is "
-            "refitted.",
-        ),
-    ] = None
-    simulation_time_unit: Annotated[
-        str | None,
-        _of_simulation(
-            "--simulation-time-unit",
-            metavar="UNIT",
-            help="Unit of the time in the simulated files, if it is another one and not written there.",
-        ),
-    ] = None
-    responses: Annotated[
-        list[str] | None,
-        typer.Option("--response", metavar="NAME", help="Channel to compare; repeat. Default: all that are simulated."),
-    ] = None
-    holdout: Annotated[
-        str,
-        typer.Option(
-            "--holdout",
-            metavar="last|RUN|SHARE",
-            help="What nothing is fitted to: the last run (of a single one its last 30 %), a run, or a share of every "
-            "run.",
-        ),
-    ] = "last"
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the draws of noise.")] = 0
-    false_alarm: Annotated[
-        float,
-        typer.Option("--false-alarm", metavar="P", help="Allowed probability of naming something where nothing is."),
-    ] = 0.02
+    simulation: Annotated[list[Path] | None, option("diagnose --simulation")] = None
+    model: Annotated[Path | None, option("diagnose --model")] = None
+    simulation_time_unit: Annotated[str | None, option("diagnose --simulation-time-unit")] = None
+    responses: Annotated[list[str] | None, option("diagnose --response")] = None
+    holdout: Annotated[str, option("diagnose --holdout")] = "last"
+    seed: Annotated[int, option("diagnose --seed")] = 0
+    false_alarm: Annotated[float, option("diagnose --false-alarm")] = 0.02
 
 
 def asked_of(opened: OpenedStudy) -> Asked:

@@ -1,12 +1,11 @@
 """Where do files go: into a folder that is named, and that holds nothing which is read."""
 
 from collections.abc import Iterable, Mapping
-from functools import partial
 from pathlib import Path
-
-import typer
+from typing import Any
 
 from selector.atomic_file import folder_written_whole
+from selector.cli.shared.option_table import option
 from selector.errors import OptionError
 from selector.telling.account import Account
 
@@ -51,5 +50,6 @@ def written_folder(text: str | Path) -> Path:
     return Path(text)
 
 
-#: The option --out of a command that writes into a folder, but for its help.
-out_folder = partial(typer.Option, "--out", metavar="DIR", parser=written_folder)
+def out_folder(key: str) -> Any:
+    """The option --out of a command that writes into a folder, as the table of options has it."""
+    return option(key, parser=written_folder)

@@ -10,9 +10,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-import typer
-
 from selector.cli.shared.files import write_answer
+from selector.cli.shared.option_table import option
 from selector.findings import Finding
 from selector.json_text import json_text as json_text
 from selector.number_text import number_text
@@ -22,9 +21,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print only JSON to stdout; everything else goes to stderr.", metavar="")
-]
+AsJson = Annotated[bool, option("answers --json")]
 
 _WIDTH_WITHOUT_TERMINAL = 140
 _STYLES = {"info": "cyan", "warning": "yellow", "error": "bold red"}
@@ -103,9 +100,7 @@ def _harmless(text: str) -> str:
 #: Rows of a table, and findings, that are shown; a page and the JSON have all.
 MOST_ROWS, MOST_ROWS_IN_BRIEF, MOST_FINDINGS, MOST_INFO = 20, 6, 5, 2
 
-Everything = Annotated[
-    bool, typer.Option("--all", help="Show every table and every finding on the screen.", metavar="")
-]
+Everything = Annotated[bool, option("answers --all")]
 
 
 def show_account(console: Console, account: Account, *, everything: bool = False) -> None:

@@ -11,77 +11,38 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
+from selector.cli.shared.option_table import argument, option
 from selector.errors import OptionError
 
 if TYPE_CHECKING:
     from selector.readers import Overrides, Reading
 
-READING_PANEL = "How the files are read (what is not said is inferred and shown)"
-_of_reading = functools.partial(typer.Option, rich_help_panel=READING_PANEL)
+READING_PANEL = option("recordings --encoding").rich_help_panel
 
-RunsOrStudy = Annotated[
-    list[Path] | None,
-    typer.Argument(
-        metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it. Or --study."
-    ),
-]
-MachineFile = Annotated[
-    Path | None,
-    typer.Option("--machine", metavar="M.toml", help="Machine file: columns, roles and units of the channels."),
-]
+RunsOrStudy = Annotated[list[Path] | None, argument("study RUN...")]
+MachineFile = Annotated[Path | None, option("recordings --machine")]
 
 
 @dataclass(frozen=True)
 class Source:
     """What the command line says about the recordings; one field an option."""
 
-    runs: Annotated[
-        list[Path],
-        typer.Argument(metavar="RUN...", help="Recordings, one file a run; a folder stands for the recordings in it."),
-    ]
+    runs: Annotated[list[Path], argument("recordings RUN...")]
     machine: MachineFile = None
-    encoding: Annotated[str | None, _of_reading("--encoding", metavar="NAME", help="Text encoding, e.g. cp1251.")] = (
-        None
-    )
-    separator: Annotated[str | None, _of_reading("--separator", metavar="CHAR", help="Column separator, or `tab`.")] = (
-        None
-    )
-    decimal: Annotated[str | None, _of_reading("--decimal", metavar="CHAR", help="Decimal mark: `.` or `,`.")] = None
-    header_row: Annotated[
-        int | None,
-        _of_reading(
-            "--header-row",
-            metavar="N",
-            min=0,
-            help="Line with the channels' names, counted from 1; 0 if there is none.",
-        ),
-    ] = None
-    sheet: Annotated[
-        str | None, _of_reading("--sheet", metavar="NAME", help="Excel sheet, TDMS group, MAT variable.")
-    ] = None
-    time_column: Annotated[str | None, _of_reading("--time-column", metavar="NAME", help="Column of the time.")] = None
-    time_unit: Annotated[
-        str | None, _of_reading("--time-unit", metavar="UNIT", help="Unit of the time, or `datetime`.")
-    ] = None
-    date_order: Annotated[str | None, _of_reading("--date-order", metavar="ORDER", help="`dmy`, `mdy` or `ymd`.")] = (
-        None
-    )
-    period_s: Annotated[
-        float | None, _of_reading("--period-s", metavar="SECONDS", help="Sampling period of recordings without a time.")
-    ] = None
-    since: Annotated[
-        str | None, _of_reading("--since", metavar="DATE", help="Only samples from then on, e.g. 2026-03-01T06:00.")
-    ] = None
-    until: Annotated[str | None, _of_reading("--until", metavar="DATE", help="Only samples before then.")] = None
-    mean_s: Annotated[
-        float | None, _of_reading("--mean-s", metavar="SECONDS", help="Means over so many seconds in place of samples.")
-    ] = None
-    units: Annotated[
-        list[str] | None, _of_reading("--unit", metavar="CHANNEL=UNIT", help="Unit of a channel; repeat.")
-    ] = None
-    roles: Annotated[
-        list[str] | None, _of_reading("--role", metavar="CHANNEL=ROLE", help="Role of a channel; repeat.")
-    ] = None
+    encoding: Annotated[str | None, option("recordings --encoding")] = None
+    separator: Annotated[str | None, option("recordings --separator")] = None
+    decimal: Annotated[str | None, option("recordings --decimal")] = None
+    header_row: Annotated[int | None, option("recordings --header-row", min=0)] = None
+    sheet: Annotated[str | None, option("recordings --sheet")] = None
+    time_column: Annotated[str | None, option("recordings --time-column")] = None
+    time_unit: Annotated[str | None, option("recordings --time-unit")] = None
+    date_order: Annotated[str | None, option("recordings --date-order")] = None
+    period_s: Annotated[float | None, option("recordings --period-s")] = None
+    since: Annotated[str | None, option("recordings --since")] = None
+    until: Annotated[str | None, option("recordings --until")] = None
+    mean_s: Annotated[float | None, option("recordings --mean-s")] = None
+    units: Annotated[list[str] | None, option("recordings --unit")] = None
+    roles: Annotated[list[str] | None, option("recordings --role")] = None
 
     @property
     def machine_files(self) -> tuple[Path, ...]:

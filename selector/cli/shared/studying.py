@@ -6,12 +6,12 @@ import hashlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from selector.cli.shared.option_table import option
 from selector.cli.shared.source import Source
 from selector.errors import OptionError
 
@@ -24,24 +24,9 @@ if TYPE_CHECKING:
 STUDY = "--study"
 #: What may be said together with a study; all else is in it.
 BESIDE_STUDY = frozenset({"from_study", "accept_changes", "out", "everything", "as_json"})
-_of_study = partial(typer.Option, rich_help_panel="Do a study again")
 
-StudyPath = Annotated[
-    Path | None,
-    _of_study(
-        STUDY,
-        metavar="STUDY",
-        help="Instead of RUN... and options: a study.toml, or a folder with one; what it asks is done again.",
-    ),
-]
-AcceptChanges = Annotated[
-    bool,
-    _of_study(
-        "--accept-changes",
-        metavar="",
-        help="Go on with recordings that changed, are missing or were added since the study was written.",
-    ),
-]
+StudyPath = Annotated[Path | None, option("study --study")]
+AcceptChanges = Annotated[bool, option("study --accept-changes")]
 
 
 @dataclass(frozen=True)
