@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tomllib
 import unicodedata
+from pathlib import Path
 
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, Term
 from selector.controllers.program.language import plain
+from selector.controllers.writers import exported
 from selector.controllers.writers.targets import TARGETS
 
 
@@ -42,3 +45,9 @@ def test_no_written_file_has_a_question_mark_for_an_umlaut(target):
     assert "fraese" in whole.lower()
     assert "staender" in whole.lower()
     assert not any(lost in whole for lost in ("Fr?se", "St?nder", "H?he", "?l)"))
+
+
+def test_every_target_has_a_sheet_and_none_is_left_over():
+    sheets = tomllib.loads(Path(exported.__file__).with_name("sheets.toml").read_text(encoding="utf-8"))
+    assert set(sheets) == set(TARGETS)
+    assert {part for told in sheets.values() for part in told} == {"install", "silently"}

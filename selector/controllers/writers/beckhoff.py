@@ -17,6 +17,7 @@ from selector.controllers.writers.exported import (
     ExportRefusedError,
     heading,
     require_own_axes,
+    sheet,
     sign_test_of_block,
 )
 from selector.controllers.writers.structured_text import tcpou_export
@@ -41,17 +42,14 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     }
     files[ADS_TABLE] = "\n".join([*head, *_ads_table(model)]) + "\n"
     files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
+    install, silently = sheet(
+        "beckhoff",
+        lists=", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1)),
+        cycles=SMOOTHING_CYCLES,
+    )
     return Exported(
         files=files,
-        install=(
-            "Copy the lines lr_param.temp_comp… of "
-            + ", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1))
-            + "; take out older lines of the same names; start the CNC again.",
-            "Load the function block FB_ThermalCorrection.TcPOU into the PLC, wire its readings and "
-            "is_ready = compensation enabled and axis homed.",
-            "Every cycle write, as temp_comp_ads.txt says: offset_0 = k0 in steps of 0.1 µm, coefficient = slope.",
-            "Without the enabling in the axis list, an NC program switches with X[COMP ON TEMP] and X[COMP OFF TEMP].",
-        ),
+        install=install,
         sign_test=sign_test_of_block(
             model,
             shown=lambda k, um: (
@@ -59,17 +57,7 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
                 f"lr_param.temp_comp_offset_0 {round(TENTHS_PER_UM * um)} in the axis list, start the CNC, home"
             ),
         ),
-        silently=(
-            "The compensation acts only when it is enabled and the axis is homed.",
-            "X[COMP OFF TEMP] survives the end of the NC program: the next one runs without correction.",
-            "offset_0 has steps of 0.1 µm; a jump is filtered over "
-            f"{SMOOTHING_CYCLES} interpolation cycles only, so that the slew limit is that of the function block.",
-            "Reading V.A.TEMP_COMP_ACTIVE in an NC program empties the channel and breaks G41/G42 (error 20651).",
-            "A reading of NaN stops TwinCAT while 'Floating point exceptions' is ticked at the task (its default): "
-            "pass a missing reading on as 1.0E30, or take the tick off.",
-            "If the PLC stops, the CNC keeps the last offset and coefficient.",
-            "Beyond the valid positions of the model the straight line goes on, past the clamp.",
-        ),
+        silently=silently,
     )
 
 

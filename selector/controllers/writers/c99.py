@@ -11,7 +11,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import PLACES, Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
-from selector.controllers.writers.exported import Exported, heading, sign_test
+from selector.controllers.writers.exported import Exported, heading, sheet, sign_test
 from selector.errors import OptionError
 
 Precision = Literal["double", "float"]
@@ -67,6 +67,7 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
         findings = (
             FINDINGS.finding("no-single-precision", f"No single precision: {error.found}.", suggestion=error.advice),
         )
+    install, silently = sheet("c", name=NAME, single=SINGLE_NAME)
     return Exported(
         files={**c_files(model, is_sign_verified=is_sign_verified), **in_single},
         findings=findings,
@@ -78,19 +79,8 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
             lambda k, um: f"m.mode = {Mode.TEST:d}, m.correction_{k} = {um:g}",
             "Set test_um_1 ... to 0 and, when the indicator is back at zero, is_wanted to 1.",
         ),
-        install=(
-            f"Compile {NAME}.c ({SINGLE_NAME}.c where the processor has single precision only) with "
-            "cc -std=c99 -O2 -ffp-contract=off, without -ffast-math. It needs no library.",
-            f"Call {NAME}_init once. If the control kept the members under 'to be kept', put them back after it and "
-            "set is_restart and standstill_s for the first call.",
-            "Every cycle set dt_s [s], the readings and positions in the units that the header names, is_ready and "
-            f"is_wanted; call {NAME}_step; add correction_1 … [um] to the axes.",
-            "A sensor without a reading is passed on as NaN or as the code of its amplifier, never as its last value.",
-        ),
-        silently=(
-            "A compiler that contracts a * b + c to one rounding changes the last bit of the results.",
-            "Called with dt_s = 0 or NaN for ever, the correction stands still: dt_s must be the real cycle time.",
-        ),
+        install=install,
+        silently=silently,
     )
 
 

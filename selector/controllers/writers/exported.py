@@ -1,8 +1,11 @@
-"""What a writer gives for one control: files with a head, a sign test, or a refusal."""
+"""What a writer gives for one control: files with a head, a sheet, a sign test, or a refusal."""
 
 import math
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 from selector import __version__
 from selector.controllers.evaluator import formula_text
@@ -133,6 +136,18 @@ class Exported:
     sign_test: SignTest  #: How the sign is proved on this control
     silently: tuple[str, ...] = ()  #: What this control does without telling anybody: clips, spreads, forgets, jumps
     findings: tuple[Finding, ...] = ()  #: What of the model this control cannot take, and what was done instead
+
+
+@cache
+def _sheets() -> dict[str, dict[str, list[str]]]:
+    return tomllib.loads(Path(__file__).with_name("sheets.toml").read_text(encoding="utf-8"))
+
+
+def sheet(target: str, **values: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """`install` and `silently` of an `Exported` as ``sheets.toml`` has them, values in the places of their {names}."""
+    told = _sheets()[target]
+    install, silently = (tuple(text.format(**values) for text in told[part]) for part in ("install", "silently"))
+    return install, silently
 
 
 UNVERIFIED = "SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet."

@@ -32,7 +32,14 @@ from selector.controllers.program.language import (
     Variable,
     plain,
 )
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, sign_test
+from selector.controllers.writers.exported import (
+    Exported,
+    ExportRefusedError,
+    heading,
+    require_own_axes,
+    sheet,
+    sign_test,
+)
 from selector.findings import Finding
 
 LONGEST_BLOCK = 72
@@ -337,31 +344,29 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     begins_anew = [f"{kinds[item.reference]}_{k}" for k, item in enumerate(model.inputs, 1)]
     corrections = [program[f"correction_{k}"] for k in range(1, len(model.outputs) + 1)]
     _, open_limits = decided_limits(model)
+    install, silently = sheet(
+        "fanuc",
+        time=TIME,
+        last_volatile=names.last_volatile,
+        first_kept=FIRST_KEPT,
+        last_kept=names.last_kept,
+        digits=SIGNIFICANT_DIGITS,
+        readings=", ".join(
+            f"#{number} = {plain(name)} [{_unit(model, name)}]" for name, number in names.readings.items()
+        ),
+        file=FILE,
+        program=PROGRAM,
+        status=STATUS,
+        sensors=", ".join(f"#{program[f'sensor_{k}']} of {plain(item.name)}" for k, item in enumerate(model.inputs, 1)),
+        pause_min=LONGEST_PAUSE_S / 60.0,
+        calls=LEAST_GOOD_SAMPLES + 2,
+        apart_s=max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES),
+        anew=", ".join(f"#{program[name]}" for name in begins_anew),
+        step_s=LONGEST_STEP_S,
+    )
     return Exported(
         files={FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
-        install=(
-            "Check in the manual of the control: custom macro B is there; common variables "
-            f"#{TIME}-#{names.last_volatile} and #{FIRST_KEPT}-#{names.last_kept} "
-            f"are there, free, and those from #{FIRST_KEPT} outlive power-off; literals may have {SIGNIFICANT_DIGITS} "
-            "digits; G10 L2 P0 is the external work offset; comments of capital letters stand in ( ).",
-            f"Let FOCAS (cnc_wrmacro) or the PMC write #{TIME} = time of the readings [s], a clock that runs on, and "
-            + ", ".join(f"#{number} = {plain(name)} [{_unit(model, name)}]" for name, number in names.readings.items())
-            + "; a sensor without a reading is written as the code of its amplifier, never as its last value.",
-            f"Load {FILE}, call it with G65 P{PROGRAM} between cuts, at most once a second (M98 would share the local "
-            "variables of the caller). It asks the control for G20 or G21 and writes inches or mm; G90 and G91 "
-            "are as before afterwards, and are not touched where they are something else (lathes, G-code system A). "
-            "Programs O9000 to O9999 may be protected, and X may be a diameter: check in the manual.",
-            f"After each call #{STATUS} says 1 model, 2 hold, 3 ramp to zero, 4 switched off, 5 sign test, 10 and more "
-            "a fallback; "
-            + ", ".join(f"#{program[f'sensor_{k}']} of {plain(item.name)}" for k, item in enumerate(model.inputs, 1))
-            + ": 0 ok, 1 limited, 2 recovering, 3 missing, 4 break code, 5 out of limits, 6 jump, 7 stuck, 8 range.",
-            f"After {LONGEST_PAUSE_S / 60.0:g} min without a call (the control was off) no reading is believed at "
-            f"once, as after a bad one: before the first cut of a day call the program {LEAST_GOOD_SAMPLES + 2} times, "
-            f"{max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES):g} s apart or more.",
-            "At a cold start set to 0 "
-            + ", ".join(f"#{program[name]}" for name in begins_anew)
-            + ": start readings and memory are taken anew.",
-        ),
+        install=install,
         sign_test=sign_test(
             model,
             f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{tests[0]} ... = 0; call "
@@ -371,14 +376,7 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
             lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
             f"Set #{tests[0]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set #{names.off} = 0.",
         ),
-        silently=(
-            "The external work offset is overwritten: whatever else was in it is gone.",
-            "The first call of another model begins at zero: what the one before it had written is taken back at once.",
-            "The offset takes effect in blocks after the call, and stays when nobody calls the program any more: a "
-            f"feeding program that has died is seen only as #{TIME} standing still.",
-            "Called rarely, the correction catches up with at most "
-            f"{LONGEST_STEP_S:g} s worth of its slew limit a call.",
-        ),
+        silently=silently,
         findings=(*findings_of_macro(model, left_out), *open_limits),
     )
 

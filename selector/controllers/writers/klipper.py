@@ -10,7 +10,14 @@ from selector.controllers.model_file import Input, ModelFile, equations_sha256, 
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import plain
 from selector.controllers.program.statements import NO_READING
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, require_own_axes, sign_test
+from selector.controllers.writers.exported import (
+    Exported,
+    ExportRefusedError,
+    heading,
+    require_own_axes,
+    sheet,
+    sign_test,
+)
 from selector.controllers.writers.python_module import program_class
 
 NAME = "selector_correction"  #: Of the section, the module and its files
@@ -44,29 +51,13 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
         )
     letters = ", ".join(axes)
     first = axes[0].upper()
+    install, silently = sheet("klipper", name=NAME, command=COMMAND, axis=first.lower(), axes=letters)
     return Exported(
         files={
             f"{NAME}.py": klipper_extra(model, is_sign_verified=is_sign_verified),
             f"{NAME}.cfg": _section(model, is_sign_verified=is_sign_verified),
         },
-        install=(
-            f"Copy {NAME}.py to ~/klipper/klippy/extras/ and {NAME}.cfg beside printer.cfg; after an update of Klipper "
-            f"look whether the first is still there. echo klippy/extras/{NAME}.py >> ~/klipper/.git/info/exclude keeps "
-            "git from calling Klipper changed.",
-            f"In {NAME}.cfg name the Klipper object of every sensor at the lines with >>>>, e.g. sensor_1: "
-            "temperature_sensor frame. heater_bed, extruder and temperature_fan objects will do, too: the program gets "
-            "what they show in Mainsail or Fluidd.",
-            f"In printer.cfg: [include {NAME}.cfg]. Take [z_thermal_adjust] out, if it is there.",
-            "Decide zero_at_homing. True (the default): homing an axis measures the error away, because its endstop or "
-            "probe sits where the nozzle works; the correction of that axis begins at zero there. False: the endstop "
-            "does not see this error, and the correction goes on.",
-            f"RESTART, G28, {COMMAND}: mode 1 after a minute, every sensor ok. In macros and Moonraker: "
-            f"printer.{NAME}.applied_um.{first.lower()} [um], .wanted_um, .mode, .sensors.",
-            f"In the macro that begins a print, after heating and G28: {COMMAND} MOVE=1. It moves by what has come "
-            "since homing, at the slew limit; without it the first moves of the print take it over.",
-            f"{COMMAND} ENABLE=0 and ENABLE=1 switch the correction off and on at any time, also in a print: {letters} "
-            "then goes to its place at the slew limit.",
-        ),
+        install=install,
         sign_test=sign_test(
             model,
             f"G28; {COMMAND} ENABLE=0; move the nozzle to the indicator and wait; {COMMAND} MOVE=1 until 0.0 um are "
@@ -76,26 +67,7 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             f"{COMMAND} TEST_{first}=0 ..., wait, {COMMAND} MOVE=1; when the indicator is back at zero, {COMMAND} "
             "ENABLE=1.",
         ),
-        silently=(
-            "Nothing moves between moves: a correction is applied along the next move of an axis, no faster than the "
-            f"slew limit times the time of that move. After a long pause it takes some moves; {COMMAND} MOVE=1 moves "
-            "by what is left at once.",
-            "A move is corrected when Klipper takes it from the G-code, up to some seconds before it is made; a long "
-            "move has the correction of its beginning.",
-            "Moves of the extruder alone, of homing and of probing (PROBE, BED_MESH_CALIBRATE, Z_TILT_ADJUST) are not "
-            "corrected. A mesh that was probed on another day has the error of that day in it.",
-            "A corrected coordinate never leaves position_min ... position_max, where that of the G-code does not: at "
-            "the end of an axis the correction is cut. The circle of a delta printer is not known to it: keep as far "
-            "from its edge as X and Y can be corrected.",
-            "An axis that is not homed is not corrected, and no other either; motors off (M84) is such a case.",
-            "The ADC of a thermistor that leaves min_temp ... max_temp shuts the whole printer down, and so does a "
-            "micro-controller that is lost: that is Klipper's own protection, not this program's. Sensors that fall "
-            "silent without it count as missing after stale_after; klippy.log says at the start for which sensors "
-            "that cannot be seen.",
-            f"Start readings and memory are kept in {NAME}_kept.txt beside printer.cfg, every five minutes and at "
-            "RESTART. For how long the printer was off is told by the clock of the computer: without a network it may "
-            "be wrong at the start, and memory then begins too cold or too warm.",
-        ),
+        silently=silently,
     )
 
 

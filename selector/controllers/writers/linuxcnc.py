@@ -10,7 +10,7 @@ from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_core, c_members
-from selector.controllers.writers.exported import Exported, heading, require_own_axes, sign_test
+from selector.controllers.writers.exported import Exported, heading, require_own_axes, sheet, sign_test
 from selector.findings import Finding
 
 NAME = "thermcorr"
@@ -54,30 +54,22 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     axes = "".join(f" [AXIS_{letter.upper()}]" for letter in wired.values())
     offsets = {k: f"axis.{letter}.eoffset" for k, letter in wired.items()}
     inputs = ", ".join(f"reading-{k}" for k in range(1, len(model.inputs) + 1))
+    install, silently = sheet(
+        "linuxcnc",
+        name=NAME,
+        sections=axes or " [AXIS_...]",
+        inputs=inputs,
+        inch=0.0001 / 25.4,
+        shown=f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired.",
+        periods=READY_PERIODS,
+    )
     return Exported(
         files={
             f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
             **memory_files(model),
         },
-        install=(
-            "apt-get install -y linuxcnc-uspace linuxcnc-uspace-dev, if halcompile is missing.",
-            f"sudo halcompile --install {NAME}.comp; copy the other files beside the INI file of the machine.",
-            f"In the INI file, sections{axes or ' [AXIS_...]'}: OFFSET_AV_RATIO = 0.1 (0 would switch the correction "
-            "off, more than 0.9 becomes 0.1). The planner keeps 0.9 of the velocity and acceleration of the axis.",
-            f"In the INI file, [HAL]: HALFILE = {NAME}.hal as the last HALFILE, and SHUTDOWN = {NAME}_shutdown.hal (or "
-            "its one line in the SHUTDOWN file that is there).",
-            f"In {NAME}.hal wire the sensors ({inputs}) at the lines with >>>>. A sensor without a reading comes as "
-            "NaN or as the code of its amplifier, never as its last value.",
-            f"Wire {NAME}.new-start to what is true until the driver of the sensors has read them once: a signal that "
-            "nobody has written yet is 0.0, and a believed 0.0 becomes the start reading.",
-            f"Where a pin of motion or of an axis is linked already, put its signal into the net line of {NAME}.hal.",
-            f"A machine in inches ([TRAJ]LINEAR_UNITS = inch): eoffset-scale {0.0001 / 25.4:.12f} instead of 0.0001, "
-            "and positions times 25.4 before they reach position-1 ...",
-            f"Start, machine on, home; halcmd show pin {NAME}: mode 1, sensor-1 ... 0, counts-1 ... = ten times "
-            "correction-1 ... [um]"
-            + (f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired."),
-        ),
+        install=install,
         sign_test=sign_test(
             model,
             f"Machine on, homed, tool at rest; {_switched(0)}; wait until correction-1 ... are 0. No sensor is needed.",
@@ -88,23 +80,7 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             ),
             f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, {_switched(1)}.",
         ),
-        silently=(
-            "While LinuxCNC is not ready, correction and counts are 0. At machine off the axis stays where it is and "
-            "LinuxCNC calls that place uncorrected; after machine on the correction is applied again on top, so the "
-            "axis moves by itself by the whole correction, at the slew limit of the program. Each "
-            "axis is right again from its own next absolute move on.",
-            "eoffset-counts: LinuxCNC adds up differences since machine-on. A component whose counts were not 0 then "
-            "stays wrong for ever; this one holds them at 0 until machine on and homed for "
-            f"{READY_PERIODS} servo periods.",
-            "External offsets that meet a soft limit stop the machine without deceleration: keep as much distance from "
-            "the soft limits as the correction can be large.",
-            "LinuxCNC itself limits the offset only by OFFSET_AV_RATIO: 78 um took 60 ms. The slew limit of the "
-            "program is what keeps it out of the cut.",
-            "Do not use moveoff for the same: it works behind the back of the soft limits.",
-            "Positions on the display contain the correction: at Z-30 corrected by -18.4 um it shows Z-30.0184.",
-            f"After a power cut, or without {NAME}_shutdown.hal, the start readings are those of the last orderly "
-            "shutdown, or the first ones after the start.",
-        ),
+        silently=silently,
         findings=findings,
     )
 

@@ -5,7 +5,7 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import PLACES, Program, plain
-from selector.controllers.writers.exported import Exported, heading, sign_test
+from selector.controllers.writers.exported import Exported, heading, sheet, sign_test
 
 MODULE_NAME = "thermal_correction"
 CLASS = "ThermalCorrection"
@@ -13,18 +13,10 @@ CLASS = "ThermalCorrection"
 
 def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """``thermal_correction.py``."""
+    install, silently = sheet("python", name=MODULE_NAME)
     return Exported(
         files=python_files(model, is_sign_verified=is_sign_verified),
-        install=(
-            f"Copy {MODULE_NAME}.py to the computer that reads the sensors; it imports nothing and runs on any "
-            "Python 3.",
-            "If start readings and memory were kept, put them back and set is_restart and standstill_s for the first "
-            "call.",
-            "Every cycle set dt_s [s], readings and positions in the units named there, is_ready and is_wanted; call "
-            "step(); send correction_1 … [um] to the control.",
-            "If this computer stops, the control keeps the last correction: let the control ramp to zero when no new "
-            "value has come for some seconds.",
-        ),
+        install=install,
         sign_test=sign_test(
             model,
             "Call step() in its cycle with is_ready = True and is_wanted = False, and send what it gives, until "
@@ -33,7 +25,7 @@ def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Export
             lambda k, um: f"program.mode == {Mode.TEST:d}, program.correction_{k} == {um:g}",
             "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to True.",
         ),
-        silently=("A reading that is passed on late or twice looks like a sensor that stands still.",),
+        silently=silently,
     )
 
 

@@ -15,7 +15,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sheet, sign_test
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
@@ -41,16 +41,10 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
     lines = [f"; {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     for output in model.outputs:
         lines += _table(model, output, found[output.name])
+    install, silently = sheet("rexroth", file=FILE)
     return Exported(
         files={FILE: "\n".join(lines) + "\n"},
-        install=(
-            "Check in the manual of the drive: units and resolution of P-0-0406 and P-0-0407, and which parameters "
-            "take the temperature and the position x0.",
-            f"Enter the values of {FILE} for each axis; 0 in a factor switches its part off.",
-            "Let the control or a sensor at the drive pass on the temperature that is named there; a sensor without a "
-            "reading must not be passed on.",
-            "The factors have the sign of a correction value = measured position − actual position.",
-        ),
+        install=install,
         sign_test=sign_test(
             model,
             "Let the drive have a steady temperature T; P-0-0406 = 0, P-0-0407 = 0: no correction.",
@@ -64,10 +58,7 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             has_slew=False,
             by="There is no program that could command a value: the drive's own parameters are set for the test.",
         ),
-        silently=(
-            "The drive has no check of the temperature, no clamp and no slew limit: a broken sensor moves the axis.",
-            "Beyond the temperatures and positions of the model the straight lines go on.",
-        ),
+        silently=silently,
         findings=tuple(_findings(model, found)),
     )
 

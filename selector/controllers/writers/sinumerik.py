@@ -12,7 +12,7 @@ from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import Exported, require_own_axes, sign_test_of_block
+from selector.controllers.writers.exported import Exported, require_own_axes, sheet, sign_test_of_block
 from selector.controllers.writers.structured_text import (
     BLOCK,
     NAME,
@@ -46,24 +46,25 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
     """SCL in REAL, the setting data in their units, and a table of what to set on the control."""
     require_own_axes(model, "SINUMERIK setting data, outputs")
     head = head_lines(model, is_sign_verified=is_sign_verified)
+    install, silently = sheet(
+        "sinumerik",
+        block=BLOCK,
+        setter=BLOCK_OF_SETTING_DATA,
+        settings=SETTINGS,
+        step_mm=STEP_MM,
+        cycle_s=IPO_S,
+        mm_per_min=VELOCITY_MM_PER_MIN,
+        factor=ADD_VELO_FACTOR,
+        slope=LARGEST_SLOPE,
+        um_per_m=LARGEST_SLOPE * 1e6,
+    )
     return Exported(
         files={
             f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
             SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
             SETTINGS: _settings(model),
         },
-        install=(
-            f"STEP 7: enter {BLOCK} and {BLOCK_OF_SETTING_DATA} with free FB numbers in the symbol table; import both "
-            ".scl files as SCL sources, compile, give each an instance data block (retentive).",
-            f"Call {BLOCK} in OB1 or a cyclic interrupt with dt_s = the real time since the last call [s]; readings in "
-            "the units of the comments, positions in m (the NC has mm), is_ready = drive on and axis referenced.",
-            "In the first call after OB100 set is_restart to TRUE and standstill_s to how long the PLC was off [s]; "
-            "without a clock, to 1.0E6.",
-            f"Pass its outputs to {BLOCK_OF_SETTING_DATA} and write sd43900_1 ... [mm], sd43910_1 ... [mm/mm], "
-            f"sd43920_1 ... [mm] with FB3 PUT to the setting data of the axes that {SETTINGS} names.",
-            "Set MD32750 $MA_TEMP_COMP_TYPE and MD32760 $MA_COMP_ADD_VELO_FACTOR as in the table, MD36200 (velocity "
-            "limit of the axis) so much higher, then power on; MD32750 takes effect only then.",
-        ),
+        install=install,
         sign_test=sign_test_of_block(
             model,
             shown=lambda k, um: (
@@ -71,17 +72,7 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
                 f"write {um * MM_PER_UM:.3f} into SD43900 by hand"
             ),
         ),
-        silently=(
-            f"A step of more than {STEP_MM:.4g} mm in an interpolation cycle of {IPO_S:g} s (axis of "
-            f"{VELOCITY_MM_PER_MIN:g} mm/min, MD32760 = {ADD_VELO_FACTOR:g}) is spread over several cycles without an "
-            "alarm.",
-            f"A slope above {LARGEST_SLOPE:.4g} mm/mm ({LARGEST_SLOPE * 1e6:.0f} um/m) is clipped without an alarm.",
-            "Whether a positive value moves the axis towards + or - is decided by its machine data: the sign must be "
-            "proved on the machine.",
-            "When the PLC stops, the NC goes on with the last values written.",
-            "Beyond the positions that the model has seen, the NC goes on along the straight line, whereas the model "
-            "stops there; and it clamps neither the sum of both parts nor K0.",
-        ),
+        silently=silently,
         findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
     )
 

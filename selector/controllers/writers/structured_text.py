@@ -12,7 +12,7 @@ import numpy as np
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Language, Place, Program, Variable, plain
-from selector.controllers.writers.exported import Exported, heading, sign_test_of_block
+from selector.controllers.writers.exported import Exported, heading, sheet, sign_test_of_block
 from selector.errors import OptionError
 
 RealType = Literal["LREAL", "REAL"]
@@ -108,24 +108,12 @@ class StructuredText(Language):
 
 def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """``thermal_correction.st``: the function block FB_ThermalCorrection in LREAL."""
+    install, silently = sheet("st", name=NAME, block=BLOCK)
     return Exported(
         files={f"{NAME}.st": st_text(model, is_sign_verified=is_sign_verified)},
-        install=(
-            f"Import {NAME}.st and declare one instance of {BLOCK} in a program or a global list, not in a function.",
-            "Call it in a cyclic task of 1 s or faster. Wire dt_s to the real cycle time [s], the readings and "
-            "positions in the units that stand behind them (positions in m), is_ready and is_wanted.",
-            "After a start of the control set is_restart to TRUE in the first call only, and standstill_s to how long "
-            "it was off [s]; without a clock, to 1.0E6.",
-            "Add correction_1 ... [um] to the axes, or hand on k0_1 ... [um] and slope_1 ... [um/m] where the control "
-            "takes a straight line.",
-        ),
+        install=install,
         sign_test=sign_test_of_block(model),
-        silently=(
-            "VAR RETAIN is lost where the control has no retentive memory for the instance: then start readings are "
-            "taken anew after every power failure, on a warm machine too.",
-            "A runtime that calculates LREAL in single precision, or reorders products, changes the last digits.",
-            "Called with dt_s = 0 for ever, the correction stands still: dt_s must be the real cycle time.",
-        ),
+        silently=silently,
     )
 
 
@@ -204,27 +192,9 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         "  </POU>\n"
         "</TcPlcObject>\n"
     )
+    install, silently = sheet("tcpou", block=BLOCK)
     return Exported(
-        files={f"{BLOCK}.TcPOU": text},
-        install=(
-            f"In the PLC project: POUs, Add, Existing Item, {BLOCK}.TcPOU. Declare one instance of it in a program.",
-            "Call it in a cyclic task. Wire dt_s to the real cycle time [s], the readings and positions in the units "
-            "that stand behind them (positions in m), is_ready and is_wanted.",
-            "After a start of TwinCAT set is_restart to TRUE in the first call only, and standstill_s to how long it "
-            "was off [s]; without a clock, to 1.0E6.",
-            "Persistent variables are written when TwinCAT shuts down: have a UPS, or call FB_WritePersistentData "
-            "every few minutes.",
-            "Hand k0_1 ... [um] and slope_1 ... [um/m] to the axis, or add correction_1 ... [um].",
-        ),
-        sign_test=sign_test_of_block(model),
-        silently=(
-            "After a power failure without a UPS the persistent variables are gone or old: then start readings are "
-            "taken anew, on a warm machine too.",
-            "Reset origin forgets the start readings.",
-            "A reading of NaN stops TwinCAT while 'Floating point exceptions' is ticked at the task (its default): "
-            "pass a missing reading on as 1.0E30, or take the tick off.",
-            "Called with dt_s = 0 for ever, the correction stands still: dt_s must be the real cycle time.",
-        ),
+        files={f"{BLOCK}.TcPOU": text}, install=install, sign_test=sign_test_of_block(model), silently=silently
     )
 
 
