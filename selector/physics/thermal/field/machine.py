@@ -1,8 +1,10 @@
 """The C-frame machining centre as a field, for other programs too, and reduced with its laws as a machine that runs."""
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -168,6 +170,7 @@ MAX_RPM = 3000.0  #: Highest speed of the spindle [r/min].
 #: Parts whose mean temperature thins their lubricant; probes of the same names read it.
 LUBRICATED = ("lower bearing", "upper bearing", "gearbox")
 _CONSTANT_RPM = 1500.0
+_NUMBERS = tomllib.loads(Path(__file__).with_name("machining_centre.toml").read_text(encoding="utf-8"))
 _SOFTENING_PER_K = 0.012
 
 
@@ -192,65 +195,28 @@ def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
 
 
 def _heat(softening_per_k: float) -> tuple[HeatLaw, ...]:
-    def friction(part: str, watts: float, exponent: float) -> HeatLaw:
-        return HeatLaw(
-            part, speed_w=watts, reference_rpm=MAX_RPM, exponent=exponent, softening_per_k=softening_per_k, at=part
-        )
-
-    return (
-        friction("lower bearing", 125.0, 1.5),
-        friction("upper bearing", 95.0, 1.5),
-        friction("gearbox", 95.0, 1.2),
-        # inner rings and, with a tool in the cut, its chips
-        HeatLaw("spindle", speed_w=25.0, reference_rpm=MAX_RPM, exponent=1.5, torque_share=0.01),
-        HeatLaw("motor", on_w=15.0, turning_w=40.0, speed_w=130.0, reference_rpm=MAX_RPM, torque_share=0.04),
-        HeatLaw("motor flange", speed_w=20.0, reference_rpm=MAX_RPM),
-        # the axes move while the spindle turns
-        HeatLaw("Z nut", turning_w=24.0),
-        HeatLaw("Z screw bearing", turning_w=14.0),
-        HeatLaw("Z guideways", turning_w=8.0),
-        HeatLaw("Y nut", turning_w=14.0),
-        HeatLaw("Y screw bearing", turning_w=6.0),
-        HeatLaw("Y guideways", turning_w=5.0),
-        HeatLaw("X nut", turning_w=16.0),
-        HeatLaw("X screw bearing", turning_w=7.0),
-        HeatLaw("X guideways", turning_w=5.0),
-        HeatLaw("hydraulic pump", on_w=55.0),
-    )
+    laws = []
+    for source, told in _NUMBERS["heat"].items():
+        law = HeatLaw(source, **told)
+        if law.speed_w:
+            law = replace(law, reference_rpm=MAX_RPM)
+        if source in LUBRICATED:
+            law = replace(law, softening_per_k=softening_per_k, at=source)
+        laws.append(law)
+    return tuple(laws)
 
 
 def _films(*, moving: bool) -> tuple[FilmLaw, ...]:
-    def air(film: str, still: float, fast: float = 0.0) -> FilmLaw:
+    def air(film: str, still: float, fast: float) -> FilmLaw:
         """Film of `fast` more at the highest speed; constant at that of 1500 r/min where films do not move."""
         if moving:
             return FilmLaw(film, still, fast, reference_rpm=MAX_RPM, exponent=0.8)
         return FilmLaw(film, still + fast * (_CONSTANT_RPM / MAX_RPM) ** 0.8)
 
-    def washed(film: str, coefficient: float) -> FilmLaw:
-        return FilmLaw(film, coefficient, while_coolant=True, fluid="coolant")
-
     return (
-        air("bed", 8.0),
-        air("bed inside", 2.0),
-        air("bed top", 7.0),
-        air("column", 8.5),
-        air("column inside", 2.0),
-        air("headstock", 8.5, 2.0),
-        air("headstock inside", 2.5, 2.5),
-        air("motor", 9.0, 30.0),  # its fan is on the shaft
-        air("spindle nose", 9.0, 35.0),
-        air("spindle inside", 3.0, 12.0),
-        air("saddle", 7.0),
-        air("table", 7.0),
-        air("table top", 8.5),
-        air("guideways", 5.0),
-        air("screws", 8.0, 6.0),
-        air("hydraulic unit", 8.0),
+        *(air(film, *told) for film, told in _NUMBERS["air"].items()),
         FilmLaw("coolant tank", 1500.0, fluid="coolant"),  # the tank is at the temperature of the coolant
-        washed("table top", 60.0),
-        washed("bed top", 30.0),
-        washed("saddle", 8.0),
-        washed("spindle nose", 80.0),
+        *(FilmLaw(film, told, while_coolant=True, fluid="coolant") for film, told in _NUMBERS["washed"].items()),
     )
 
 
@@ -262,48 +228,10 @@ class Sensor:
     xyz_m: Point
 
 
-# fmt: off
 #: The 37 thermometers of the recording `fixtures/vmc37`.
 SENSORS: Mapping[str, Sensor] = {
-    "T01": Sensor("headstock, lower bearing seat, front", (0.00, 0.62, 0.98)),
-    "T02": Sensor("headstock, lower bearing seat, left", (-0.12, 0.55, 0.98)),
-    "T03": Sensor("headstock, lower bearing seat, right", (0.12, 0.55, 0.98)),
-    "T04": Sensor("headstock, between the bearings, front", (0.00, 0.62, 1.15)),
-    "T05": Sensor("headstock, upper bearing seat, front", (0.00, 0.62, 1.32)),
-    "T06": Sensor("headstock, upper bearing seat, left", (-0.12, 0.55, 1.32)),
-    "T07": Sensor("headstock, upper bearing seat, right", (0.12, 0.55, 1.32)),
-    "T08": Sensor("headstock, rear wall, low", (0.00, 0.30, 1.02)),
-    "T09": Sensor("headstock, rear wall, high", (0.00, 0.30, 1.30)),
-    "T10": Sensor("headstock, top cover", (0.00, 0.45, 1.46)),
-    "T11": Sensor("gearbox, casing", (0.00, 0.42, 1.40)),
-    "T12": Sensor("intermediate gear, bearing", (0.08, 0.45, 1.36)),
-    "T13": Sensor("main motor, casing", (0.00, 0.35, 1.70)),
-    "T14": Sensor("main motor, flange", (0.00, 0.40, 1.52)),
-    "T15": Sensor("hydraulic unit, oil", (-0.55, 0.10, 0.60)),
-    "T16": Sensor("hydraulic line at the headstock", (-0.15, 0.35, 1.20)),
-    "T17": Sensor("column, front wall, low", (0.00, 0.05, 0.45)),
-    "T18": Sensor("column, rear wall, low", (0.00, -0.35, 0.45)),
-    "T19": Sensor("column, front wall, middle", (0.00, 0.05, 0.90)),
-    "T20": Sensor("column, rear wall, middle", (0.00, -0.35, 0.90)),
-    "T21": Sensor("column, front wall, high", (0.00, 0.05, 1.35)),
-    "T22": Sensor("column, rear wall, high", (0.00, -0.35, 1.35)),
-    "T23": Sensor("column, left wall", (-0.30, -0.15, 0.90)),
-    "T24": Sensor("column, right wall", (0.30, -0.15, 0.90)),
-    "T25": Sensor("column guideway, left", (-0.22, 0.12, 1.10)),
-    "T26": Sensor("column guideway, right", (0.22, 0.12, 1.10)),
-    "T27": Sensor("Z ball screw, nut", (0.00, 0.15, 1.15)),
-    "T28": Sensor("Z ball screw, upper bearing", (0.00, 0.10, 1.75)),
-    "T29": Sensor("Y ball screw, nut", (0.00, 0.55, 0.42)),
-    "T30": Sensor("X ball screw, nut", (0.00, 0.55, 0.58)),
-    "T31": Sensor("bed, front", (0.00, 1.00, 0.20)),
-    "T32": Sensor("bed, under the column", (0.00, -0.10, 0.20)),
-    "T33": Sensor("bed, left", (-0.40, 0.50, 0.20)),
-    "T34": Sensor("bed, right", (0.40, 0.50, 0.20)),
-    "T35": Sensor("saddle", (0.00, 0.60, 0.50)),
-    "T36": Sensor("table", (0.00, 0.60, 0.68)),
-    "T37": Sensor("coolant tank", (0.70, 0.90, 0.25)),
+    name: Sensor(place, (x, y, z)) for name, (place, x, y, z) in _NUMBERS["sensors"].items()
 }
-# fmt: on
 
 _IN_PARTS = {"T15": "hydraulic unit", "T37": "coolant tank"}
 
