@@ -4,6 +4,7 @@ import math
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -14,35 +15,16 @@ SENSORS = tuple(f"T{k}" for k in range(1, 9))
 ENTRY_HALF_UNIT = 0.5e-4  #: Correlations, R² and most coefficients are printed with four decimals.
 
 
-def _read_only(text: str) -> NDArray[np.float64]:
-    matrix = np.array([row.split() for row in text.strip().splitlines()], dtype=np.float64)
+def _matrix(file: str) -> NDArray[np.float64]:
+    matrix = np.loadtxt(Path(__file__).with_name(file))
     matrix.setflags(write=False)
     return matrix
 
 
 #: R, the similarity matrix.
-SIMILARITY = _read_only("""
-1.0000 0.9968 0.9819 0.9984 0.9860 0.9761 0.9746 0.9968
-0.9968 1.0000 0.9832 0.9970 0.9884 0.9766 0.9755 0.9987
-0.9819 0.9832 1.0000 0.9887 0.9980 0.9992 0.9988 0.9838
-0.9984 0.9970 0.9887 1.0000 0.9921 0.9842 0.9831 0.9966
-0.9860 0.9884 0.9980 0.9921 1.0000 0.9963 0.9960 0.9888
-0.9761 0.9766 0.9992 0.9842 0.9963 1.0000 0.9998 0.9779
-0.9746 0.9755 0.9988 0.9831 0.9960 0.9998 1.0000 0.9765
-0.9968 0.9987 0.9838 0.9966 0.9888 0.9779 0.9765 1.0000
-""")
-
+SIMILARITY = _matrix("similarity.txt")
 #: t(R), the transitive closure.
-CLOSURE = _read_only("""
-1.0000 0.9970 0.9921 0.9984 0.9921 0.9921 0.9921 0.9970
-0.9970 1.0000 0.9921 0.9970 0.9921 0.9921 0.9921 0.9987
-0.9921 0.9921 1.0000 0.9921 0.9980 0.9992 0.9992 0.9921
-0.9984 0.9970 0.9921 1.0000 0.9921 0.9921 0.9921 0.9970
-0.9921 0.9921 0.9980 0.9921 1.0000 0.9980 0.9980 0.9921
-0.9921 0.9921 0.9992 0.9921 0.9980 1.0000 0.9998 0.9921
-0.9921 0.9921 0.9992 0.9921 0.9980 0.9998 1.0000 0.9921
-0.9970 0.9987 0.9921 0.9970 0.9921 0.9921 0.9921 1.0000
-""")
+CLOSURE = _matrix("closure.txt")
 
 LEVEL = 0.995
 CUT_ROWS = ("11010001", "11010001", "00101110", "11010001", "00101110", "00101110", "00101110", "11010001")

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -230,26 +231,6 @@ def _refuse_curve(found: str, expected: str) -> None:
     )
 
 
-_RULES = """\
-Timed corrections of the thermal displacement
-=============================================
-
-offset      displacement that is predicted since the zero of the operation [µm], [mm], counted as the gauge counts it
-step        change of the offset at this time [µm], [mm]
-time        from the start of the duty cycle [h:mm:ss]
-
-At its time, move the zero of the axis so that the offset is taken off: the correction is the displacement to be
-SUBTRACTED. Whether that is + or - on your control depends on how the gauge stood and how the control counts:
-VERIFY THE SIGN ON THE MACHINE (apply 10 µm by hand and read the gauge) before the first part.
-
-Every operation begins with a new zero: touch off the workpiece or the tool, and set the offset to 0 there. A control
-takes the offset as an external work zero or an external zero offset (`offset`, replacing the value before), or as an
-increment (`step`, added to it), never both. The times hold for the duty cycle of the prediction: after a stop, predict
-again. The notation number-{minutes}-{µm} is for reading: its times are rounded down to 0.1 min, so that corrections
-read from there act up to 6 s early; prediction.json has the exact ones.
-Spread large steps over a moment without cutting contact.
-"""
-
 _HEADINGS = (
     "response",
     "operation",
@@ -303,7 +284,7 @@ def program_table(programs: Mapping[str, CorrectionProgram]) -> str:
 
 def program_blocks(programs: Mapping[str, CorrectionProgram]) -> str:
     """The programs (response → program) as timed offset blocks that name no control, for people to type in."""
-    lines = [_RULES]
+    lines = [Path(__file__).with_name("program_rules.txt").read_text(encoding="utf-8")]
     for response, program in programs.items():
         allowed = ", ".join(f"{one:g}" for one in program.tolerances_um)
         lines.append(f"[{_one_line(response)}]   tolerance {allowed} µm")
