@@ -44,15 +44,7 @@ class Finding:
 
     def as_dict(self) -> dict[str, Any]:
         """JSON form, the same in every contract."""
-        return {
-            "id": self.id,
-            "level": self.level,
-            "statement": self.statement,
-            "where": self.where.as_dict(),
-            "evidence": dict(self.evidence),
-            "suggestion": self.suggestion,
-            "action": self.action,
-        }
+        return {**vars(self), "where": self.where.as_dict(), "evidence": dict(self.evidence)}
 
 
 @dataclass(frozen=True)

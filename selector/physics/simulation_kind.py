@@ -26,7 +26,7 @@ Progress = Callable[[int, int, str], None]
 Columns = Mapping[str, tuple["Vector", "Vector"]]
 
 
-def _unheard(step: int, total: int, text: str) -> None:
+def unheard(step: int, total: int, text: str) -> None:
     """Progress that nobody looks at."""
 
 
@@ -37,7 +37,7 @@ class RunSettings:
     columns: Columns = field(default_factory=dict)
     seed: int | None = None  #: Of the noise; None: that of the file, and none where recordings drive
     asked: Mapping[str, Any] = field(default_factory=dict)  #: The `options` of the kind
-    progress: Progress = _unheard
+    progress: Progress = unheard
 
 
 class Model(Protocol):

@@ -18,7 +18,7 @@ from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics, u
 from selector.physics.drive.simulation import AxisRun
 from selector.physics.drive.trajectory import Reference, clock_findings, recorded
 from selector.physics.model_text import MOST_SAMPLES
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Channel, Recording
 from selector.types import Vector
 
@@ -175,7 +175,7 @@ def driven_runs(
     *,
     opened: bool = False,
     seed: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = unheard,
 ) -> DriveSimulation:
     """A simulation of every run of a recording: each axis of the model whose command was recorded follows it.
 
@@ -198,8 +198,7 @@ def driven_runs(
     times: dict[str, Vector] = {}
     findings: list[Finding] = []
     for number, run in enumerate(recording.runs):
-        if progress is not None:
-            progress(number, len(recording.runs), run)
+        progress(number, len(recording.runs), run)
         times[run] = recording.time_s(run)
         findings += [replace(one, where=replace(one.where, run=run)) for one in clock_findings(times[run])]
         with told_of(f"run {run}", of_keys=True):

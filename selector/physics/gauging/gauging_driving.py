@@ -29,7 +29,7 @@ from selector.physics.gauging.gauging_model import (
 )
 from selector.physics.gauging.model_file import MOST_ALLOWANCE_UM, finest_s
 from selector.physics.gauging.process import Noise, Surface
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Recording
 from selector.types import Vector
 
@@ -170,7 +170,7 @@ _MOST_MM_PER_MIN = 1e6
 
 
 def driven_runs(
-    model: GaugingModel, recording: Recording, *, seed: int | None = None, progress: Progress | None = None
+    model: GaugingModel, recording: Recording, *, seed: int | None = None, progress: Progress = unheard
 ) -> GaugingSimulation:
     """What the gauge shows of every run of a recording: voltage, size, and which stage it would be in.
 
@@ -191,8 +191,7 @@ def driven_runs(
     tables: dict[str, pd.DataFrame] = {}
     findings = list(model_findings(model))
     for number, run in enumerate(recording.runs):
-        if progress is not None:
-            progress(number, len(recording.runs), run)
+        progress(number, len(recording.runs), run)
         with told_of(f"run {run}, channel {found[drives]}"):
             time_s = recording.time_s(run)
             values, said = _complete(recording, run, found[drives])

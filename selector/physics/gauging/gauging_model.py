@@ -36,7 +36,7 @@ from selector.physics.gauging.model_file import (
 )
 from selector.physics.model_fields import Parameter, file_with, refused, unlikely_values
 from selector.physics.model_text import key_text
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -262,7 +262,7 @@ class GaugingModel:
         return curve.allowance_at(np.clip(voltage_v, low, high))
 
     def simulation(
-        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
+        self, *, run: str = "simulation", seed: int | None = None, progress: Progress = unheard
     ) -> GaugingSimulation:
         """The parts of the file, ground and gauged one after the other.
 
@@ -273,8 +273,7 @@ class GaugingModel:
         """
         random = self.file.run.seed if seed is None else seed
         setup, parts = self.setup, self.file.run.parts
-        told = None if progress is None else lambda done, of: progress(done, of, "parts")
-        sizes = finished_sizes(setup, parts, seed=random, progress=told)
+        sizes = finished_sizes(setup, parts, seed=random, progress=lambda done, of: progress(done, of, "parts"))
         names = [name or run for name in self.runs if name != WAVEFORM_RUN]
         courses = {
             name: part_course(setup, number, seed=random, period_s=self.period_s) for number, name in enumerate(names)

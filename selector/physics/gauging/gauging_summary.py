@@ -23,7 +23,7 @@ from selector.physics.gauging.gauging_model import GaugingModel, GaugingSimulati
 from selector.physics.gauging.grinding.gauged_grinding import FEWEST_SIZES, FinishedSizes, finished_sizes, usual_steps
 from selector.physics.gauging.process import mean_surface_um, smoothed_surface
 from selector.physics.gauging.sizes import Capability, SizesByFormula, capability, on_line, sizes_by_formula
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 
 _TURNS = 2048
 _EARLY_SHARE = 0.1  #: Share of the standard deviation from which on an early command is told.
@@ -227,7 +227,7 @@ class GaugingSummary:
 
 
 def gauging_summary(
-    model: GaugingModel, simulation: GaugingSimulation | None = None, *, progress: Progress | None = None
+    model: GaugingModel, simulation: GaugingSimulation | None = None, *, progress: Progress = unheard
 ) -> GaugingSummary:
     """What gauging by this model amounts to; `simulation` of it lends its seed.
 
@@ -280,7 +280,7 @@ def gauging_summary(
 
 
 def _sizes(
-    model: GaugingModel, seed: int, progress: Progress | None, *, trial: tuple[int, int] | None = None
+    model: GaugingModel, seed: int, progress: Progress, *, trial: tuple[int, int] | None = None
 ) -> FinishedSizes:
     """Batches of the file's parts; where no part differs from the next, one long batch; of a trial some seconds' worth.
 
@@ -299,8 +299,7 @@ def _sizes(
     found: list[FinishedSizes] = []
 
     def told(done: int, of: int) -> None:
-        if progress is not None:
-            progress(len(found) * of + done, batches * of, "sizes" if trial is None else "settings")
+        progress(len(found) * of + done, batches * of, "sizes" if trial is None else "settings")
 
     for one in seeds:
         found.append(finished_sizes(model.setup, batch, seed=int(one), progress=told))

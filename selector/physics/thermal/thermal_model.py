@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from selector.errors import InputError
 from selector.findings import Finding, Where
 from selector.physics.model_fields import Parameter
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.model_file import (
     FieldFile,
@@ -408,7 +408,7 @@ def driven_runs(
     inputs: InputsSection,
     otherwise: Conditions,
     seed: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress = unheard,
 ) -> tuple[Recording, tuple[Finding, ...]]:
     """A simulation of every run of a recording, driven by what was recorded, and what is to be said about it.
 
@@ -426,8 +426,7 @@ def driven_runs(
     used: dict[str, str] = {}
     missing: dict[str, list[str]] = {}
     for number, run in enumerate(recording.runs):
-        if progress is not None:
-            progress(number, len(recording.runs), run)
+        progress(number, len(recording.runs), run)
         drive = driven(recording, run, inputs, otherwise)
         names = {channel: name for channel, name in drive.channels.items() if name in model.inputs}
         used |= names

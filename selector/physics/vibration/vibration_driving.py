@@ -11,7 +11,7 @@ from selector.findings import Finding, Where
 from selector.physics.channel_differences import as_recorded, clock_jitter
 from selector.physics.checks import require_within, told_of
 from selector.physics.model_text import key_text
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.model_file import file_shafts, mean_rpm
 from selector.physics.vibration.motion.run_up import MotionSignal
@@ -187,7 +187,7 @@ _TURNED_BACK = 0.01  #: Share of the largest speed, below which a sign is noise.
 
 
 def driven_runs(
-    model: VibrationModel, recording: Recording, *, seed: int | None = None, progress: Progress | None = None
+    model: VibrationModel, recording: Recording, *, seed: int | None = None, progress: Progress = unheard
 ) -> VibrationSimulation:
     """A simulation of every run of a recording: recorded speeds turn the shafts, recorded forces replace spectra.
 
@@ -210,8 +210,7 @@ def driven_runs(
     weights: dict[str, float] = {}
     speeds: dict[str, dict[str, float]] = {}
     for number, run in enumerate(recording.runs):
-        if progress is not None:
-            progress(number, len(recording.runs), run)
+        progress(number, len(recording.runs), run)
         with told_of(f"run {run}", of_keys=True):
             driven = _DrivenRun(model, recording, run, channels)
             signals[run] = driven.signal(phases)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from selector.findings import Finding
 from selector.physics.model_fields import Parameter, file_with
-from selector.physics.simulation_kind import Progress
+from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.model_file import (
     VibrationFile,
@@ -155,7 +155,7 @@ class VibrationModel:
         return found
 
     def simulation(
-        self, *, run: str = "simulation", seed: int | None = None, progress: Progress | None = None
+        self, *, run: str = "simulation", seed: int | None = None, progress: Progress = unheard
     ) -> VibrationSimulation:
         """What tool and workpiece do in the run of the file.
 
@@ -164,8 +164,7 @@ class VibrationModel:
 
         InputError: a line meets a resonance that nothing damps.
         """
-        if progress is not None:
-            progress(0, 1, run)
+        progress(0, 1, run)
         noise = self.file.run.seed if seed is None else seed
         phases = self.phases_rad(noise)
         signal = self.signal(self.times_s, self.courses, phases)
