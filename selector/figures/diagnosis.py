@@ -99,7 +99,6 @@ class RunAxis:
 
 
 _MOST_EFFECTS = 4
-_LONGEST_ID = 34
 
 
 def before_after(found: Diagnosis, response: str) -> go.Figure:

@@ -110,13 +110,6 @@ class DrivenModel:
         return np.asarray(columns[1:] - columns[0])
 
     @property
-    def mode_of(self) -> NDArray[np.int64]:
-        """(n_columns,): The mode to which each column belongs, by increasing time constants."""
-        modes = np.argsort(np.argsort(self.fit.theta[: self.fit.spec.n_modes]))
-        parts = (np.repeat(modes, self.law.size), np.repeat(modes, len(self.ambients)))
-        return np.concatenate([*parts, np.tile(modes, len(self.tests))])
-
-    @property
     def law(self) -> SpeedLaw:
         """How heat depends on the speed."""
         return self.fit.spec.speed_law(self.fit.theta, self.data)
