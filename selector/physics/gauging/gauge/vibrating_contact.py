@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,8 @@ from selector.physics.gauging.gauge.transducer import (
     STEPS_PER_KNOT,
     STEPS_PER_ROUND,
     Contact,
+    Relay,
+    Smoothing,
     Transducer,
     packed,
     refusal,
@@ -203,31 +206,52 @@ def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: G
 
     Raises InputError if the probe reaches a core, or nothing can follow contact or generator.
     """
-    plane = FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
-    p = packed(transducer, RELATIVE_TOLERANCE)
+    swing, state, rounds = _lasting(_behind_any_filter(transducer), allowance_um, start or GaugeState())
+    p, plane = packed(transducer, RELATIVE_TOLERANCE), _plane_m(transducer, allowance_um)
     widen_scales(p, 0.0, 0.0, plane)
-    summing = p.copy()
+    ripple_v, crest_v = _ripple(transducer, plane, p, state, rounds, swing.voltage_v, bool(swing.rounds))
+    return replace(swing, ripple_v=ripple_v, crest_v=crest_v)
+
+
+def _plane_m(transducer: Transducer, allowance_um: float | None) -> float:
+    return FAR_M if allowance_um is None else transducer.rest_gap_m - 1e-6 * allowance_um
+
+
+@lru_cache(maxsize=64)
+def _behind_any_filter(transducer: Transducer) -> Transducer:
+    return replace(transducer, smoothing=Smoothing(1.0), relay=Relay())
+
+
+@lru_cache(maxsize=2048)  # 17 characteristics
+def _lasting(transducer: Transducer, allowance_um: float | None, start: GaugeState) -> tuple[SteadySwing, Vector, int]:
+    """The swing but for its ripple, its states, and over how many rounds that is looked for.
+
+    Neither filter nor relay acts on the motion or on the mean voltage: tries of other filters find it here.
+    """
+    plane = _plane_m(transducer, allowance_um)
+    summing = packed(transducer, RELATIVE_TOLERANCE)
+    widen_scales(summing, 0.0, 0.0, plane)
     summing[at.RATE], summing[at.LEAK] = 1.0 / round_s(transducer), 0.0
     swing = _Rounds(transducer, summing, plane, np.zeros(2, dtype=np.int64))
-    begin = start or GaugeState()
-    state, repeats = _settled(swing, _states(p, replace(begin, probe_m=min(begin.probe_m, plane))))
+    state, repeats = _settled(swing, _states(summing, replace(start, probe_m=min(start.probe_m, plane))))
     ran = repeats or swing.affordable(IRREGULAR_ROUNDS)
     state[at.U] = _settled_voltage(swing, state, ran)
     out = swing.run(state, ran)
     mean_v = float(out[:, at.S].mean())
-    ripple_v, crest_v = _ripple(swing, p, state, min(ran, MOST_ROUNDS_TO_REPEAT), mean_v, bool(repeats))
-    current_a = float(state[at.AMPERES]) if p[at.VOLTS] > 0 else None
-    return SteadySwing(
+    current_a = float(state[at.AMPERES]) if summing[at.VOLTS] > 0 else None
+    state.flags.writeable = False
+    found = SteadySwing(
         allowance_um=math.inf if allowance_um is None else float(allowance_um),
         voltage_v=mean_v,
         voltage_sd_v=0.0 if repeats else _sd_of_mean(out[:, at.S]),
-        ripple_v=ripple_v,
-        crest_v=crest_v,
+        ripple_v=math.nan,
+        crest_v=math.nan,
         stroke_um=1e6 * float(out[:, -3].max() - out[:, -2].min()),
         highest_um=1e6 * float(out[:, -3].max()),
         rounds=repeats,
         state=GaugeState(float(state[at.Z]), float(state[at.V]), current_a, float(state[at.U]), mean_v),
     )
+    return found, state, min(ran, MOST_ROUNDS_TO_REPEAT)
 
 
 def _settled(swing: _Rounds, state: Vector) -> tuple[Vector, int]:
@@ -289,18 +313,20 @@ def _settled_voltage(swing: _Rounds, state: Vector, rounds: int) -> float:
     return float(added / (1.0 - left))
 
 
-def _ripple(swing: _Rounds, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool) -> tuple[float, float]:
+def _ripple(
+    transducer: Transducer, plane_m: float, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool
+) -> tuple[float, float]:
     """Smoothed voltage from its lowest to its highest, and the latter above its mean."""
-    time = np.linspace(0.0, rounds * round_s(swing.transducer), _SAMPLES * rounds + 1)
+    time = np.linspace(0.0, rounds * round_s(transducer), _SAMPLES * rounds + 1)
     out, begin = np.empty((len(time), at.STATES)), state.copy()
     begin[at.S] = 0.0
-    knots, plane = np.array([0, len(time) - 1]), np.full(len(time), swing.plane_m)
+    knots, plane = np.array([0, len(time) - 1]), np.full(len(time), plane_m)
     ended, _ = at.course(
         begin, p, np.array([0, 0, STEPS_PER_ROUND * rounds, 0]),
         np.array([p[at.LONGEST] / 8, 0.0, 0.0]), time, plane, knots, out,
     )  # fmt: skip
     if ended != at.DONE:
-        raise refusal(ended, swing.transducer)
+        raise refusal(ended, transducer)
     fading = np.exp(-time * p[at.RATE])
     first = out[-1, at.S] / (1.0 - fading[-1]) if repeats else mean_v
     course = out[:, at.S] + first * fading
