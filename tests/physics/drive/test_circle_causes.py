@@ -215,7 +215,8 @@ def test_repeated_noise_gives_the_errors_that_are_stated():
     planted = Planted(backlash_um=(3.0, 2.0), spike_um=5.0, squareness_um_per_m=10.0)
     truths, scores = {("backlash", "X"): 2.5, ("reversal-spike", "Y"): 5.0}, []
     for seed in range(16):
-        feed = circle_causes(planted.traces(0.5, seed=100 + seed), lead_m={"X": 0.01, "Y": 0.01}).feeds[0]
+        traces = planted.traces(0.5, seed=100 + seed, samples=900)
+        feed = circle_causes(traces, lead_m={"X": 0.01, "Y": 0.01}).feeds[0]
         amounts = [feed.cause(*cause).amounts["mean"] for cause in truths]
         scores.append([(a.value - truth) / a.standard_error for a, truth in zip(amounts, truths.values(), strict=True)])
     # the standard deviation of 16 scores lies within 0.5 … 1.5 with 99.7 %, bias included below 1.6
@@ -232,9 +233,9 @@ ENCODER = replace(CONTINUOUS, feedback="motor")
 
 
 def first_cause(x: Axis, y: Axis, geometry: PairGeometry | None = None):
-    # every fourth sample: 3500, as many as planted ones have
+    # every eighth sample: 1750
     traces = [
-        replace(one, angle_rad=one.angle_rad[::4], deviation_um=one.deviation_um[::4])
+        replace(one, angle_rad=one.angle_rad[::8], deviation_um=one.deviation_um[::8])
         for one in ball_bar_test({"X": x, "Y": y}, geometry, PLAN)
     ]
     found = circle_causes(traces)
@@ -259,7 +260,7 @@ def test_unequal_gains_come_first():
 def test_squareness_is_not_taken_for_unequal_gains():
     cause, _ = first_cause(PLAIN, PLAIN, PairGeometry(squareness_um_per_m=200.0))
     assert cause.kind == "squareness"
-    # half of the second order of 10 µm cross error, and noise of 0.05 µm in 3500 samples
+    # half of the second order of 10 µm cross error, and noise of 0.05 µm in 1750 samples
     assert cause.amounts["squareness"].value == pytest.approx(200.0, abs=0.3)
 
 

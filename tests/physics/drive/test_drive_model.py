@@ -147,7 +147,7 @@ def test_a_circle_is_a_run_a_direction_and_only_its_measured_arc_is_recorded():
 
 
 def test_the_summary_of_a_circle_is_that_of_its_recording():
-    drive = model(("motion", {**CIRCLE, "feeds_mm_per_min": [3000.0, 5000.0]}), ("axes.Y", RIGID["axes"]["X"]))
+    drive = model(("motion", {**CIRCLE, "feeds_mm_per_min": [6000.0, 9000.0]}), ("axes.Y", RIGID["axes"]["X"]))
     done = drive.simulation()
     found = drive_summary(drive, done)
     for run, axes in found.axes.items():
