@@ -1,10 +1,18 @@
-"""What holds in every test: time that Hypothesis may take, and what the collector of garbage looks at."""
+"""What holds in every test: time that Hypothesis may take, what is collected as garbage, who compiles."""
 
 from __future__ import annotations
 
 import gc
+import hashlib
+from collections.abc import Iterator
+from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, settings
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+
+from tests.patience import alone, shared_folder
 
 # No test depends on how quick the machine is.
 settings.register_profile(
@@ -18,3 +26,19 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """One process compiles a kernel for the first time, the others wait for it and read it from numba's cache."""
+    folder, compiled = shared_folder(tmp_path_factory), Dispatcher.compile
+
+    def alone_compiled(self: Any, signature: Any) -> Any:
+        name = f"{self.py_func.__module__}.{self.py_func.__qualname__}"
+        # the lock of the threads first, as numba takes it
+        with global_compiler_lock, alone(folder / f"compiled-{hashlib.sha256(name.encode()).hexdigest()}"):
+            return compiled(self, signature)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Dispatcher, "compile", alone_compiled)
+        yield

@@ -1,9 +1,18 @@
-"""Waiting for a condition instead of for a time: a busy machine takes longer and is not wrong."""
+"""Waiting for a condition instead of for a time, and for another process that does the same."""
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+if sys.platform != "win32":
+    import fcntl
 
 PATIENCE_S = 300.0
 """After which a test gives up: long beyond what a busy machine needs, so that a hang is told apart from a delay."""
@@ -15,3 +24,18 @@ def wait_for(is_so: Callable[[], object], *, patience_s: float = PATIENCE_S) -> 
     while not is_so():
         assert time.monotonic() < end, f"not so after {patience_s:g} s"
         time.sleep(0.01)
+
+
+def shared_folder(factory: pytest.TempPathFactory) -> Path:
+    """A folder of this run of the suite that all of its processes have."""
+    own = factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
+@contextmanager
+def alone(sign: Path) -> Iterator[None]:
+    """One process at a time: others that come to the same file wait; Windows has no such lock, there all go on."""
+    with sign.open("w") as file:
+        if sys.platform != "win32":
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

@@ -134,8 +134,9 @@ def test_a_recording_with_its_machine_file_is_written_and_read_back(folder, capf
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_every_example_runs_and_is_read_back(example, folder, capfd):
     text = example.read_text(encoding="utf-8")
-    # a turn at 100 mm/min takes six minutes of the machine
-    text = re.sub(r"feeds_mm_per_min = .*", "feeds_mm_per_min = [3000.0, 5000.0]", text)
+    # a turn of 100 mm at 100 mm/min takes six minutes of the machine
+    text = re.sub(r"feeds_mm_per_min = .*", "feeds_mm_per_min = [5000.0, 8000.0]", text)
+    text = re.sub(r"radius_mm = .*", "radius_mm = 40.0", text)
     Path("example.toml").write_text(text, encoding="utf-8")
     is_circle = "feeds_mm_per_min" in text
     shown = simulated(capfd, "example.toml", "--out", "circles" if is_circle else "run.csv")

@@ -75,8 +75,10 @@ def _meshed(asked: _Asked) -> VirtualMachine:
             probes[sensor.name] = row_at(body, sensor.xyz, ("sensors", number, "xyz"))
         else:
             probes[sensor.at or sensor.name] = named.shares(sensor.at or sensor.name)
+    # a place that is none is told before what takes seconds
+    readings = {name: _reading(named, body, name, of) for name, of in file.displacements.items()}
     elastic = elasticity(body, materials, springs)
-    rows = {name: elastic.row_um_per_k(_reading(named, body, name, of)) for name, of in file.displacements.items()}
+    rows = {name: elastic.row_um_per_k(reading) for name, reading in readings.items()}
     system = field_system(body, materials, wetted, sources, probes, rows)
     basis = reduced_basis(system, film_sets(laws))
     return VirtualMachine(system, basis, laws, body, materials, springs, elasticity_to_keep(elastic, body))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 from collections.abc import Callable, Iterator
@@ -18,6 +19,7 @@ import pytest
 
 from selector.physics.thermal import field_model, mesh_model
 from selector.physics.thermal.field.machine import VirtualMachine
+from tests.patience import alone, shared_folder
 
 
 def _read_only(content: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -36,22 +38,21 @@ def pickled(value: object) -> bytes:
 def from_folder(folder: Path, kind: str, key: object, made: Callable[[], VirtualMachine]) -> VirtualMachine:
     """The machine of this key, read from the folder, or made and written there; read ones have no factors."""
     path = folder / f"{kind}-{hashlib.sha256(pickled(key)).hexdigest()}.pickle"
-    if path.exists():
-        machine: VirtualMachine = pickle.loads(path.read_bytes())
-        return machine
-    machine = made()
-    draft = path.with_suffix(f".{os.getpid()}")
-    draft.write_bytes(pickled(replace(machine, elastic=None)))
-    draft.replace(path)
+    with alone(path.with_suffix(".sign")):
+        if path.exists():
+            machine: VirtualMachine = pickle.loads(path.read_bytes())
+            return machine
+        machine = made()
+        draft = path.with_suffix(f".{os.getpid()}")
+        draft.write_bytes(pickled(replace(machine, elastic=None)))
+        draft.replace(path)
     return machine
 
 
 @pytest.fixture(scope="session", autouse=True)
 def shared_machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """What model files make their machines with; tests of these functions themselves call them as they are."""
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent
+    folder = shared_folder(tmp_path_factory)
     centre, of_mesh = field_model.virtual_machining_centre, mesh_model._meshed.__wrapped__
 
     def virtual_machining_centre(physics: Any, **asked: Any) -> VirtualMachine:
@@ -59,7 +60,10 @@ def shared_machines(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
     @lru_cache(maxsize=1)
     def meshed(asked: Any) -> VirtualMachine:
-        key = (asked.text, asked.laws, asked.written_ns)
+        # a copy of a mesh is the same mesh
+        mesh = Path(asked.file.mesh.file)
+        content = mesh.read_bytes() if mesh.is_file() else b""
+        key = (asked.text.replace(json.dumps(str(mesh)), mesh.suffix), asked.laws, content)
         return from_folder(folder, "mesh", key, lambda: of_mesh(asked))
 
     with pytest.MonkeyPatch.context() as patch:

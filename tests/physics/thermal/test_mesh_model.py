@@ -356,6 +356,9 @@ class TestFromTheCommandLine:
         assert "a machine of 1200 m" in self.refusal(capfd)
 
     def test_without_the_extra(self, folder, capfd, monkeypatch):
+        # another mesh than that of a machine which has been made
+        with (folder / "c-frame.msh").open("ab") as mesh:
+            mesh.write(b"\n")
         monkeypatch.setitem(sys.modules, "meshio", None)
         assert "this needs the package meshio" in self.refusal(capfd)
         assert '".[field]"' in self.refusal(capfd)

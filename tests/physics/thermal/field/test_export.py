@@ -16,7 +16,7 @@ PAGE = Path(__file__).parents[4] / "docs" / "explanation" / "thermal-field.md"
 
 @pytest.fixture(scope="module")
 def machine():
-    return field_machine(refinement=0.2)
+    return field_machine(refinement=0.1)
 
 
 def test_cells_are_in_the_order_of_vtk(machine):

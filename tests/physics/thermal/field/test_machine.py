@@ -31,8 +31,16 @@ BESIDE_THE_MACHINE = ("T15", "T37")  # hydraulic unit and coolant tank
 
 
 @pytest.fixture(scope="module")
-def machine():
-    return field_machine(refinement=COARSE)
+def places():
+    root = Path(__file__).resolve().parents[4]
+    channels = tomllib.loads((root / "fixtures/vmc37/machine.toml").read_text(encoding="utf-8"))["channels"]
+    return {name: tuple(c["xyz"]) for name, c in channels.items() if c["role"] == "temperature"}
+
+
+@pytest.fixture(scope="module")
+def machine(places):
+    on_it = {name: place for name, place in places.items() if name not in BESIDE_THE_MACHINE}
+    return field_machine(refinement=COARSE, probes=on_it)
 
 
 @pytest.fixture(scope="module")
@@ -176,16 +184,11 @@ def test_the_machine_is_symmetric_but_for_the_x_screw(machine):
     assert abs(sideways) < 0.02 * abs(along)
 
 
-def test_sensors_of_the_shipped_machine_file_find_their_parts():
-    root = Path(__file__).resolve().parents[4]
-    channels = tomllib.loads((root / "fixtures/vmc37/machine.toml").read_text(encoding="utf-8"))["channels"]
-    places = {name: tuple(c["xyz"]) for name, c in channels.items() if c["role"] == "temperature"}
-    on_it = {name: place for name, place in places.items() if name not in BESIDE_THE_MACHINE}
-    machine = field_machine(refinement=COARSE, probes=on_it)
+def test_sensors_of_the_shipped_machine_file_find_their_parts(machine, places):
     assert len(machine.system.probes) == 35
-    for name, place in on_it.items():
-        there = machine.system.probes[name] @ machine.mesh.nodes_m
-        assert np.linalg.norm(there - place) < 0.005  # as the places are rounded
+    assert set(places) - set(machine.system.probes) == set(BESIDE_THE_MACHINE)
+    for name, row in machine.system.probes.items():
+        assert np.linalg.norm(row @ machine.mesh.nodes_m - places[name]) < 0.005  # as the places are rounded
     for name in BESIDE_THE_MACHINE:
         with pytest.raises(InputError, match=f"sensor {name!r}"):
             field_machine(refinement=COARSE, probes={name: places[name]})

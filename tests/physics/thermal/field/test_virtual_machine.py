@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from selector.errors import InputError
+from selector.physics.thermal import field_model
+from selector.physics.thermal.field.geometry import MachineGeometry
 from selector.physics.thermal.field.machine import (
     MAX_RPM,
     SENSORS,
@@ -26,7 +28,8 @@ SHIFT_S = np.arange(0.0, 8 * 3600 + 1, 60.0)
 
 @pytest.fixture(scope="module")
 def machine():
-    return virtual_machining_centre(refinement=0.5)  # 10 000 nodes
+    # 8 000 nodes, the machine of fixtures/thermal/field.toml, which other files of tests have made
+    return field_model.virtual_machining_centre("everything", geometry=MachineGeometry(), refinement=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +125,10 @@ def test_one_temperature_goes_with_different_displacements(machine):
 
 def warmer_hall(machine, physics, speed_rpm):
     """What 5 K more in the hall and the coolant change at the nose after 4 hours [K]."""
-    runs = []
+    runs, laws = [], machine_laws(physics)
     for degc in (20.0, 25.0):
         conditions = Conditions([0.0, 14400.0], spindle_speed=speed_rpm, ambient_degc=degc, coolant_degc=degc)
-        history = run(replace(machine, laws=machine_laws(physics)), conditions, time_s=[14400.0], start_degc=20.0)
+        history = simulate_heat(machine.system, laws, conditions, time_s=[14400.0], step_s=60.0, start_degc=20.0)
         runs.append(history.probe_degc[0])
     return runs[1] - runs[0]
 
@@ -169,7 +172,7 @@ def test_temperatures_of_all_nodes(machine):
 
 
 def test_virtual_sensors_anywhere():
-    own = virtual_machining_centre(refinement=0.2, sensors={"mid wall": (0.2, 0.05, 1.0)}, tolerance=0.05)
+    own = virtual_machining_centre(refinement=0.1, sensors={"mid wall": (0.2, 0.05, 1.0)}, tolerance=0.05)
     assert next(iter(own.system.probes)) == "mid wall"
     assert "T01" not in own.system.probes
     assert own.elastic is not None
