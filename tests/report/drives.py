@@ -40,7 +40,7 @@ kind = "drive"
 name = '{NAME}'
 [motion]
 kind = "circle"
-radius_mm = 50.0
+radius_mm = 25.0
 feeds_mm_per_min = [3000.0, 6000.0]
 [ball_bar]
 squareness_um_per_m = 100.0
