@@ -58,11 +58,11 @@ def column(history, name):
 
 
 def test_the_reduced_shift_is_that_of_the_full_field(machine):
-    conditions = random_shift(1)
+    conditions, time_s = random_shift(1), SHIFT_S[:241]  # four hours with 16 speeds, wet and dry
     full = simulate_heat(
-        machine.full, machine.laws, conditions, time_s=SHIFT_S, step_s=60.0, start_degc=20.0, method="implicit"
+        machine.full, machine.laws, conditions, time_s=time_s, step_s=60.0, start_degc=20.0, method="implicit"
     )
-    small = run(machine, conditions, time_s=SHIFT_S)
+    small = run(machine, conditions, time_s=time_s)
     for name in (*full.displacements, *full.probes):
         true, near = column(full, name), column(small, name)
         # the promise is 1 % of the peak; displacements stay below 0.3 %, most of which is the full model's stepping
