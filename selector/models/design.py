@@ -288,11 +288,14 @@ def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> Array:
     return np.geomspace(low, high, n)
 
 
-START_SAMPLES = 15
+START_SAMPLES, START_S = 15, 900.0
 NOISE_SAMPLES = 30
 #: Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
 #: sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7).
 SMALL_BEND = 0.7
+#: Readings are neighbours up to so many sampling periods and so many seconds apart: between others a machine moves,
+#: and that is not noise.
+NEIGHBOURS_PERIODS, NEIGHBOURS_S = 3.0, 60.0
 
 
 def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
@@ -303,6 +306,7 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     the smallest standard error is taken among those that the samples do not contradict: by their scatter (χ² at 10 %,
     noise from second differences), and by the next power, which must be small against its own standard error, since
     a bend that is barely seen already shifts the start. A level run is not assumed to be level for the same reason.
+    Readings after a gap, as of a gauge that is read now and then, say nothing of the start.
 
     The run's first samples (30 are enough) have shape (n_samples,), NaN = missing. Both numbers are NaN if there is no
     reading; the error is NaN if it cannot be estimated.
@@ -311,6 +315,10 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     found, time = samples[known][:NOISE_SAMPLES], time_s[known][:NOISE_SAMPLES]
     if len(found) == 0:
         return np.nan, np.nan
+    if len(found) > 1:
+        far = np.diff(time) > max(NEIGHBOURS_PERIODS * float(np.median(np.diff(time_s))), NEIGHBOURS_S)
+        n = 1 + int(np.argmax(np.append(far, True)))
+        found, time = found[:n], time[:n]
     if len(found) < 4:
         return float(found[0]), np.nan
     # second differences see the noise and not the warming
@@ -368,7 +376,8 @@ def _start_fits(time: tuple[float, ...]) -> tuple[tuple[_StartFit, ...], Array]:
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:
     """`start_reading` of every channel in every run: {run: {channel: (level, standard error)}}.
 
-    A channel whose first reading comes later than `START_SAMPLES` samples into the run has no start: (NaN, NaN).
+    A channel whose first reading comes later than `START_SAMPLES` samples or `START_S` (three samples, if that is
+    longer) into the run has no start: (NaN, NaN).
     """
     wanted = tuple(dict.fromkeys(names))
     starts: dict[str, dict[str, tuple[float, float]]] = {}
@@ -384,8 +393,9 @@ def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[st
             starts[run] = dict.fromkeys(wanted, (np.nan, np.nan))
             continue
         time, head = np.concatenate(times), np.concatenate(parts)
+        n = min(START_SAMPLES, max(3, int(np.searchsorted(time - time[0], START_S, side="right"))))
         starts[run] = {
-            name: start_reading(time, head[:, j]) if np.isfinite(head[:START_SAMPLES, j]).any() else (np.nan, np.nan)
+            name: start_reading(time, head[:, j]) if np.isfinite(head[:n, j]).any() else (np.nan, np.nan)
             for j, name in enumerate(wanted)
         }
     return starts
@@ -421,6 +431,7 @@ class Datum:
     reference: Reference
     levels: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     follows: Mapping[str, Before] = field(default_factory=dict)  #: What `runs_before` knows: memory goes on from there
+    late: tuple[tuple[str, str], ...] = ()  #: Run and displacement without a reading at its start
 
     def level(self, run: str, channel: str) -> float:
         """The level of one channel in one run: 0 if it has no datum, NaN if it needs one and its start is missing."""
@@ -431,7 +442,8 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
     """The datum of every run.
 
     Temperatures count from the start of the run; one that has no reading there has no rise in that run. A displacement
-    counts from the start too, unless its gauge was zeroed already (`gauge_start`). A speed is never a rise.
+    counts from the start too, unless its gauge was zeroed already (`gauge_start`). Where that is not so in other runs,
+    one that has no reading at the start has no datum in that run. A speed is never a rise.
     """
     if reference == "absolute":
         return Datum("absolute")
@@ -440,7 +452,11 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
         run: {name: gauge_start(*reading) if name in responses else reading[0] for name, reading in readings.items()}
         for run, readings in found.items()
     }
-    return Datum("rise", levels)
+    late = tuple((run, name) for run in found for name in responses if np.isnan(found[run][name][0]))
+    unzeroed = {name for of in levels.values() for name in responses if of[name]}
+    for run, name in late:
+        levels[run][name] = np.nan if name in unzeroed else 0.0
+    return Datum("rise", levels, late=late)
 
 
 @dataclass(frozen=True)

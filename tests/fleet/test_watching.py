@@ -68,6 +68,32 @@ def test_errors_that_grow_to_both_sides_are_told(watched):
     assert found.alarms == 1
 
 
+@pytest.mark.parametrize("first", [0, 20])
+def test_a_gauge_that_is_not_zeroed_and_read_now_and_then_is_no_change(tmp_path, first):
+    folder = machine(tmp_path / "m", 1, n_runs=PROVED)
+
+    def told(table):
+        table["Z [um]"] += 40.0
+
+    def now_and_then(table):
+        told(table)
+        table.loc[~table.index.isin([first, 24, 25, 31, 36, 39]), "Z [um]"] = float("nan")
+
+    changed(folder, range(1, PROVED + 1), told)
+    fleet = read_fleet(fleet_file(tmp_path, '[machines]\nm = "m"\n'))
+    assert run_fleet(fleet, Here()).done == 1
+    machine(folder, 1, n_runs=ALL)
+    changed(folder, range(1, PROVED + 1), told)
+    changed(folder, range(PROVED + 1, ALL + 1), now_and_then)
+    one = watch_fleet(fleet).machines["m"]
+    if first:  # what its gauge showed at the start of these runs nobody knows
+        assert (one.status, one.responses["Z"].runs) == ("not-judged", 0)
+        assert "from their start" in one.error
+    else:
+        assert (one.status, one.responses["Z"].runs) == ("quiet", ALL - PROVED)
+        assert one.responses["Z"].rmse_um < 2.0 * one.responses["Z"].expected_um
+
+
 def test_a_dead_sensor_is_among_the_findings(watched):
     sensor = run_fleet(watched, Here()).machines["m"].sensors[0]
     machine(watched.place.parent / "m", 1, n_runs=ALL)

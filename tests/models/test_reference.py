@@ -128,3 +128,46 @@ def test_datum_of_rises_and_of_absolute_readings():
     assert np.isnan(datum.level("a", "T2"))
     absolute = datum_of(source, ("T1", "T2"), ("Z",), "absolute")
     assert absolute.level("b", "T1") == absolute.level("b", "Z") == 0.0
+
+
+def read_now_and_then(first=0, offset_um=25.0):
+    """A gauge that is read five times in a run of eight hours in which the machine moves by 40 µm."""
+    rng = np.random.default_rng(8)
+    t = 300.0 * np.arange(96)
+    z = offset_um + 20.0 * (1.0 - np.cos(t / 3000.0)) + rng.normal(0.0, 0.3, 96)
+    seen = np.full(96, np.nan)
+    at = [first, 42, 43, 57, 73]
+    seen[at] = z[at]
+    return t, seen
+
+
+def test_movement_between_readings_is_no_noise_of_the_gauge():
+    t, seen = read_now_and_then()
+    level, error = start_reading(t, seen)
+    # from all five readings the noise would be 4 µm, and 25 µm could not be told from a gauge that was zeroed
+    assert gauge_start(level, error) == seen[0]
+
+
+def test_readings_after_a_gap_do_not_move_the_start():
+    t = np.arange(0.0, 7200.0, 60.0)
+    x = 20.0 + 6.0 * (1.0 - np.exp(-t / 1800.0)) + np.random.default_rng(4).normal(0.0, 0.05, len(t))
+    few = np.where((t < 600.0) | (t > 3600.0), x, np.nan)
+    assert start_reading(t, few) == start_reading(t[:10], x[:10])
+
+
+@pytest.mark.parametrize(("step_s", "late", "has_start"), [(1.0, 14, True), (60.0, 14, True), (300.0, 2, True),
+                                                           (300.0, 12, False), (60.0, 16, False)])  # fmt: skip
+def test_a_reading_long_after_the_start_is_none(step_s, late, has_start):
+    t = step_s * np.arange(60.0)
+    source = recording({"r": (t, {"T1": np.where(np.arange(60) < late, np.nan, 20.0)})})
+    assert np.isfinite(start_readings(source, ("T1",))["r"]["T1"][0]) == has_start
+
+
+@pytest.mark.parametrize(("offset_um", "level"), [(0.0, 0.0), (37.0, np.nan)])
+def test_a_displacement_that_begins_late_counts_from_zero_only_where_gauges_are_zeroed(offset_um, level):
+    t = np.arange(200.0)
+    z = 30 * (1 - np.exp(-t / 80)) + np.random.default_rng(1).normal(0, 0.2, 200)
+    source = recording({"a": (t, {"Z": z + offset_um}), "b": (t, {"Z": np.where(t < 40, np.nan, z)})})
+    datum = datum_of(source, (), ("Z",), "rise")
+    assert datum.level("b", "Z") == pytest.approx(level, nan_ok=True)
+    assert datum.late == (("b", "Z"),)
