@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from selector.physics.thermal.modes import choice
-from selector.physics.thermal.modes.left_out_tests import left_out_tests
+from selector.physics.thermal.modes.left_out_tests import LeftOutTests, left_out_tests
 from selector.physics.thermal.modes.thermal_test import ThermalTest
 from selector.physics.thermal.prediction.prediction import predict
 from tests.physics.thermal.segments import of_segments
@@ -81,6 +81,16 @@ def test_tests_of_one_speed_are_left_out_one_by_one(monkeypatch):
     alone, _, _ = fitted(monkeypatch, recorded(np.random.default_rng(3), scatter=0.02, speeds=(4000.0,)))
     assert alone.left_out is None
     assert alone.heldout_um is not None
+
+
+def test_a_claim_does_not_shrink_with_the_hours_at_rest_that_were_recorded():
+    moves_um = np.array([20.0, 4.0])
+    short = LeftOutTests((0, 1), np.full((2, 2), 0.8), np.full((2, 2), 10.0), np.zeros((2, 2)))
+    # four times as long, three quarters of it cold: error and movement are half as large in the mean
+    long = replace(short, error_um=short.error_um / 2.0, moved_um=short.moved_um / 2.0)
+    assert short.claimed_um(moves_um)[0] == long.claimed_um(moves_um)[0] == pytest.approx(1.6)
+    # of less movement than that of the tests not only the same part
+    assert short.claimed_um(moves_um)[1] == pytest.approx(0.8 * np.sqrt(0.4))
 
 
 def test_claims_of_days_that_scatter_are_borne_out():

@@ -95,10 +95,11 @@ class LeftOutTests:
     def claimed_um(self, moves_um: Vector) -> Vector:
         """The error to expect in a duty cycle that moves the responses by so much, RMS (n_responses,) [µm].
 
-        Half-way by ratio between the error of the tests, and the same part of the movement as in the tests.
+        The same part of the movement as in the tests, so that it does not shrink with the hours that a machine was
+        recorded at rest; of less movement than theirs half-way, by ratio, to their error.
         """
-        share = self.rmse_um / np.maximum(np.sqrt(np.mean(self.moved_um**2, axis=0)), 1e-9)
-        return np.asarray(np.sqrt(self.rmse_um * share * moves_um))
+        ratio = moves_um / np.maximum(np.sqrt(np.mean(self.moved_um**2, axis=0)), 1e-9)
+        return np.asarray(self.rmse_um * np.maximum(ratio, np.sqrt(ratio)))
 
 
 def left_out_tests(fit: Fit, data: ModeData) -> LeftOutTests | None:
