@@ -119,15 +119,17 @@ def _readings(of: TimedRun) -> Matrix:
 
 
 def called_after(name: str, part: TimedRun) -> TimedRun:
-    """The same with the name of a sensor before every heading."""
+    """The same with the name of a sensor, where it has one, before every heading."""
+    if not name:
+        return part
     told = [replace(of, where=replace(of.where, channel=of.where.channel and f"{name} {of.where.channel}"))
             for of in part.findings]  # fmt: skip
     columns = tuple(replace(one, header=f"{name} {one.header}") for one in part.columns)
     return replace(part, columns=columns, findings=tuple(told))
 
 
-def of_sensors(parts: Sequence[TimedRun]) -> TimedRun:
-    """One run of the sensors of a long table."""
+def of_clocks(parts: Sequence[TimedRun]) -> TimedRun:
+    """One run of parts of a table that have clocks of their own."""
     read = [part for part in parts if np.isfinite(_readings(part)).any(axis=1).sum() > 1]
     if not read:
         return parts[0]

@@ -336,9 +336,18 @@ _TIME_NAME = re.compile(
 _COUNTER_NAME = re.compile(
     r"^(#|no\.?|nr\.?|n°|№|index|idx|i|k|sample([ _]?(no\.?|nr\.?|number|index))?|samples|"
     r"record([ _]?(no\.?|number))?|rec(nbr|no)?|scan([ _]?(no\.?|number))?|row|count(er)?|lfd\.?[ _]?nr\.?|satz|"
-    r"序号|编号|番号|номер|п/п|unnamed: 0|seq)$",
+    r"序号|编号|番号|номер|п/п|unnamed: 0|seq|id)$",
     re.IGNORECASE,
 )
+#: Names of columns that hold one part of a date and time each, from the year to the second.
+_TIME_PARTS = tuple(
+    frozenset(words.split())
+    for words in (
+        "year yr yyyy jahr année año rok год 年", "month mon monat mois mes месяц 月", "day tag jour día den день 日",
+        "hour hours hr stunde stunden heure hora hodina час 时 時", "minute minutes min minuten minuta минута 分",
+        "second seconds sec sek sekunde sekunden seconde segundo sekunda секунда 秒",
+    )
+)  # fmt: skip
 _FORMAT_CELL = re.compile(
     r"^[\[(]?(?:[dDmMyYhHs]{1,4}[-/.: ]?){2,6}(?:\.?[fS0]+)?[\])]?$|^(ts|rn|datetime|date|time)$", re.IGNORECASE
 )
@@ -358,6 +367,11 @@ class Layout:
 def is_time_name(name: str) -> bool:
     """Whether a column of this name (without its unit) is likely to hold the time."""
     return _TIME_NAME.match(name.strip().strip(":").strip()) is not None
+
+
+def time_part(name: str) -> int | None:
+    """Which part of a date and time a column of this name holds: 0 the year to 5 the second, or None."""
+    return next((part for part, words in enumerate(_TIME_PARTS) if name.strip().casefold() in words), None)
 
 
 def is_counter_name(name: str) -> bool:

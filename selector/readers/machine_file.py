@@ -28,13 +28,13 @@ class MachineSection(_Entry):
 
 
 class TimeSection(_Entry):
-    """``[time]``: which column is the time (a date and a time column may be listed) and in which unit.
+    """``[time]``: which column is the time, and in which unit; date and time, or year to second, may be listed.
 
     Without a time column, `period_s` is the sampling period [s]. `date_order` says how dates such as 03/04/2026 are to
     be read.
     """
 
-    column: str | Annotated[tuple[str, ...], Field(min_length=1, max_length=2, strict=False)] | None = None
+    column: str | Annotated[tuple[str, ...], Field(min_length=1, max_length=6, strict=False)] | None = None
     unit: str | None = None
     period_s: Annotated[float, Field(gt=0, allow_inf_nan=False, strict=False)] | None = None
     date_order: Literal["dmy", "mdy", "ymd"] | None = None

@@ -13,7 +13,7 @@ from selector.findings import Finding, Where
 from selector.quality import without_faults
 from selector.quality.broken_sensors import broken_sensors
 from selector.quality.survey import Survey
-from selector.readers.beside import called_after, joined, of_sensors, two_loggers
+from selector.readers.beside import called_after, joined, of_clocks, two_loggers
 from selector.readers.binary.optional import quiet
 from selector.readers.clock.clock import TimeOptions
 from selector.readers.clock.stamps import time_unit
@@ -23,7 +23,7 @@ from selector.readers.machine_file import ChannelSection, Machine, MachineSectio
 from selector.readers.machine_file import machine as machine_at
 from selector.readers.roles.plan import Plan, Planned, plan
 from selector.readers.roles.repairs import repaired, used_runs
-from selector.readers.runs import Beside, TimedRun, split_runs, split_sensors, timed_run, uniquely_named
+from selector.readers.runs import Beside, TimedRun, tables_of_runs, timed_run, uniquely_named
 from selector.readers.tables import Overrides
 from selector.readers.window import files_within, require_some, thinning, within
 from selector.recording import Channel, Recording
@@ -259,10 +259,9 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
         for path in files_within(found.files, overrides):
             tables, sha256 = tables_of(path, overrides)
             for whole in tables:
-                parts = [split_sensors(table, columns) or {"": table} for table in split_runs(whole, columns)]
-                timed_parts = [{name: timed_run(one, sha256, options) for name, one in of.items()} for of in parts]
-                read_runs = [_of_parts(of, declared, overrides) for of in timed_parts]
-                for run in read_runs:
+                for of in tables_of_runs(whole, columns):
+                    parts = [called_after(name, timed_run(one, sha256, options)) for name, one in of]
+                    run = _of_parts(parts, declared, overrides)
                     rows += len(run.time_s)
                     kept = within(_believed(run, declared, overrides), overrides)
                     if kept is None:
@@ -278,12 +277,9 @@ def read(paths: Sequence[Path], machine: Path | Machine | None = None, overrides
     return Reading(recording, said, infos, channels, _how(runs), declared, planned.undeclared, machine_file)
 
 
-def _of_parts(parts: Mapping[str, TimedRun], declared: Machine | None, overrides: Overrides) -> TimedRun:
-    """The run of a table, or of the sensors that a long table names."""
-    if len(parts) == 1:
-        return next(iter(parts.values()))
-    named = [called_after(name, part) for name, part in parts.items()]
-    return of_sensors([_without_codes(part, declared, overrides) for part in named])
+def _of_parts(parts: Sequence[TimedRun], declared: Machine | None, overrides: Overrides) -> TimedRun:
+    """The run of a table, or of parts of it that have clocks of their own."""
+    return parts[0] if len(parts) == 1 else of_clocks([_without_codes(part, declared, overrides) for part in parts])
 
 
 def _believed(run: TimedRun, declared: Machine | None, overrides: Overrides) -> TimedRun:

@@ -9,15 +9,18 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
+from selector.readers.cells import is_time_name
 from selector.readers.clock.clock import Clock, TimeOptions, clock
 from selector.readers.clock.ticking import ticks
-from selector.readers.finding_table import FINDINGS, UNREADABLE_CELLS
-from selector.readers.roles.names import folded_name, printable_name
-from selector.readers.tables import BreakWord, Column, Table, listed
+from selector.readers.finding_table import DUPLICATE_HEADER, FINDINGS, UNREADABLE_CELLS
+from selector.readers.roles.names import folded_name, name_and_unit, printable_name
+from selector.readers.tables import BreakWord, Column, Table, listed, unique_headers
+from selector.types import Indices
 
 _SENSOR_WORDS = {"id", "nid", "sensor", "node", "probe", "channel", "sonde", "fühler", "kanal", "knoten"}
 #: The fewest rows of a sensor, the most sensors, how often it changes from row to row where they take turns, and how
@@ -181,16 +184,61 @@ def split_runs(table: Table, declared: Sequence[str]) -> list[Table]:
     findings = (*table.findings, FINDINGS.finding("run-column", told, evidence={"runs": names[:100]}))
     tables = []
     for i, (name, a, b) in enumerate(zip(names, starts, stops, strict=True)):
-        columns = []
-        for c in table.columns:
-            inside = (BreakWord(one.word, one.rows[(one.rows >= a) & (one.rows < b)] - a) for one in c.breaks)
-            if c is not column:
-                columns.append(replace(c, values=c.values[a:b], breaks=tuple(inside)))
         run_name = name if column.kind == "text" else f"{table.name}_{name}"
-        lines = None if table.lines is None else table.lines[a:b]
-        noticed = findings if i == 0 else ()
-        tables.append(replace(table, name=run_name, columns=tuple(columns), lines=lines, findings=noticed))
+        rest = [one for one in table.columns if one is not column]
+        tables.append(_part(table, rest, np.arange(a, b), run_name, findings if i == 0 else ()))
     return tables
+
+
+def _part(
+    table: Table, columns: Sequence[Column], rows: Indices, name: str, findings: tuple[Finding, ...] = ()
+) -> Table:
+    """Some rows of some columns."""
+    kept = []
+    for one in columns:
+        inside = (BreakWord(word.word, np.flatnonzero(np.isin(rows, word.rows))) for word in one.breaks)
+        kept.append(replace(one, values=one.values[rows], breaks=tuple(inside)))
+    lines = None if table.lines is None else table.lines[rows]
+    return replace(table, name=name, columns=tuple(kept), lines=lines, findings=findings)
+
+
+def split_clocks(table: Table, declared: Sequence[str]) -> tuple[list[Table], bool]:
+    """One table for each time column of one heading, with the columns up to the next; and whether each is a run.
+
+    Tables with the same headings are runs side by side; channels that have a clock each are one run.
+    """
+    headings = [one.header for one in table.columns]
+    # "T1.2" is the second column called T1
+    own = [bare if (bare := re.sub(r"\.\d+$", "", one)) in headings else one for one in headings]
+    names = {one: name_and_unit(one, time=True)[0] for one in own}
+    first = next((k for k, one in enumerate(own) if own.count(one) > 1 and is_time_name(names[one])), None)
+    if first is None or table.time_s is not None:
+        return [table], True
+    starts = [k - first for k, one in enumerate(own) if one == own[first]]
+    blocks = [range(a, b) for a, b in zip(starts, [*starts[1:], len(own)], strict=True)]
+    told = [np.flatnonzero(pd.notna(table.columns[k + first].values)) for k in starts]
+    clocks = [table.columns[k + first].values[rows] for k, rows in zip(starts, told, strict=True)]
+    is_clock = all(len(one) > 1 and (one.dtype.kind != "f" or (np.diff(one) >= 0).all()) for one in clocks)
+    is_alike = {own[k] for k in starts} == {own[0]} and all(len(block) > first + 1 for block in blocks)
+    if not is_clock or not is_alike or any(one in declared for one in headings[starts[1] :] if one not in own):
+        return [table], True
+    tables = []
+    for number, (block, rows) in enumerate(zip(blocks, told, strict=True), start=1):
+        unique, _ = unique_headers([own[k] for k in block], table.file.name)
+        columns = [replace(table.columns[k], header=header) for k, header in zip(block, unique, strict=True)]
+        tables.append(_part(table, columns, rows, f"{table.name}_{number}"))
+    channels = [one.header for part in tables for one in part.columns if one.header != own[first]]
+    are_runs = len(set(channels)) < len(channels)
+    kept = tuple(one for one in table.findings if one.id != DUPLICATE_HEADER)
+    shown = f"{len(tables)} time columns {own[first]!r}"
+    if are_runs:
+        said = f"{table.file.name} has {shown}: tables side by side, of which each became a run."
+        finding = FINDINGS.finding("runs-side-by-side", said, evidence={"runs": [one.name for one in tables]})
+    else:
+        said = f"{table.file.name} has {shown}; its channels were brought onto the slowest of these clocks."
+        finding = FINDINGS.finding("several-clocks", said, evidence={"clocks": len(tables), "channels": channels})
+        tables = [replace(one, name=table.name) for one in tables]
+    return [replace(tables[0], findings=(*kept, finding)), *tables[1:]], are_runs
 
 
 def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
@@ -220,14 +268,21 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
             continue
         told = f"Column {column.header!r} of {table.file.name} tells {len(names)} sensors apart: {listed(names, 8)}."
         findings = (*table.findings, FINDINGS.finding("sensor-column", told, evidence={"sensors": names}))
-        found = {}
-        for k, name in enumerate(names):
-            rows = np.flatnonzero(of_row == k)
-            columns = tuple(replace(one, values=one.values[rows], breaks=()) for one in rest)
-            lines = None if table.lines is None else table.lines[rows]
-            found[name] = replace(table, columns=columns, lines=lines, findings=findings if k == 0 else ())
-        return found
+        of_sensor = [np.flatnonzero(of_row == k) for k in range(len(names))]
+        parts = [_part(table, rest, rows, table.name, () if k else findings) for k, rows in enumerate(of_sensor)]
+        return dict(zip(names, parts, strict=True))
     return {}
+
+
+def tables_of_runs(table: Table, declared: Sequence[str]) -> Iterator[list[tuple[str, Table]]]:
+    """For each run of a table its parts with a clock of their own; of a sensor of a long table with its name."""
+    for one in split_runs(table, declared):
+        parts, are_runs = split_clocks(one, declared)
+        if not are_runs:
+            yield [("", part) for part in parts]
+            continue
+        for part in parts:
+            yield [*split_sensors(part, declared).items()] or [("", part)]
 
 
 def _label(value: object) -> str | None:

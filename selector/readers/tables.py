@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from selector.csv_text import as_written
 from selector.errors import ReadError
 from selector.findings import Finding
-from selector.readers.finding_table import FINDINGS
+from selector.readers.finding_table import DUPLICATE_HEADER, FINDINGS
 from selector.types import Indices, Vector
 
 #: A recording with more columns than this is a mistake in the separator or a matrix stored the wrong way round.
@@ -149,7 +149,7 @@ def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Find
     for text, names in repeated.items():
         told = f"{len(names) + 1} columns of {where} are called {text!r}; the later ones are read as "
         told += f"{', '.join(names)}."
-        findings.append(FINDINGS.finding("duplicate-header", told, evidence={"column": text, "read_as": names}))
+        findings.append(FINDINGS.finding(DUPLICATE_HEADER, told, evidence={"column": text, "read_as": names}))
     return unique, findings
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from selector.errors import ReadError
@@ -261,3 +262,67 @@ def test_several_files_start_at_zero_each_and_keep_their_own_stamp(tmp_path):
     reading = read([tmp_path / "r1.csv", tmp_path / "r2.csv"], overrides=Overrides())
     assert [reading.recording.time_s(name)[0] for name in ("r1", "r2")] == [0.0, 0.0]
     assert [reading.recording.provenance["runs"][name]["first_stamp_s"] for name in ("r1", "r2")] == [100.0, 200.0]
+
+
+def dated_parts(rows: int = 200) -> pd.DataFrame:
+    moments = pd.Timestamp("2026-03-31 23:58:30") + pd.to_timedelta(2.0 * np.arange(rows), unit="s")
+    parts = {name: getattr(moments, name) for name in ("year", "month", "day", "hour", "minute", "second")}
+    return pd.DataFrame({"id": np.arange(rows), **parts, "temp1": 20.0 + 0.01 * np.arange(rows)})
+
+
+@pytest.mark.parametrize(
+    "names", [{}, {"year": "Jahr", "month": "Monat", "day": "Tag", "hour": "Stunde", "minute": "min", "second": "sec"}]
+)
+def test_year_to_second_in_columns_of_their_own_are_a_clock(tmp_path, names):
+    dated_parts().rename(columns=names).to_csv(tmp_path / "r.csv", index=False)
+    reading = read([tmp_path / "r.csv"])
+    [run] = reading.runs
+    assert (run.start, run.period_s, run.duration_s) == ("2026-03-31T23:58:30", 2.0, 398.0)
+    assert reading.recording.names == ("temp1",)
+
+
+def test_a_machine_file_may_name_the_six_columns(tmp_path):
+    named = '[time]\ncolumn = ["year", "month", "day", "hour", "minute", "second"]\n'
+    (tmp_path / "m.toml").write_text(named, encoding="utf-8")
+    dated_parts().to_csv(tmp_path / "r.csv", index=False)
+    assert read([tmp_path / "r.csv"], tmp_path / "m.toml").runs[0].start == "2026-03-31T23:58:30"
+
+
+def test_hour_and_minute_are_a_time_of_day_and_go_with_a_date(tmp_path):
+    parts = dated_parts()
+    parts[["hour", "minute", "second", "temp1"]].to_csv(tmp_path / "daily.csv", index=False)
+    [run] = read([tmp_path / "daily.csv"]).runs
+    assert (run.start, run.duration_s) == (None, 398.0)
+    dated = parts[["hour", "minute", "second", "temp1"]].assign(Date="2026-03-31").iloc[:40]
+    dated.to_csv(tmp_path / "dated.csv", index=False)
+    assert read([tmp_path / "dated.csv"]).runs[0].start == "2026-03-31T23:58:30"
+
+
+def test_names_of_units_of_time_are_no_channels(tmp_path):
+    table = dated_parts()
+    table["Time"] = 2.0 * np.arange(len(table))
+    table[["Time", "minute", "second", "temp1"]].to_csv(tmp_path / "r.csv", index=False)
+    assert read([tmp_path / "r.csv"]).recording.names == ("temp1",)
+
+
+def test_milliseconds_since_1970_without_a_name_go_before_a_row_counter(tmp_path):
+    steps = np.random.default_rng(0).uniform(20.0, 7000.0, 300)
+    moments = 1458748404944 + np.round(np.cumsum(steps))
+    table = pd.DataFrame({"EID": np.arange(300), "AbsT": moments, "temp1": 20.0 + 0.01 * np.arange(300)})
+    table.to_csv(tmp_path / "r.csv", index=False)
+    reading = read([tmp_path / "r.csv"])
+    assert reading.runs[0].duration_s == pytest.approx((moments[-1] - moments[0]) / 1e3)
+    [told] = [one for one in reading.findings if one.id == "time-column-guessed"]
+    assert told.evidence["column"] == "AbsT"
+
+
+@pytest.mark.parametrize("uneven", [0, 13])
+def test_a_first_column_that_rises_with_a_few_uneven_steps_is_the_time(tmp_path, uneven):
+    steps = np.full(400, 2.0)
+    steps[np.linspace(5, 390, uneven).astype(int)] = 3.0
+    time_s = np.cumsum(steps)
+    values = 21.0 + np.random.default_rng(0).standard_normal(400)
+    pd.DataFrame({"a": time_s, "b": values}).to_csv(tmp_path / "r.csv", index=False, header=False)
+    reading = read([tmp_path / "r.csv"])
+    assert reading.runs[0].duration_s == time_s[-1] - time_s[0]
+    assert "time-column-guessed" in {one.id for one in reading.findings}

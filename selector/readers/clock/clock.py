@@ -1,7 +1,7 @@
 """Which columns hold the time, and what time they tell."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -9,14 +9,16 @@ import numpy as np
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
-from selector.readers.cells import is_counter_name, is_time_name
-from selector.readers.clock.stamps import Stamps, numeric_clock, stamps, time_unit
+from selector.readers.cells import is_counter_name, is_time_name, time_part
+from selector.readers.clock.stamps import Stamps, epoch_s, numeric_clock, stamps, time_unit
 from selector.readers.finding_table import AMBIGUOUS_TIME, FINDINGS, TIME_UNIT_GUESSED
 from selector.readers.roles.names import closest, found_column, known_unit, name_and_unit, role_guess
 from selector.readers.tables import Column, Table, listed
 from selector.types import Vector
 
 _MILLISECOND_NAME = re.compile(r"^(ms|msec|millis(ec(ond)?s?)?|millisekunden?|毫秒|ミリ秒|мс)$", re.IGNORECASE)
+
+_EARLIEST_EPOCH = 5e8  #: In seconds, 1985; fewer in another unit could be anything.
 
 #: Stamps of the columns of one table that have been read already, by header.
 _Known: TypeAlias = dict[str, Stamps | None]
@@ -69,12 +71,11 @@ def clock(table: Table, options: TimeOptions) -> Clock:
         result = _told_by(table, columns, options, known)
         if result is not None and np.isfinite(result.seconds).sum() >= 0.5 * len(result.seconds):
             return replace(result, guessed=("column", *result.guessed))
-    rising = _rising_column(table)
-    if rising is not None:
-        found = _told_by(table, [rising], options, known)
-        if found is not None:
-            told = f"No column of {table.file.name} is called a time; column {rising.header!r} rises in equal steps "
-            told += f"and was taken for the time, in {found.unit}."
+    for rising, how in ((_epoch_column(table), "counts from a known date"), (_rising_column(table), "rises steadily")):
+        found = None if rising is None else _told_by(table, [rising], options, known)
+        if rising is not None and found is not None:
+            told = f"No column of {table.file.name} is called a time; column {rising.header!r} {how} and was taken for "
+            told += f"the time, in {'dates' if found.unit == 'datetime' else found.unit}."
             evidence = {"column": rising.header, "unit": found.unit}
             finding = FINDINGS.finding("time-column-guessed", told, Where(channel=rising.header), evidence)
             return replace(found, guessed=("column", *found.guessed), findings=(finding,))
@@ -127,15 +128,39 @@ def _candidates(table: Table, options: TimeOptions, known: _Known) -> list[list[
     sets += [[c] for c in full if c in named] + [[c] for c in full if c not in named]
     if dates and (times or fractions):
         sets.append([dates[0], (times or fractions)[0]])
+    parts = _parts(table.columns)
+    of_day = [parts[part] for part in (3, 4, 5) if part in parts]
+    if dates and 3 in parts and not times:
+        sets.append([dates[0], *of_day])
+    if parts.keys() >= {0, 1, 2, 3}:
+        sets.append([parts[part] for part in (0, 1, 2)] + of_day)
+    if parts.keys() >= {3, 4} and not times:
+        sets.append(of_day)
     numbers = [c for c in named if c.kind == "number" and c not in dates]
     united = [
         c
         for c in table.columns
-        if c.kind == "number" and c not in numbers and time_unit(c.unit or name_and_unit(c.header)[1]) and _rises(c)
+        if c.kind == "number" and c not in numbers and _unit_of(c) and _rises(c, 1.0 if c in parts.values() else 0.9)
     ]
     alone = [c for c in times if c in named] + [c for c in numbers if _rises(c)]
     alone += [c for c in times if c not in named] + united + [c for c in numbers if not _rises(c)] + dates
     return sets + [[c] for c in alone]
+
+
+def _parts(columns: Sequence[Column]) -> dict[int, Column]:
+    """Columns of numbers that hold one part of the time each, see `time_part`."""
+    found: dict[int, Column] = {}
+    for column in columns:
+        part = time_part(name_and_unit(column.header)[0])
+        if part is not None and column.kind == "number":
+            found.setdefault(part, column)
+    return found
+
+
+def _unit_of(column: Column) -> str | None:
+    """The unit of time that a column is in, by its own words; the heading may be nothing but the unit."""
+    name, unit = name_and_unit(column.header, time=True)
+    return time_unit(column.unit) or time_unit(unit) or (time_unit(name) if time_part(name) is not None else None)
 
 
 def _kind(column: Column, read: Stamps | None) -> str:
@@ -151,23 +176,40 @@ def _fraction_of_day(column: Column) -> bool:
     return bool(len(known) > 1 and known.min() >= 0 and known.max() < 1 and np.any(known > 0))
 
 
-def _rises(column: Column) -> bool:
+def _rises(column: Column, share: float = 0.9) -> bool:
     known = column.values[np.isfinite(column.values)]
-    return len(known) > 1 and float(np.mean(np.diff(known) >= 0)) > 0.9 and known[-1] != known[0]
+    return len(known) > 1 and float(np.mean(np.diff(known) >= 0)) >= share and known[-1] != known[0]
+
+
+def _epoch_column(table: Table) -> Column | None:
+    """The first column that rises where only moments since a known date are, as seconds since 1970."""
+    for column in table.columns:
+        late = column.kind == "number" and np.nanmin(column.values, initial=np.inf) >= _EARLIEST_EPOCH
+        if late and _rises(column) and _says_nothing(column):
+            read = numeric_clock(column.values, None)
+            if read.base_s is not None and read.sure:
+                return column
+    return None
 
 
 def _rising_column(table: Table) -> Column | None:
-    """The first column, if it rises in equal steps as only a clock does and is not called a counter."""
+    """The first column, if it rises as steadily as only a clock does and is not called a counter."""
     first = table.columns[0] if table.columns else None
     if first is None or first.kind != "number" or len(table.columns) < 2 or len(table) < 5:
         return None
-    name, unit = name_and_unit(first.header)
-    if is_counter_name(name) or role_guess(name, known_unit(unit), first.values).role is not None:
+    if not _says_nothing(first):
         return None
     steps = np.diff(first.values)
     if not np.all(np.isfinite(steps)) or not np.all(steps > 0):
         return None
-    return first if float(np.ptp(steps)) < 0.05 * float(np.median(steps)) else None
+    usual = float(np.median(steps))
+    return first if float(np.mean(np.abs(steps - usual) <= 0.4 * usual)) >= 0.9 else None
+
+
+def _says_nothing(column: Column) -> bool:
+    """Whether the heading of a column tells neither what it measures nor that it numbers the rows."""
+    name, unit = name_and_unit(column.header)
+    return not is_counter_name(name) and role_guess(name, known_unit(unit), column.values).role is None
 
 
 def _text_stamps(column: Column, table: Table, options: TimeOptions, known: _Known) -> Stamps | None:
@@ -181,6 +223,9 @@ def _text_stamps(column: Column, table: Table, options: TimeOptions, known: _Kno
 
 
 def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
+    parts = _parts(columns)
+    if len(columns) > 1 and len(parts) == len(columns):
+        return _of_parts(table, parts)
     if len(columns) > 1:
         return _date_and_time(table, columns, options, known)
     column = columns[0]
@@ -203,7 +248,7 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
         read = _text_stamps(column, table, options, known)
         if read is None:
             return None
-        seconds = read.seconds + _milliseconds(table, read)
+        seconds = read.seconds + _milliseconds(table, read.seconds)
         if read.two_parts and minutes:
             return Clock(seconds / 60.0, None, None, headers, "min", False, (), ())
         if minutes:
@@ -223,8 +268,7 @@ def _told_by(table: Table, columns: Sequence[Column], options: TimeOptions, know
 
 
 def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
-    _name, header_unit = name_and_unit(column.header, time=True)
-    in_file = time_unit(column.unit) or time_unit(header_unit)
+    in_file = _unit_of(column)
     named = None if wanted in (None, "datetime") else time_unit(wanted)
     findings: list[Finding] = []
     if named is not None and in_file is not None and named != in_file:
@@ -264,7 +308,7 @@ def _unit_conflict(table: Table, column: Column, wanted: str, found: str) -> Fin
 
 def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions, known: _Known) -> Clock | None:
     day = _told_by(table, columns[:1], replace(options, columns=(), unit=None), known)
-    time = _told_by(table, columns[1:2], replace(options, columns=(), unit=None), known)
+    time = _told_by(table, columns[1:], replace(options, columns=(), unit=None), known)
     if day is None or time is None or day.base_s is None:
         return None
     settled = (TIME_UNIT_GUESSED, AMBIGUOUS_TIME)
@@ -274,9 +318,23 @@ def _date_and_time(table: Table, columns: Sequence[Column], options: TimeOptions
     return Clock(seconds, day.base_s, day.zone_s, headers, "datetime", False, (), findings)
 
 
-def _milliseconds(table: Table, read: Stamps) -> Vector | float:
+def _of_parts(table: Table, parts: Mapping[int, Column]) -> Clock:
+    """The clock of year, month, day, hour, minute and second in columns of their own; without a date a time of day."""
+    nothing = np.zeros(len(table))
+    year, month, day, hour, minute, second = (parts[k].values if k in parts else nothing for k in range(6))
+    is_daily = not parts.keys() >= {0, 1, 2}
+    midnight = nothing if is_daily else epoch_s(year, month, day)
+    base_s = float(midnight[np.isfinite(midnight)][0]) if np.isfinite(midnight).any() else 0.0
+    seconds = midnight - base_s + 3600.0 * hour + 60.0 * minute + second
+    seconds = np.where((hour <= 24) & (minute < 60) & (second < 61), seconds, np.nan)
+    headers = tuple(column.header for column in parts.values())
+    seconds = seconds + _milliseconds(table, seconds)
+    return Clock(seconds, None if is_daily else base_s, None, headers, "datetime", is_daily, (), ())
+
+
+def _milliseconds(table: Table, seconds: Vector) -> Vector | float:
     """Fractions of a second that a logger writes into a column of their own."""
-    if np.any(read.seconds[np.isfinite(read.seconds)] % 1.0):
+    if np.any(seconds[np.isfinite(seconds)] % 1.0):
         return 0.0
     for column in table.columns:
         if column.kind == "number" and _MILLISECOND_NAME.match(column.header.strip()):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from selector.errors import InputError, OptionError, RecordingError
 from selector.findings import Finding, Where
-from selector.readers.cells import is_counter_name, is_time_name
+from selector.readers.cells import is_counter_name, is_time_name, time_part
 from selector.readers.finding_table import FINDINGS
 from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.names import closest, found_header, known_unit, name_and_unit, role_guess, role_of_numbers
@@ -420,4 +420,6 @@ def _is_auxiliary(column: Column) -> bool:
     if is_counter_name(name):
         steps = np.diff(column.values[np.isfinite(column.values)])
         return len(steps) > 0 and bool(np.all(steps == np.round(steps))) and float(np.mean(steps == 1)) > 0.9
-    return (is_time_name(name) and name.casefold() != "t") or name.casefold() in ("ms", "msec")
+    # "min" may be the least of some readings
+    is_part = time_part(name) is not None and name.casefold() not in ("min", "mon", "sec")
+    return is_part or (is_time_name(name) and name.casefold() != "t") or name.casefold() in ("ms", "msec")
