@@ -38,6 +38,7 @@ _SPELLINGS: dict[str, str] = {
     "°c": "degC", "c": "degC", "degc": "degC", "celsius": "degC", "degreec": "degC", "deg.c": "degC", "grdc": "degC",
     "gradc": "degC", "oc": "degC", "摄氏度": "degC", "度": "degC", "град.c": "degC", "°с": "degC", "с": "degC",
     "градc": "degC", "degreescelsius": "degC", "grad": "degC", "degrees_c": "degC", "deg_c": "degC",
+    "mdegc": "millidegC", "m°c": "millidegC", "milli°c": "millidegC", "millidegc": "millidegC",
     "°f": "degF", "f": "degF", "degf": "degF", "fahrenheit": "degF", "deg_f": "degF", "deg.f": "degF",
     "k": "kelvin", "kelvin": "kelvin",
     "um": "um", "μm": "um", "micron": "um", "microns": "um", "мкм": "um", "微米": "um", "micrometer": "um",
@@ -55,6 +56,7 @@ _SPELLINGS: dict[str, str] = {
     "in/s^2": "inch/s^2", "in/s2": "inch/s^2", "lbf": "lbf",
     "l/min": "liter/min", "l/h": "liter/hour", "m3/h": "m^3/hour", "m^3/h": "m^3/hour", "m^3/s": "m^3/s",
     "m3/s": "m^3/s", "л/мин": "liter/min",
+    "hpa": "hPa", "mbar": "mbar", "kpa": "kPa", "pa": "Pa", "bar": "bar",
     "1": "1", "-": "1", "": "1", "bool": "1", "on/off": "1", "0/1": "1", "%": "percent",
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "с.": "s", "сек": "s", "秒": "s",
     "ms": "ms", "msec": "ms", "millisecond": "ms", "milliseconds": "ms", "мс": "ms", "毫秒": "ms", "us": "us",
@@ -72,6 +74,7 @@ _PINT_NAMES = frozenset(_SPELLINGS.values())
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
     registry.define("decimicron = 0.1 * micrometer")
+    registry.define("millidegC = 0.001 * kelvin; offset: 273.15")
     return registry
 
 

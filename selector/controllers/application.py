@@ -20,10 +20,10 @@ from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
 from selector.models.design import Datum, datum_of
-from selector.models.run_before import Before, chain_before, runs_before
+from selector.models.run_before import Before, begun, chain_before, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.survey import duration
-from selector.recording import SENSOR_ROLES, Recording, RunSource
+from selector.recording import SENSOR_ROLES, Recording, RunSource, thinned
 from selector.selection.survey import without_start
 from selector.types import Array, Mask
 
@@ -167,7 +167,8 @@ def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
 
 
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording without the faults of its displacement, and what is wrong with the channels of the model.
+    """The recording without the faults of its displacement, and what is wrong with the channels of the model; a run
+    begins with its displacement (`begun`), as in a selection.
 
     A broken sensor is not mended: its readings stay what a control would get. What is missing altogether is left for
     `require_channels`, which says it in the words of the model.
@@ -175,7 +176,10 @@ def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple
     outputs = [output.name for output in model.outputs]
     used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
     found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
-    kept, late = without_unknown_zeros(model, without_faults(recording, found))
+    kept = without_faults(recording, found)
+    rises = [output.name for output in model.outputs if output.reference == "rise" and output.name in kept.names]
+    source = begun(kept, rises)
+    kept, late = without_unknown_zeros(model, kept if source is kept else thinned(source, 1))
     return kept, (*found, *late)
 
 

@@ -31,7 +31,7 @@ from selector.models.moments import (
     within_one_standard_error,
 )
 from selector.models.population import FEWEST, Evidence, Population, parted
-from selector.models.run_before import runs_before
+from selector.models.run_before import begun, runs_before
 from selector.recording import Recording, RunSource, thinned
 from selector.selection import Options, select
 from selector.selection.candidates import LINEAR, candidates
@@ -85,6 +85,8 @@ class Pool:
             follows.update({f"{name}/{run}": (f"{name}/{earlier}", later_s) for run, (earlier, later_s) in before})
         pooled = Recording.from_runs(tables, channels, {"runs": origins})
         asked = question_of(pooled, replace(options, conditions={}))
+        if options.reference == "rise":
+            pooled = thinned(begun(pooled, asked.responses), 1)
         datum = datum_of(pooled, asked.sensors, asked.responses, options.reference)
         asked = survey(RunsOf(pooled, [f"{new}/{run}" for run in runs[new]]), asked, datum).question
         found = survey(pooled, asked, datum)

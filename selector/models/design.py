@@ -14,6 +14,7 @@ from scipy.stats import chi2
 
 from selector.errors import OptionError
 from selector.models.run_before import Before, chain_before
+from selector.quality.completeness import START_SAMPLES
 from selector.recording import RunSource
 from selector.types import Array, Indices, Mask
 
@@ -288,7 +289,7 @@ def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> Array:
     return np.geomspace(low, high, n)
 
 
-START_SAMPLES, START_S = 15, 900.0
+START_S = 900.0
 NOISE_SAMPLES = 30
 #: Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
 #: sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7).

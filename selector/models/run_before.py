@@ -1,12 +1,13 @@
-"""Which run went before which, as far as clocks tell, and one long record as the runs that it consists of."""
+"""Which run went before which, where a run begins, and one long record as the runs that it consists of."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
 import pandas as pd
 
+from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording, RunSource, restarts
 from selector.types import Array
 
@@ -41,6 +42,44 @@ def in_parts(source: RunSource) -> RunSource:
         own = pd.Index(time_s[a:b] - time_s[a], name="time_s")
         parts[f"{run} {k + 1}"] = pd.DataFrame(frame.iloc[a:b]).set_axis(own)
     return Recording.from_runs(parts, source.channels, {**source.provenance, PARTS: len(parts)})
+
+
+class Begun:
+    """A source whose runs begin with the first reading of a displacement, for those in which it comes late."""
+
+    def __init__(self, source: RunSource, begins_s: Mapping[str, float]) -> None:
+        self._source, self._begins_s = source, begins_s
+        self.runs, self.channels = source.runs, source.channels
+        self.provenance = getattr(source, "provenance", {})
+
+    def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
+        """(time_s, values) pieces of a run, from where it begins."""
+        for time_s, values in self._source.chunks(run, names):
+            first = int(np.searchsorted(time_s, self._begins_s.get(run, -np.inf)))
+            if first < len(time_s):
+                yield time_s[first:], values[first:]
+
+
+def begun(source: RunSource, responses: Sequence[str]) -> RunSource:
+    """The source whose runs begin where all these displacements read something, where that is late in a run.
+
+    What a gauge shows then is its zero, and rises of temperatures count from there too: what the machine did before
+    is in none of them. A run in which one of them reads nothing at all stays whole.
+    """
+    begins_s: dict[str, float] = {}
+    for run in source.runs:
+        first_s, n = np.full(len(responses), np.nan), 0
+        late = np.zeros(len(responses), dtype=np.bool_)
+        for time_s, values in source.chunks(run, responses):
+            for k in np.flatnonzero(np.isnan(first_s) & np.isfinite(values).any(axis=0)):
+                at = int(np.argmax(np.isfinite(values[:, k])))
+                first_s[k], late[k] = time_s[at], n + at >= START_SAMPLES
+            n += len(time_s)
+            if not np.isnan(first_s).any():
+                break
+        if late.any() and not np.isnan(first_s).any():
+            begins_s[run] = float(first_s.max())
+    return Begun(source, begins_s) if begins_s else source
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

@@ -11,7 +11,16 @@ import numpy as np
 
 from selector.findings import Finding
 from selector.quality.broken_sensors import broken_sensors, frozen, out_of_range
-from selector.quality.completeness import clock_jumps, empty_channels, few_values, file_copies, gaps, short_runs, starts
+from selector.quality.completeness import (
+    clock_jumps,
+    empty_channels,
+    few_values,
+    file_copies,
+    gaps,
+    late_gauges,
+    short_runs,
+    starts,
+)
 from selector.quality.identity import duplicates, swapped
 from selector.quality.jumps import spikes, steps
 from selector.quality.leave_out import StreamWithoutFaults, stretches, without_faults
@@ -48,6 +57,7 @@ _CHECKS: tuple[Check, ...] = (
     _copies_and_swaps,
     lambda survey: leaving_group(Relations(survey)),
     starts,
+    late_gauges,
 )
 
 

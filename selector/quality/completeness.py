@@ -20,6 +20,7 @@ from selector.quality.survey import (
     reading,
 )
 
+START_SAMPLES = 15  #: Samples within which a channel has to read something to have a start.
 _SHORT = 20
 _FEW_LEVELS = 8
 #: A resolution like this is a warning; a finer one with few values only means that the channel hardly moves.
@@ -106,6 +107,21 @@ def starts(survey: Survey) -> Iterator[Finding]:
         told = f"Run {run} does not start like the others: {len(warm)} channel(s) are off at its start, {worst} most "
         told, begin = f"{told}({said}).", float(survey.time[run][0])
         yield FINDINGS.finding("run-starts-warm", told, Where(None, run, begin, begin), {"channels": warm})
+
+
+def late_gauges(survey: Survey) -> Iterator[Finding]:
+    """Findings ``gauge-begins-late``: a displacement that has nothing to say for a while at the start of a run."""
+    for run in survey.runs:
+        for column in survey.columns("displacement"):
+            rows, time = survey.series(run, column).rows, survey.time[run]
+            if rows.size and rows[0] >= START_SAMPLES:
+                name, begin = survey.channels[column].name, float(time[rows[0]])
+                told = (
+                    f"{name} has no value in the first {duration(begin - float(time[0]))} of run {run}; a model of its "
+                )
+                told += "rise counts the run from its first value on."
+                where = Where(name, run, float(time[0]), begin)
+                yield FINDINGS.finding("gauge-begins-late", told, where, {"begins_s": begin})
 
 
 def _start(survey: Survey, run: str, column: int) -> float:
@@ -210,7 +226,12 @@ def _gaps_of(time: Floats, run: str) -> Iterator[Finding]:
 def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iterator[Finding]:
     """Stretches of missing samples, as windows from the first of them to the next sample that is there."""
     time = survey.time[series.run]
-    before = np.r_[-1, series.rows]
+    # that a gauge begins late is told by itself
+    begins = series.rows[0] if series.channel.role == "displacement" and series.rows[0] >= START_SAMPLES else 0
+    missing -= int(begins)
+    if missing == 0:
+        return
+    before = np.r_[begins - 1, series.rows]
     after = np.r_[series.rows, time.size]
     holes = np.flatnonzero(after - before > 1)
     ends = np.minimum(after, time.size - 1)

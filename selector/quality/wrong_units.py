@@ -9,6 +9,7 @@ from selector.findings import Finding, Where
 from selector.quality.finding_table import FINDINGS
 from selector.quality.siblings import Relations
 from selector.quality.survey import THERMAL_ROLES, Floats, Survey, difference, reading
+from selector.units import parse_unit
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ _THERMAL = (
     Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"', "K"),
     Mistake("tenths of a degree taken for °C", 10.0, 0.0, "divide the column by 10"),
     Mistake("hundredths of a degree taken for °C", 100.0, 0.0, "divide the column by 100"),
+    Mistake("thousandths of a degree taken for °C", 1000.0, 0.0, 'declare unit = "mdegC"', "mdegC"),
     Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"', "degC"),
     Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"', "degC"),
 )
@@ -54,7 +56,12 @@ _NEAR_K = 8.0  #: A level that is right again agrees this well with the other ru
 _SAME_START_K = 1.0
 _ROOM_C = (0.0, 50.0)  #: Where a machine starts [°C]; what starts elsewhere is no reference.
 #: Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it.
-_ALL_ALIKE_C = {"°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0)}
+_ALL_ALIKE_C = {
+    "°F taken for °C": (57.0, 110.0),
+    "K taken for °C": (270.0, 325.0),
+    "°C taken for °F": (-14.0, -1.0),
+    "thousandths of a degree taken for °C": (5000.0, 45_000.0),
+}
 
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
@@ -68,7 +75,9 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
     coldest, hottest = float(np.nanmin(level)), float(np.nanmax(level))
     for mistake in _THERMAL:
         low, high = _ALL_ALIKE_C.get(mistake.name, (np.inf, np.inf))
-        if low <= coldest and hottest <= high + _OFF_K and (level.size > 1 or mistake.gain == 1.0):
+        if not any(_is_possible(survey, c, run, mistake) for c in columns for run in survey.runs):
+            continue
+        if low <= coldest and hottest <= high + _OFF_K and (level.size > 1 or mistake.gain in (1.0, 1000.0)):
             yield FINDINGS.finding(
                 "wrong-unit",
                 f"All temperatures start at {coldest:.4g} °C or more, in every run: this looks like {mistake.name} "
@@ -87,7 +96,9 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
             for reference, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
                 middle = float(np.median(reference)) if reference.size else np.nan
                 if _ROOM_C[0] <= middle <= _ROOM_C[1]:
-                    found = _explaining(float(level[i, r]), middle, _THERMAL)
+                    run, possible = survey.runs[r], _is_possible
+                    of_unit = tuple(one for one in _THERMAL if possible(survey, columns[i], run, one))
+                    found = _explaining(float(level[i, r]), middle, of_unit)
                     if found is not None:
                         suspects.append((i, r, found, middle, source))
                         break
@@ -173,7 +184,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             span = float(np.median([scales[other].span for other in others]))
             floor = float(np.median([scales[other].floor for other in others]))
             here = scales[run]
-            for mistake in _LENGTH:
+            for mistake in (one for one in _LENGTH if _is_possible(survey, column, run, one)):
                 # the noise of a gauge does not depend on what the machine did, the span does
                 decade = abs(np.log10(mistake.gain)) > 2
                 noise_off = here.floor / max(floor * mistake.gain, 1e-300)
@@ -209,6 +220,8 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             mistake = _LENGTH[1]
         else:
             continue
+        if not any(_is_possible(survey, column, run, mistake) for run in usable):
+            continue
         yield FINDINGS.finding(
             "wrong-unit",
             f"{channel.name} moves by {difference(largest, channel)} at most, in every run, while temperatures move by "
@@ -218,6 +231,13 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             f"If so, {mistake.remedy} for this channel in the machine file.",
             level="warning",
         )
+
+
+def _is_possible(survey: Survey, column: int, run: str, mistake: Mistake) -> bool:
+    """Whether the channel was not read in the very unit that the mistake says it is in."""
+    units = survey.recording.provenance.get("runs", {}).get(run, {}).get("units", {})
+    unit = units.get(survey.channels[column].name)
+    return unit is None or mistake.unit is None or parse_unit(mistake.unit) != unit
 
 
 def _explaining(value: float, reference: float, mistakes: tuple[Mistake, ...]) -> Mistake | None:

@@ -21,6 +21,11 @@ from selector.types import Matrix, Vector
 _FASTER = 0.75  #: Of a period: a logger with a shorter one is averaged, of any other the nearest reading is taken.
 _GAP_PERIODS = 3.5  #: Samples that are farther apart have a gap between them, into which no mean reaches.
 _DAY_S = 86400.0
+_HALF_HOUR_S, _MOST_HALF_HOURS = 1800.0, 28  #: Time zones lie so far apart.
+_SHIFT_SAMPLES = 2000.0  #: Samples at which two runs are compared, about.
+#: Shares of a variance: what is left where two runs agree, how many times as much where they do not, and half an hour
+#: beside.
+_AGREES, _FAR_BETTER, _SHARP = 0.05, 100.0, 4.0
 _LEAST_SHARED = 0.5  #: Of the shorter of two runs that may be one.
 
 
@@ -35,15 +40,17 @@ def joined(runs: Sequence[TimedRun], repairs: Mapping[str, RunSection]) -> list[
         for other in repairs.get(name, RunSection()).beside:
             where = f"beside in [runs.{name}] of the machine file"
             if other not in by_name or other == name:
+                known = [one for one in by_name if one != name]
                 raise RecordingError(
                     f"no run {other!r}" if other != name else f"run {other!r} beside itself",
-                    expected=one_of_words(other, [one for one in by_name if one != name]),
+                    expected=one_of_words(other, known) if known else "the file of that run, too",
                     where=where,
-                    advice="correct the name of the run",
+                    advice="correct the name of the run, or give its file to the command",
                 )
             if other in first_of or repairs.get(other, RunSection()).beside:
+                of = f"is part of {first_of[other]!r} already" if other in first_of else "has runs beside it itself"
                 raise RecordingError(
-                    f"run {other!r}, which is part of {first_of.get(other, other)!r} already",
+                    f"run {other!r}, which {of}",
                     expected="every run beside one other run only",
                     where=where,
                     advice="name all runs of one time in one list",
@@ -72,7 +79,26 @@ def _with(run: TimedRun, others: Sequence[TimedRun], repairs: Mapping[str, RunSe
         told += [moved for one in other.findings if (moved := told_from(one, -late_s, np.inf)) is not None]
         if said_s is None:
             told.append(_told(run, other, late_s))
-    return _together(run, parts, told, beside)
+            told += _shifted(run, other, late_s)
+    return _together(run, _continued(parts), told, beside)
+
+
+def _continued(parts: Sequence[tuple[TimedRun, float]]) -> list[tuple[TimedRun, float]]:
+    """The parts, those of one logger that began a new file as one: the same headings, one after the other."""
+    found: list[tuple[TimedRun, float]] = []
+    for part in parts:
+        for k, known in enumerate(found):
+            (first, begins_s), (other, later_s) = sorted((known, part), key=lambda one: one[1])
+            if first.by_header.keys() == other.by_header.keys() and begins_s + first.time_s[-1] < later_s:
+                time_s = np.r_[first.time_s, other.time_s + (later_s - begins_s)]
+                columns = [
+                    replace(of, values=np.r_[of.values, other.by_header[of.header].values]) for of in first.columns
+                ]
+                found[k] = replace(first, time_s=time_s, columns=tuple(columns)), begins_s
+                break
+        else:
+            found.append(part)
+    return found
 
 
 def _together(
@@ -80,8 +106,8 @@ def _together(
 ) -> TimedRun:
     """One run of some that begin so many seconds after it [s], on the clock of the slowest: none has to be made up."""
     slowest, late_s = max(parts, key=lambda part: part[0].period_s)
-    if run.period_s > _FASTER * slowest.period_s:
-        slowest, late_s = run, 0.0
+    if parts[0][0].period_s > _FASTER * slowest.period_s:
+        slowest, late_s = parts[0]
     clock = slowest.time_s + late_s
     columns, inside = list[Column](), np.ones(len(clock), dtype=np.bool_)
     for part, begins_s in parts:
@@ -148,6 +174,69 @@ def _told(run: TimedRun, other: TimedRun, late_s: float) -> Finding:
     return FINDINGS.finding("loggers-aligned", text, Where(), evidence, level=level)
 
 
+def _shifted(run: TimedRun, other: TimedRun, late_s: float) -> list[Finding]:
+    """A finding if the other run agrees far better when it begins some half hours earlier or later.
+
+    Only where clocks do not say their zone. Compared are straight lines through the channels of the run.
+    """
+    ends_s = float(run.time_s[-1]), late_s + float(other.time_s[-1])
+    period_s = max(run.period_s, other.period_s, max(ends_s) / _SHIFT_SAMPLES)
+    if _has_zone(run) or period_s > _HALF_HOUR_S:
+        return []
+    per_half_hour = int(_HALF_HOUR_S // period_s)
+    clock = np.arange(min(0.0, late_s), max(ends_s), _HALF_HOUR_S / per_half_hour)
+    own = _moving(on_clock(clock, run.time_s, _readings(run)))
+    its = _moving(on_clock(clock, other.time_s + late_s, _readings(other)))
+    left = {k: _left(own, its, k * per_half_hour) for k in range(-_MOST_HALF_HOURS, _MOST_HALF_HOURS + 1)}
+    best: tuple[float, float, int] | None = None
+    for k in range(1 - _MOST_HALF_HOURS, _MOST_HALF_HOURS):
+        for j, (now, then) in enumerate(left[k].T):
+            # what only lags behind agrees half an hour earlier or later, too
+            beside = min((left[near][1, j] for near in (k - 1, k + 1) if left[near].size), default=0.0)
+            is_far_better = then < min(_AGREES, now / _FAR_BETTER, beside / _SHARP)
+            if is_far_better and (best is None or then < best[0]):
+                best = float(then), float(now), k
+    if best is None:
+        return []
+    then, now, k = best
+    shift_s = k * _HALF_HOUR_S
+    when = f"{abs(shift_s) / 3600.0:g} h {'later' if k > 0 else 'earlier'}"
+    said = f"Run {other.name!r} fits {run.name!r} far better when it begins {when} than their clocks say: a straight "
+    said += f"line then leaves {np.sqrt(then):.1%} of its movement, not {np.sqrt(now):.0%}."
+    advice = "if their clocks are in two time zones, or one in summer time, say so: "
+    advice += f"late_s = {late_s + shift_s:g} in [runs.{other.name}]"
+    evidence = {"shift_s": shift_s, "late_s": late_s + shift_s, "left_now": np.sqrt(now), "left_then": np.sqrt(then)}
+    return [FINDINGS.finding("loggers-shifted", said, Where(), evidence, advice)]
+
+
+def _moving(values: Matrix) -> Matrix:
+    """The columns that move and have a value nearly wherever any has."""
+    counts = np.isfinite(values).sum(axis=0)
+    with np.errstate(all="ignore"):
+        is_moving = np.asarray(np.nanstd(values, axis=0) > 0.0)
+    is_known = np.asarray(counts > 0.9 * max(counts.tolist(), default=0))
+    return values[:, np.flatnonzero(is_moving & is_known)]
+
+
+def _left(own: Matrix, its: Matrix, steps: int) -> Matrix:
+    """Shares of the variance of its columns that straight lines through the own ones leave, now and moved by so many
+    samples, shape (2, n_columns); (2, 0) where too few samples can be compared.
+    """
+    there = np.asarray(np.isfinite(own).all(axis=1))
+    together = np.flatnonzero(there & np.isfinite(its).all(axis=1))
+    rows = together[(together + steps >= 0) & (together + steps < len(own))]
+    rows = rows[there[rows + steps]]
+    if not own.size or len(rows) < max(0.5 * len(together), 10 * (own.shape[1] + 1)):
+        return np.zeros((2, 0))
+    values = its[rows] - its[rows].mean(axis=0)
+    shares = []
+    for of in (own[rows], own[rows + steps]):
+        design = np.column_stack([np.ones(len(of)), (of - of.mean(axis=0)) / np.maximum(of.std(axis=0), 1e-300)])
+        rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        shares.append((rest**2).sum(axis=0) / np.maximum((values**2).sum(axis=0), 1e-300))
+    return np.array(shares, dtype=np.float64)
+
+
 def begins_after_s(run: TimedRun, other: TimedRun) -> float:
     """How long after a run another one begins [s]: by their dates, else by the clocks of the files.
 
@@ -171,6 +260,10 @@ def begins_after_s(run: TimedRun, other: TimedRun) -> float:
 
 def _has_dates(*runs: TimedRun) -> bool:
     return all(run.start is not None for run in runs)
+
+
+def _has_zone(run: TimedRun) -> bool:
+    return run.start is not None and datetime.fromisoformat(run.start).tzinfo is not None
 
 
 def _zone(start: datetime) -> str:
@@ -211,20 +304,23 @@ def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
     roles = {one.name: one.role for one in planned.channels}
     (first, firsts), (second, seconds) = kinds.items()
     moved = ["displacement" in {roles[name] for name in of} for of in (first, second)]
-    if first & second or len(firsts) != len(seconds) or moved[0] == moved[1]:
+    if first & second or moved[0] == moved[1]:
         return []
     named = [{_own_part(run.name, [one.name for one in of]): run for run in of} for of in (firsts, seconds)]
     warm, gauged = named if moved[1] else reversed(named)
-    if warm.keys() != gauged.keys() or not all(_may_be_one(warm[key], gauged[key]) for key in warm):
+    both = [key for key in warm if key in gauged]
+    is_plain = warm.keys() == gauged.keys() or len(both) > 1
+    if not is_plain or not all(_may_be_one(warm[key], gauged[key]) for key in both):
         return []
-    pairs = {run.name: gauged[key].name for key, run in warm.items()}
+    pairs = {warm[key].name: gauged[key].name for key in both}
+    alone = [run.name for of in (warm, gauged) for key, run in of.items() if key not in both]
     name, other = next(iter(pairs.items()))
     more = f", and {len(pairs) - 1} more such pairs" if len(pairs) > 1 else ""
     return [
         FINDINGS.finding(
             TWO_LOGGERS,
-            f"Run {name!r} has no displacement, run {other!r} no temperature{more}: two loggers may have recorded them "
-            "at one time.",
+            f"Run {name!r} has no displacement, run {other!r} none of its temperatures{more}: two loggers may have "
+            f"recorded them at one time.{f' Nothing goes with {listed(alone, 6)}.' if alone else ''}",
             Where(run=name),
             {"beside": pairs},
             f'if so, say it in the machine file: beside = ["{other}"] in [runs."{name}"]; `selector describe --write` '

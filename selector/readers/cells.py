@@ -348,6 +348,7 @@ _TIME_PARTS = tuple(
         "second seconds sec sek sekunde sekunden seconde segundo sekunda секунда 秒",
     )
 )  # fmt: skip
+_STATISTICS = frozenset(["", "avg", "smp", "max", "min", "std", "tot", "med", "mom"])  #: What a Campbell row says.
 _FORMAT_CELL = re.compile(
     r"^[\[(]?(?:[dDmMyYhHs]{1,4}[-/.: ]?){2,6}(?:\.?[fS0]+)?[\])]?$|^(ts|rn|datetime|date|time)$", re.IGNORECASE
 )
@@ -448,6 +449,7 @@ def layout(
 
     names = max(rest, key=merit)
     extra = [i for i in rest if i > names and any(c.isalpha() for cell in rows[i] for c in cell)]
+    extra = [i for i in extra if not {cell.casefold() for cell in rows[i]} <= _STATISTICS]
     return Layout(names, units, extra[-1] if extra else None, first)
 
 

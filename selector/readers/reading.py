@@ -64,7 +64,8 @@ def assembled(runs: Sequence[TimedRun], planned: Plan) -> tuple[Recording, list[
                 place, advice = Where(channel=name, run=run.name), "leave the channel or the run out"
                 findings.append(FINDINGS.finding("empty-channel", told, place, {}, advice, "leave-out-stretch"))
         parts.append(values)
-        provenance[run.name] = provenance_of(run)
+        units = {one.name: one.units[run.name] for one in planned.channels if run.name in one.headers}
+        provenance[run.name] = provenance_of(run) | {"units": units}
     run_of_row = np.repeat(np.array([run.name for run in runs], dtype=object), [len(p) for p in parts])
     time_s = np.concatenate([run.time_s for run in runs])
     index = pd.MultiIndex.from_arrays([run_of_row, time_s], names=["run", "time_s"])

@@ -12,7 +12,7 @@ from selector.findings import Finding
 from selector.models.design import Design, datum_of
 from selector.models.least_squares import FaultGain
 from selector.models.moments import LeaveOneOut, coefficients, squared_error
-from selector.models.run_before import in_parts
+from selector.models.run_before import begun, in_parts
 from selector.recording import RunSource
 from selector.selection.candidates import LINEAR, Candidates, Grouping, Screening, candidates, snapped
 from selector.selection.choice import Choice, tested
@@ -207,6 +207,7 @@ class Exploration:
         )
         source = in_parts(source)
         asked = question_of(source, plain)
+        source = source if plain.reference == "absolute" else begun(source, asked.responses)
         datum = datum_of(source, asked.sensors, asked.responses, plain.reference)
         surveyed = survey(source, asked, datum)
         runs = RunsOf(source, surveyed.runs)

@@ -10,7 +10,7 @@ from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
-from selector.models.run_before import in_parts, runs_before
+from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
@@ -68,6 +68,7 @@ def select(
     options = options or Options()
     source = source if options.conditions else in_parts(source)
     asked = question_of(source, options)
+    source = source if asked.options.reference == "absolute" else begun(source, asked.responses)
     datum = datum_of(source, asked.sensors, asked.responses, asked.options.reference)
     surveyed = survey(source, asked, datum, findings)
     question = surveyed.question

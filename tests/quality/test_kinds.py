@@ -346,5 +346,18 @@ def test_short_run_and_warm_start(tables):
     assert {f.level for f in hits} == {"info"}
 
 
+@pytest.mark.parametrize(("rows", "ids"), [(14, {"gap"}), (200, {"gauge-begins-late"})])
+def test_a_gauge_that_begins_late_is_told_once(tables, rows, ids):
+    tables["r2"].iloc[:rows, tables["r2"].columns.get_loc("Z")] = np.nan
+    found = [
+        one
+        for one in inspect(plain_recording(tables))
+        if one.where.channel == "Z" and one.id in ("gap", "gauge-begins-late")
+    ]
+    assert {one.id for one in found} == ids
+    late = [(one.where.run, one.evidence["begins_s"]) for one in found if one.id == "gauge-begins-late"]
+    assert late == [("r2", tables["r2"].index[rows])][: rows // 15]
+
+
 def test_commands_may_stand_still_and_jump(tables):
     assert not [f for f in inspect(plain_recording(tables)) if f.where.channel == "n"]

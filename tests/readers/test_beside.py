@@ -231,3 +231,86 @@ def test_no_mean_reaches_into_a_gap_of_the_slower_logger():
     seen = on_clock(clock, time, time[:, None])[:, 0]
     # of times evenly about its own the mean is the time itself, but for the ends and half a step of the quicker one
     np.testing.assert_allclose(seen[1:-1], clock[1:-1], atol=1.0)
+
+
+def test_a_logger_that_began_a_new_file_goes_on(loggers):
+    table = pd.read_csv(loggers / "gauge_1.csv")
+    table.iloc[:900].to_csv(loggers / "first.csv", index=False)
+    table.iloc[900:].to_csv(loggers / "second.csv", index=False)
+    values = []
+    for parts in (["gauge_1"], ["first", "second"], ["second", "first"]):
+        (loggers / "m.toml").write_text(f"[runs.logger_1]\nbeside = {json.dumps(parts)}\n", encoding="utf-8")
+        reading = read([loggers / f"{name}.csv" for name in ("logger_1", *parts)], loggers / "m.toml")
+        assert reading.recording.names == ("T1", "T2", "T3", "Z")
+        values.append(reading.recording.values("logger_1", ("Z",))[:, 0])
+    np.testing.assert_allclose(values[1], values[0], rtol=1e-12)
+    np.testing.assert_allclose(values[2], values[0], rtol=1e-12)
+    # two gauges of one time stay two channels
+    (loggers / "m.toml").write_text('[runs.logger_1]\nbeside = ["first", "gauge_1"]\n', encoding="utf-8")
+    both = read([loggers / f"{name}.csv" for name in ("logger_1", "first", "gauge_1")], loggers / "m.toml")
+    assert len(both.recording.names) == 5
+
+
+@pytest.mark.parametrize("hours", [0.0, 0.5, 1.0, -2.0])
+def test_clocks_in_two_time_zones_are_told(tmp_path, hours):
+    seconds = 60.0 * np.arange(720)
+    heat = np.repeat(np.random.default_rng(4).choice([0.0, 1.0, 2.0], 36), 20)
+    warm = np.zeros((720, 2))
+    for k in range(1, 720):
+        warm[k] = warm[k - 1] + (heat[k] * 8.0 - warm[k - 1]) / np.array([12.0, 50.0])
+    noise = np.random.default_rng(5).standard_normal((720, 3))
+    begin = pd.Timestamp("2026-03-02 06:00:00")
+    stamps = begin + pd.to_timedelta(seconds, unit="s")
+    front, rear = (20.0 + warm + 0.02 * noise[:, :2]).T
+    pd.DataFrame({"time": stamps, "T1 [degC]": front, "T2 [degC]": rear}).to_csv(tmp_path / "a.csv", index=False)
+    # a column between the two sensors in its speed: what lags is no shift
+    z = 4.0 * warm[:, 0] - 1.5 * warm[:, 1] + 0.1 * noise[:, 2]
+    moved = pd.DataFrame({"time": stamps + pd.Timedelta(hours=hours), "Z [um]": z})
+    moved.to_csv(tmp_path / "b.csv", index=False)
+    (tmp_path / "m.toml").write_text('[runs.a]\nbeside = ["b"]\n', encoding="utf-8")
+    told = read([tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "m.toml").findings
+    shifts = [one.evidence for one in told if one.id == "loggers-shifted"]
+    assert [(one["shift_s"], one["late_s"]) for one in shifts] == ([(-3600.0 * hours, 0.0)] if hours else [])
+    said = '[runs.a]\nbeside = ["b"]\n[runs.b]\nlate_s = 0\n'
+    (tmp_path / "m.toml").write_text(said, encoding="utf-8")
+    again = read([tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "m.toml")
+    assert "loggers-shifted" not in {one.id for one in again.findings}
+
+
+def test_what_only_lags_behind_is_no_other_time_zone(tmp_path):
+    seconds = 60.0 * np.arange(720)
+    heat = np.repeat(np.random.default_rng(4).choice([0.0, 1.0, 2.0], 24), 30)
+    warm = np.zeros((720, 2))
+    for k in range(1, 720):
+        warm[k] = warm[k - 1] + (np.array([heat[k] * 8.0, warm[k - 1, 0]]) - warm[k - 1]) / np.array([12.0, 45.0])
+    pd.DataFrame({"t [s]": seconds, "T1 [degC]": 20.0 + warm[:, 0]}).to_csv(tmp_path / "a.csv", index=False)
+    pd.DataFrame({"t [s]": seconds, "Z [um]": 4.0 * warm[:, 1]}).to_csv(tmp_path / "b.csv", index=False)
+    (tmp_path / "m.toml").write_text('[runs.a]\nbeside = ["b"]\n', encoding="utf-8")
+    told = read([tmp_path / "a.csv", tmp_path / "b.csv"], tmp_path / "m.toml").findings
+    assert "loggers-shifted" not in {one.id for one in told}
+
+
+def test_a_gauge_file_that_is_missing_leaves_the_other_pairs(loggers):
+    names = [f"{kind}_{k}" for kind in ("logger", "gauge") for k in range(1, 6)]
+    reading = read([loggers / f"{name}.csv" for name in names if name != "gauge_4"])
+    [told] = [one for one in reading.findings if one.id == "two-loggers"]
+    assert told.evidence["beside"] == {f"logger_{k}": f"gauge_{k}" for k in (1, 2, 3, 5)}
+    assert "logger_4" in told.statement
+
+
+@pytest.mark.parametrize(
+    ("files", "said", "found"),
+    [
+        (
+            ("logger_1", "gauge_1"),
+            'logger_1]\nbeside = ["gauge_1"]\n[runs.gauge_1]\nbeside = ["logger_1"]',
+            "beside it itself",
+        ),
+        (("logger_1",), 'logger_1]\nbeside = ["gauge_1"]', "the file of that run"),
+    ],
+)
+def test_what_is_wrong_with_beside_is_told(loggers, files, said, found):
+    (loggers / "m.toml").write_text(f"[runs.{said}\n", encoding="utf-8")
+    with pytest.raises(RecordingError) as caught:
+        read([loggers / f"{name}.csv" for name in files], loggers / "m.toml")
+    assert found in str(caught.value)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from selector.errors import OptionError, RecordingError, UnitError
+from selector.quality import inspect
 from selector.readers.machine_file import machine_from_text
 from selector.readers.roles.names import known_unit, name_and_unit, role_guess
 
@@ -143,3 +144,44 @@ def test_overrides_of_role_and_unit(reads, column):
 def test_an_unknown_unit_is_told(reads, ids):
     reading = reads("t,T1,Z\ns,digits,um\n0,20,1\n1,21,2\n2,22,3\n")
     assert "unknown-unit" in ids(reading)
+
+
+def test_units_in_a_campbell_file_keep_pressures_from_being_positions(reads, ids):
+    text = (
+        '"TOA5","FRW","CR1000X","26","Std.03","CPU:a.CR1X","29908","MET"\n"TIMESTAMP","RECORD","PressureActual_Avg",'
+        '"AirTemperature_Avg","Mixing_Avg"\n"TS","RN","hPa","degC","g/kg"\n"","","Avg","Avg","Avg"\n'
+    )
+    text += "".join(f'"2026-04-03 00:0{k}:00",{61074 + k},{980.5 + k},{4.5 + k},3.3\n' for k in range(1, 9))
+    reading = reads(text)
+    assert reading.reading["unit_row"]
+    [channel] = reading.channels
+    assert (channel.name, channel.role, channel.unit_in_file, channel.place) == (
+        "AirTemperature_Avg", "temperature", "degC", None
+    )  # fmt: skip
+    # of a column that is not read, a unit that is not known says nothing
+    assert "unknown-unit" not in ids(reading)
+
+
+@pytest.mark.parametrize("unit", ["mdegC", "m°C", "milli °C"])
+def test_thousandths_of_a_degree(reads, unit):
+    reading = reads(f"t [s],T1 [{unit}]\n" + "".join(f"{60 * k},{20875 + 62 * k}\n" for k in range(30)))
+    seen = reading.recording.values("r1", ("T1",))[:, 0]
+    np.testing.assert_allclose(seen, 20.875 + 0.062 * np.arange(30), atol=1e-9)
+    assert [one.id for one in inspect(reading.recording) if one.level != "info"] == []
+
+
+def test_thousandths_of_a_degree_without_their_unit_are_told(reads):
+    table = "".join(f"{60 * k},{20875 + 62 * k},{21125 + 62 * k}\n" for k in range(30))
+    told = [one for one in inspect(reads("t [s],T1 [°C],T2 [°C]\n" + table).recording) if one.id == "wrong-unit"]
+    assert [one.suggestion for one in told] == ['If so, declare unit = "mdegC" for these channels in the machine file.']
+
+
+def test_no_other_unit_is_advised_where_the_file_has_it(reads):
+    for temperature, length, begins, found in (
+        ("°C", "um", -8.0, []),
+        ("°F", "mm", 19.0, ["°C taken for °F", "µm taken for mm"]),
+    ):
+        rows = "".join(f"{60 * k},{begins + 0.01 * k},{begins + 2.0 + 0.01 * k},{30.0 * k}\n" for k in range(1000))
+        text = f"t [s],T1 [{temperature}],T2 [{temperature}],Z [{length}]\n{rows}"
+        told = inspect(reads(text, roles={"Z": "displacement"}).recording)
+        assert [one.evidence["mistake"] for one in told if one.id == "wrong-unit"] == found

@@ -356,13 +356,14 @@ def _planned(
     asked_role = overrides.roles.get(name, overrides.roles.get(first.header)) or section.role
     option = overrides.units.get(name, overrides.units.get(first.header))
     asked_unit = option or section.unit
-    told = findings if asked_unit is None else []  # of a unit that is said nothing needs to be known from the file
+    told: list[Finding] = []
     in_file = {run: _unit_in_file(column, told, run) for run, column in columns.items()}
     sample = np.concatenate([column.values[:5000] for column in columns.values()][:5])
     hint = known_unit(asked_unit) or in_file[with_channel[0].name]
     guess = role_guess(name_and_unit(name)[0], hint, sample, asked_role)
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
+    findings += told if asked_unit is None else ()  # of a unit that is said nothing needs to be known from the file
     if guess.doubt is not None:
         doubt = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
         evidence = {"role": guess.role, "unit": guess.unit}

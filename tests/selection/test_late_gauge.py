@@ -1,0 +1,64 @@
+"""A gauge that begins later than the thermometers, at any reading: the run counts from there, in fit, proof and use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
+from selector.controllers.from_selection import model_file_of
+from selector.models.design import START_SAMPLES
+from selector.models.run_before import begun
+from selector.recording import Recording
+from selector.selection import Options, select
+from tests.models.runs import InPieces, recording
+from tests.selection.machines import linear, machine
+
+LATE, OFFSETS_UM = 60, (140.0, -90.0, 260.0, 35.0, -180.0)
+
+
+def late(rows: int = LATE, offsets_um: tuple[float, ...] = OFFSETS_UM) -> Recording:
+    """Five runs whose gauge has an offset of its own and says nothing in so many first rows."""
+    whole = machine(linear, n_runs=5, n=400)
+    runs = {}
+    for k, run in enumerate(whole.runs):
+        values = dict(zip(whole.names, whole.values(run, whole.names).T.copy(), strict=True))
+        values["Z"] += offsets_um[k]
+        values["Z"][:rows] = np.nan
+        runs[run] = (whole.time_s(run), values)
+    return recording(runs)
+
+
+def test_the_offset_of_the_gauge_is_in_no_error():
+    found = select(late(), Options(max_sensors=2))
+    plain = select(late(LATE, (0.0,) * 5), Options(max_sensors=2)).proof.rmse_um("Z")
+    # without offsets some runs begin so near to 0 that the gauge counts as zeroed there
+    assert found.proof.rmse_um("Z") == pytest.approx(plain, rel=0.1)
+    assert found.proof.rmse_um("Z") < 1.5
+
+
+def test_what_is_applied_counts_from_there_too():
+    source = late()
+    found = select(source, Options(max_sensors=2))
+    model = model_file_of(found, source.channels)
+    compared, told = without_displacement_faults(model, source)
+    assert {one.where.run for one in told if one.id == "gauge-begins-late"} == set(source.runs)
+    applied = apply_model(model, compared, known_starts(sensor_starts(model, compared))).overall["Z"]
+    assert applied.rmse_um < 1.2 * found.proof.rmse_um("Z")
+    assert applied.n_samples == 5 * (400 - LATE)
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_read_in_pieces_a_run_begins_at_the_same_sample(size):
+    source = late()
+    pieces = list(begun(InPieces(source, size), ("Z",)).chunks(source.runs[1], ("T1", "Z")))
+    time_s, values = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    np.testing.assert_array_equal(time_s, source.time_s(source.runs[1])[LATE:])
+    np.testing.assert_array_equal(values, source.values(source.runs[1], ("T1", "Z"))[LATE:])
+
+
+def test_a_run_whose_gauge_begins_in_time_or_never_stays_whole():
+    in_time = late(START_SAMPLES - 1)
+    assert begun(in_time, ("Z",)) is in_time
+    never = late(400)
+    assert begun(never, ("Z",)) is never
