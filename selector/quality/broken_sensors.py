@@ -231,8 +231,8 @@ def frozen(survey: Survey) -> Iterator[Finding]:
 
     The noise is the lower fifth over all blocks of the channel in all runs, the stretch itself aside; it must exceed
     what rounding a trend can look like. Then k equal samples have at most the probability p^(k-1), p = the largest
-    share of the noise that fits into one step of the resolution. Channels with a coarser resolution stand still
-    lawfully; see `siblings.stuck_beside_siblings`.
+    share of the noise that fits into one step of the resolution, or how often neighbours are equal elsewhere. Channels
+    with a coarser resolution stand still lawfully; see `siblings.stuck_beside_siblings`.
     """
     for column in survey.columns(*MEASURED_ROLES):
         scales = [scale for scale in (survey.scale(run, column) for run in survey.runs) if scale.count]
@@ -276,6 +276,9 @@ def _frozen_in(
         return
     pure = np.sqrt(noise**2 - quantum**2 / 12.0)
     surprise = -np.log(float(erf(max(quantum, 1e-3 * pure) / (2.0 * np.sqrt(2.0) * pure))))
+    # means of readings on a grid are off it, and stand still as often as these readings do
+    elsewhere = length[~aside & ~np.isin(still.value, extremes)]
+    surprise = min(surprise, -np.log(max(float(np.sum(elsewhere - 1)) / max(float(np.sum(elsewhere)), 1.0), 1e-300)))
     evidence = (still.length - 1) * surprise
     channel, time = series.channel, series.time_s
     railed = np.zeros(still.first.size, dtype=np.bool_)

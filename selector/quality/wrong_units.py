@@ -94,7 +94,9 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
             others = _finite(np.delete(level[i], r))
             siblings = _finite(np.delete(level[:, r], i))
             for reference, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
-                middle = float(np.median(reference)) if reference.size else np.nan
+                # one other channel may be a colder part
+                is_told = reference.size >= (1 if reference is others else 2)
+                middle = float(np.median(reference)) if is_told else np.nan
                 if _ROOM_C[0] <= middle <= _ROOM_C[1]:
                     run, possible = survey.runs[r], _is_possible
                     of_unit = tuple(one for one in _THERMAL if possible(survey, columns[i], run, one))

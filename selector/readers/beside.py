@@ -316,17 +316,10 @@ def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
     alone = [run.name for of in (warm, gauged) for key, run in of.items() if key not in both]
     name, other = next(iter(pairs.items()))
     more = f", and {len(pairs) - 1} more such pairs" if len(pairs) > 1 else ""
-    return [
-        FINDINGS.finding(
-            TWO_LOGGERS,
-            f"Run {name!r} has no displacement, run {other!r} none of its temperatures{more}: two loggers may have "
-            f"recorded them at one time.{f' Nothing goes with {listed(alone, 6)}.' if alone else ''}",
-            Where(run=name),
-            {"beside": pairs},
-            f'if so, say it in the machine file: beside = ["{other}"] in [runs."{name}"]; `selector describe --write` '
-            "writes that",
-        )
-    ]
+    told = f"Run {name!r} has no displacement, run {other!r} none of its temperatures{more}: two loggers may have "
+    told += f"recorded them at one time.{f' Nothing goes with {listed(alone, 6)}.' if alone else ''}"
+    advice = f'if so, say it in the machine file: beside = ["{other}"] in [runs."{name}"]; `selector describe --write` '
+    return [FINDINGS.finding(TWO_LOGGERS, told, Where(run=name), {"beside": pairs}, f"{advice}writes that")]
 
 
 def _own_part(name: str, names: Sequence[str]) -> str:

@@ -281,35 +281,19 @@ def column_findings(header: str, notes: ColumnNotes, lines: Indices | None, wher
         )
     if notes.grouped:
         example, count = notes.grouped
-        yield FINDINGS.finding(
-            "grouped-thousands",
-            f"{column} has {count} number(s) such as {example!r}, read as whole numbers with grouped thousands.",
-            place,
-            {"example": example, "count": count},
-        )
+        told = f"{column} has {count} number(s) such as {example!r}, read as whole numbers with grouped thousands."
+        yield FINDINGS.finding("grouped-thousands", told, place, {"example": example, "count": count})
     if notes.other_decimal:
         example, count = notes.other_decimal
-        yield FINDINGS.finding(
-            "mixed-decimal",
-            f"{column} has {count} number(s) with another decimal mark than the rest of the file, such as {example!r}; "
-            "the mark was taken as a decimal mark.",
-            place,
-            {"example": example, "count": count},
-        )
+        told = f"{column} has {count} number(s) with another decimal mark than the rest of the file, such as "
+        told += f"{example!r}; the mark was taken as a decimal mark."
+        yield FINDINGS.finding("mixed-decimal", told, place, {"example": example, "count": count})
     if notes.unit:
-        yield FINDINGS.finding(
-            "unit-in-cells",
-            f"The cells of column {header!r} of {where} carry a unit: {notes.unit!r}.",
-            place,
-            {"unit": notes.unit},
-        )
+        told = f"The cells of column {header!r} of {where} carry a unit: {notes.unit!r}."
+        yield FINDINGS.finding("unit-in-cells", told, place, {"unit": notes.unit})
     if notes.infinite:
-        yield FINDINGS.finding(
-            "infinite-values",
-            f"{column} has {notes.infinite} infinite value(s); they are missing values.",
-            place,
-            {"count": notes.infinite},
-        )
+        told = f"{column} has {notes.infinite} infinite value(s); they are missing values."
+        yield FINDINGS.finding("infinite-values", told, place, {"count": notes.infinite})
     if notes.words:
         shown = ", ".join(f"{word} = {value:g}" for word, value in notes.words.items())
         yield FINDINGS.finding("words-as-numbers", f"{column} holds words: {shown}.", place, notes.words)
@@ -317,11 +301,8 @@ def column_findings(header: str, notes: ColumnNotes, lines: Indices | None, wher
 
 def no_header_finding(where: str, headers: list[str]) -> Finding:
     """The file names no channels."""
-    return FINDINGS.finding(
-        "no-header",
-        f"{where} has no row of channel names; the columns are called {listed(headers, 3)}.",
-        evidence={"columns": len(headers)},
-    )
+    told = f"{where} has no row of channel names; the columns are called {listed(headers, 3)}."
+    return FINDINGS.finding("no-header", told, evidence={"columns": len(headers)})
 
 
 _TIME_NAME = re.compile(

@@ -133,16 +133,12 @@ def _breaks(
         until = f", last at {time_s[last]:g} s"
         if last == len(time_s) - 1 and len(samples) > 1:
             until = ", up to the end of the run"
-        yield FINDINGS.finding(
-            "sensor-break",
-            f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
-            f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))}){until}; these samples are missing values.",
-            Where(channel=column.header, from_s=float(time_s[first]), to_s=float(time_s[last])),
-            {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)},
-            "check the sensor and its cable; leave the channel out if it is broken for long",
-            "leave-out-stretch",
-            level="warning",
-        )
+        told = f"Column {column.header!r} of {table.file.name} says {broken.word!r} {len(samples)} time(s), first at "
+        told += f"{time_s[first]:g} s ({table.line(int(broken.rows[0]))}){until}; these samples are missing values."
+        where = Where(channel=column.header, from_s=float(time_s[first]), to_s=float(time_s[last]))
+        evidence = {"word": broken.word, "count": len(samples), "share": len(samples) / len(time_s)}
+        advice = "check the sensor and its cable; leave the channel out if it is broken for long"
+        yield FINDINGS.finding("sensor-break", told, where, evidence, advice, "leave-out-stretch", level="warning")
 
 
 def _too_short(table: Table, n_samples: int) -> ReadError:
@@ -313,16 +309,10 @@ def uniquely_named(runs: Sequence[TimedRun]) -> tuple[list[TimedRun], list[Findi
 
 def _renamed(runs: Sequence[TimedRun], printable: list[str], called: list[str]) -> Iterator[Finding]:
     if called != printable:
-        yield FINDINGS.finding(
-            "runs-renamed",
-            f"Several files have the same name; the runs are called {', '.join(called[:8])}.",
-            evidence={"runs": called},
-        )
+        told = f"Several files have the same name; the runs are called {', '.join(called[:8])}."
+        yield FINDINGS.finding("runs-renamed", told, evidence={"runs": called})
     changed = [name for run, shown, name in zip(runs, printable, called, strict=True) if shown != run.name]
     if changed:
-        yield FINDINGS.finding(
-            "run-name-changed",
-            f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
-            f"called {', '.join(repr(name) for name in changed[:8])}.",
-            evidence={"runs": changed},
-        )
+        told = f"{len(changed)} name(s) of runs are too long or have characters that cannot be shown; these runs are "
+        told += f"called {', '.join(repr(name) for name in changed[:8])}."
+        yield FINDINGS.finding("run-name-changed", told, evidence={"runs": changed})

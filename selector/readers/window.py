@@ -79,19 +79,16 @@ def require_some(runs: Sequence[TimedRun], overrides: Overrides) -> None:
 def thinning(rows: int, runs: Sequence[TimedRun], outside: Sequence[str], overrides: Overrides) -> Iterator[Finding]:
     """That means stand in place of samples, of which `rows` were read, and which runs have next to none."""
     if outside:
-        yield FINDINGS.finding(
-            "run-outside-window",
-            f"{'Run' if len(outside) == 1 else 'Runs'} {listed(list(outside), 8)} with fewer than two samples, or "
-            "means, in the window: left out.",
-            evidence={"runs": list(outside)[:100]},
-        )
+        told = f"{'Run' if len(outside) == 1 else 'Runs'} {listed(list(outside), 8)} with fewer than two samples, or "
+        told += "means, in the window: left out."
+        yield FINDINGS.finding("run-outside-window", told, evidence={"runs": list(outside)[:100]})
     if overrides.mean_s is not None:
         left = sum(len(run.time_s) for run in runs)
-        yield FINDINGS.finding(
-            "means-taken",
-            f"Means over {overrides.mean_s:g} s were taken: {rows} rows were read, and {left} means are in the window.",
-            evidence={"mean_s": overrides.mean_s, "rows": rows, "means": left},
+        told = (
+            f"Means over {overrides.mean_s:g} s were taken: {rows} rows were read, and {left} means are in the window."
         )
+        evidence = {"mean_s": overrides.mean_s, "rows": rows, "means": left}
+        yield FINDINGS.finding("means-taken", told, evidence=evidence)
 
 
 def _cut(run: TimedRun, since: datetime.datetime, until: datetime.datetime) -> TimedRun:
@@ -144,12 +141,11 @@ def own_clock_s(time_s: Vector, findings: Iterable[Finding], period_s: float) ->
 
 
 def _begun(name: str, zero: float) -> Finding:
-    return FINDINGS.finding(
-        "window-begins-in-run",
+    told = (
         f"The window begins {zero / 3600.0:.3g} h after the start of run {name}: what counts from the start of a run, "
-        "rises and zeros, counts from there, where the machine may be warm.",
-        evidence={"skipped_s": zero},
     )
+    told += "rises and zeros, counts from there, where the machine may be warm."
+    return FINDINGS.finding("window-begins-in-run", told, evidence={"skipped_s": zero})
 
 
 def told_from(finding: Finding, zero: float, length: float) -> Finding | None:

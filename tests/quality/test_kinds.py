@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from selector.quality import inspect
+from selector.recording import Channel, Recording
 from tests.quality.workshop import plain_recording, plain_tables
 
 
@@ -361,3 +362,31 @@ def test_a_gauge_that_begins_late_is_told_once(tables, rows, ids):
 
 def test_commands_may_stand_still_and_jump(tables):
     assert not [f for f in inspect(plain_recording(tables)) if f.where.channel == "n"]
+
+
+def test_means_of_readings_on_a_grid_stand_still_lawfully(tables):
+    draw = np.random.default_rng(8)
+    for table in tables.values():
+        smooth = table["T3"].rolling(60, 1).mean().to_numpy()
+        # thermometers of 1/16 K, written to 0.001 K
+        noise = np.where(np.arange(len(smooth)) < 0.7 * len(smooth), 0.03, 0.008)
+        codes = [np.round((smooth + noise * draw.standard_normal(len(smooth))) * 16.0) for _ in range(2)]
+        table["T3"] = np.mean([np.floor(code * 62.5) / 1000.0 for code in codes], axis=0)
+    assert [f.statement for f in inspect(plain_recording(tables)) if f.id == "stuck"] == []
+    # and still stuck is stuck, where it takes longer than chance
+    tables["r2"].iloc[100:700, tables["r2"].columns.get_loc("T3")] = tables["r2"]["T3"].iloc[100]
+    assert {f.where.run for f in inspect(plain_recording(tables)) if f.id == "stuck"} == {"r2"}
+
+
+def test_one_hot_part_beside_one_cold_part_is_no_wrong_unit():
+    time_s = 60.0 * np.arange(300)
+    noise = 0.02 * np.random.default_rng(1).standard_normal((300, 3))
+    warm = 1.0 - np.exp(-time_s / 3000.0)
+    parts = {"T1": 24.0 + warm, "T2": 75.0 + 2.0 * warm, "T3": 23.0 + warm}
+    told = {}
+    for names in (("T1", "T2"), ("T1", "T2", "T3")):
+        table = pd.DataFrame({name: parts[name] + noise[:, k] for k, name in enumerate(names)}, index=time_s)
+        channels = [Channel(name, "temperature", "degC") for name in names]
+        found = inspect(Recording.from_runs({"r": table}, channels))
+        told[len(names)] = [one.where.channel for one in found if one.id == "wrong-unit"]
+    assert told == {2: [], 3: ["T2"]}

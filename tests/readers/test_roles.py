@@ -185,3 +185,14 @@ def test_no_other_unit_is_advised_where_the_file_has_it(reads):
         text = f"t [s],T1 [{temperature}],T2 [{temperature}],Z [{length}]\n{rows}"
         told = inspect(reads(text, roles={"Z": "displacement"}).recording)
         assert [one.evidence["mistake"] for one in told if one.id == "wrong-unit"] == found
+
+
+def test_a_switch_in_a_room_is_no_thermometer(reads):
+    text = "t [s],room.window.isOpen,T1 [°C]\n" + "".join(f"{k},{int(k > 25)},{20 + 0.1 * k}\n" for k in range(30))
+    assert [one.role for one in reads(text).channels] == ["state", "temperature"]
+
+
+def test_columns_of_numbers_alone_are_doubted_once(reads):
+    reading = reads("".join(f"{k},{20 + 0.1 * k},{300 + k % 7},{21 + 0.1 * k}\n" for k in range(30)))
+    [told] = [one for one in reading.findings if one.id == "ambiguous-role"]
+    assert told.evidence["roles"] == {"temperature": ["col2", "col4"], "displacement": ["col3"]}

@@ -51,11 +51,8 @@ def _tables(file: Any, path: Path, overrides: Overrides) -> list[Table]:
         )
     if len(tables) == 1:
         return [replace(tables[0], name=path.stem)]
-    told = FINDINGS.finding(
-        "groups-are-runs",
-        f"{path.name} has {len(tables)} groups of channels; each was read as a run of its own.",
-        evidence={"groups": [t.reading["sheet"] for t in tables]},
-    )
+    said = f"{path.name} has {len(tables)} groups of channels; each was read as a run of its own."
+    told = FINDINGS.finding("groups-are-runs", said, evidence={"groups": [t.reading["sheet"] for t in tables]})
     first, *others = (replace(t, name=f"{path.stem}_{t.reading['sheet']}") for t in tables)
     return [replace(first, findings=(told, *first.findings)), *others]
 
@@ -96,13 +93,10 @@ def _table(channels: list[Any], path: Path, group: str) -> Table | None:
 
 def _left_out(columns: Iterable[list[Column]], path: Path) -> Iterator[Finding]:
     if names := [column.header for alike in columns for column in alike]:
+        told = f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were "
+        evidence = {"channels": names}
         yield FINDINGS.finding(
-            "other-length",
-            f"Channels {', '.join(names[:8])} of {path.name} have another number of samples and no clock; they were "
-            "left out.",
-            evidence={"channels": names},
-            action="leave-out-channel",
-            level="warning",
+            "other-length", f"{told}left out.", evidence=evidence, action="leave-out-channel", level="warning"
         )
 
 

@@ -71,14 +71,14 @@ def clock(table: Table, options: TimeOptions) -> Clock:
         result = _told_by(table, columns, options, known)
         if result is not None and np.isfinite(result.seconds).sum() >= 0.5 * len(result.seconds):
             return replace(result, guessed=("column", *result.guessed))
-    for rising, how in ((_epoch_column(table), "counts from a known date"), (_rising_column(table), "rises steadily")):
-        found = None if rising is None else _told_by(table, [rising], options, known)
-        if rising is not None and found is not None:
-            told = f"No column of {table.file.name} is called a time; column {rising.header!r} {how} and was taken for "
-            told += f"the time, in {'dates' if found.unit == 'datetime' else found.unit}."
-            evidence = {"column": rising.header, "unit": found.unit}
-            finding = FINDINGS.finding("time-column-guessed", told, Where(channel=rising.header), evidence)
-            return replace(found, guessed=("column", *found.guessed), findings=(finding,))
+    column, how = _unnamed_clock(table)
+    found = None if column is None else _told_by(table, [column], options, known)
+    if column is not None and found is not None:
+        told = f"No column of {table.file.name} is called a time; column {column.header!r} {how} and was taken for the "
+        told += f"time, in {'dates' if found.unit == 'datetime' else found.unit}."
+        evidence = {"column": column.header, "unit": found.unit}
+        finding = FINDINGS.finding("time-column-guessed", told, Where(channel=column.header), evidence)
+        return replace(found, guessed=("column", *found.guessed), findings=(finding,))
     return _sample_clock(table, table.reading.get("stated_period_s"), named=False)
 
 
@@ -181,29 +181,25 @@ def _rises(column: Column, share: float = 0.9) -> bool:
     return len(known) > 1 and float(np.mean(np.diff(known) >= 0)) >= share and known[-1] != known[0]
 
 
-def _epoch_column(table: Table) -> Column | None:
-    """The first column that rises where only moments since a known date are, as seconds since 1970."""
-    for column in table.columns:
-        late = column.kind == "number" and np.nanmin(column.values, initial=np.inf) >= _EARLIEST_EPOCH
-        if late and _rises(column) and _says_nothing(column):
+def _unnamed_clock(table: Table) -> tuple[Column | None, str]:
+    """A column without a telling name that can only be a clock, and why.
+
+    One that rises where only moments since a known date are, as seconds since 1970; else the first, if it rises
+    steadily.
+    """
+    numbers = [one for one in table.columns if one.kind == "number" and len(table) > 1]
+    for column in numbers:
+        if np.nanmin(column.values, initial=np.inf) >= _EARLIEST_EPOCH and _rises(column) and _says_nothing(column):
             read = numeric_clock(column.values, None)
             if read.base_s is not None and read.sure:
-                return column
-    return None
-
-
-def _rising_column(table: Table) -> Column | None:
-    """The first column, if it rises as steadily as only a clock does and is not called a counter."""
-    first = table.columns[0] if table.columns else None
-    if first is None or first.kind != "number" or len(table.columns) < 2 or len(table) < 5:
-        return None
-    if not _says_nothing(first):
-        return None
-    steps = np.diff(first.values)
-    if not np.all(np.isfinite(steps)) or not np.all(steps > 0):
-        return None
-    usual = float(np.median(steps))
-    return first if float(np.mean(np.abs(steps - usual) <= 0.4 * usual)) >= 0.9 else None
+                return column, "counts from a known date"
+    is_first = bool(numbers) and numbers[0] is table.columns[0] and len(table.columns) > 1
+    if is_first and len(table) > 4 and _says_nothing(numbers[0]):
+        steps = np.diff(numbers[0].values)
+        usual = float(np.median(steps))
+        if (steps > 0).all() and float(np.mean(np.abs(steps - usual) <= 0.4 * usual)) >= 0.9:
+            return numbers[0], "rises steadily"
+    return None, ""
 
 
 def _says_nothing(column: Column) -> bool:

@@ -292,32 +292,30 @@ def numeric_clock(values: Vector, unit: str | None) -> NumericClock:
     return NumericClock(values, None, "s", False)
 
 
+#: Where the numbers of a clock lie, in how many a second, from when they count [s since 1970], and its name.
+_ABSOLUTE = (
+    (5e8, 3.3e9, 1.0, 0.0, "epoch s"),
+    (3.3e9, 4.3e9, 1.0, _LABVIEW_ZERO_S, "LabVIEW s since 1904"),
+    (5e11, 4.2e12, 1e3, 0.0, "epoch ms"),
+    (5e14, 4.2e15, 1e6, 0.0, "epoch us"),
+    (1.15e17, 1.65e17, 1e7, _FILETIME_ZERO_S, "FILETIME"),
+    (6.2e17, 6.7e17, 1e7, _DOTNET_ZERO_S, ".NET ticks"),
+    (5e17, 4.2e18, 1e9, 0.0, "epoch ns"),
+)
+
+
 def _absolute(values: Vector, known: Vector) -> NumericClock | None:
     low, high = float(known.min()), float(known.max())
 
     def within(a: float, b: float) -> bool:
         return a <= low and high <= b
 
-    def scaled(per_second: float, zero_s: float, unit: str) -> NumericClock:
-        # the first stamp is taken off in the file's own unit, where it is exact
-        return NumericClock((values - known[0]) / per_second, float(known[0]) / per_second + zero_s, unit, True)
-
-    if within(5e8, 3.3e9):
-        return scaled(1.0, 0.0, "epoch s")
-    if within(3.3e9, 4.3e9):
-        return scaled(1.0, _LABVIEW_ZERO_S, "LabVIEW s since 1904")
-    if within(5e11, 4.2e12):
-        return scaled(1e3, 0.0, "epoch ms")
+    for first, last, per_second, zero_s, unit in _ABSOLUTE:
+        if within(first, last):
+            # the first stamp is taken off in the file's own unit, where it is exact
+            return NumericClock((values - known[0]) / per_second, float(known[0]) / per_second + zero_s, unit, True)
     if within(1.95e13, 2.2e13):
         return _digits(values)
-    if within(5e14, 4.2e15):
-        return scaled(1e6, 0.0, "epoch us")
-    if within(1.15e17, 1.65e17):
-        return scaled(1e7, _FILETIME_ZERO_S, "FILETIME")
-    if within(6.2e17, 6.7e17):
-        return scaled(1e7, _DOTNET_ZERO_S, ".NET ticks")
-    if within(5e17, 4.2e18):
-        return scaled(1e9, 0.0, "epoch ns")
     fractional = bool(np.any(known != np.round(known)))
     small_steps = len(known) > 1 and float(np.median(np.abs(np.diff(known)))) < 0.5
     if within(25_000, 75_000) and fractional and high - low < 400 and small_steps:

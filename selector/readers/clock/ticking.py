@@ -65,14 +65,10 @@ def ticks(seconds: Vector, table: Table, values: Matrix, time_of_day: bool, loca
 def _missing_stamps(seconds: Vector, table: Table) -> Finding:
     missing = np.flatnonzero(~np.isfinite(seconds))
     at_end = bool(missing[0] == len(seconds) - len(missing))
-    return FINDINGS.finding(
-        "missing-stamps",
-        f"{len(missing)} row(s) of {table.file.name} have no readable time ({_places(missing, table)})"
-        + (", all at the end of the file (a footer?)" if at_end else "")
-        + "; they were left out.",
-        evidence={"rows": [table.line(int(row)) for row in missing[:20]], "count": len(missing)},
-        action="leave-out-stretch",
-    )
+    told = f"{len(missing)} row(s) of {table.file.name} have no readable time ({_places(missing, table)})"
+    told += f"{', all at the end of the file (a footer?)' if at_end else ''}; they were left out."
+    evidence = {"rows": [table.line(int(row)) for row in missing[:20]], "count": len(missing)}
+    return FINDINGS.finding("missing-stamps", told, evidence=evidence, action="leave-out-stretch")
 
 
 def _unwrapped(t: Vector, rows: Indices, table: Table) -> Iterator[Finding]:
@@ -87,14 +83,10 @@ def _unwrapped(t: Vector, rows: Indices, table: Table) -> Iterator[Finding]:
         t[wrap + 1 :] += period
     name = "midnight" if period == _DAY_S else "12 o'clock (no AM or PM is written)"
     if len(wraps):
-        yield FINDINGS.finding(
-            "midnight-wrap",
-            f"The time of day in {table.file.name} passes {name} {len(wraps)} time(s) "
-            f"({_places(rows[wraps + 1], table)}); the run goes on behind it.",
-            Where(from_s=float(t[wraps[0] + 1] - t[0])),
-            {"count": len(wraps), "period_s": period},
-            level=level,
-        )
+        told = f"The time of day in {table.file.name} passes {name} {len(wraps)} time(s) "
+        told += f"({_places(rows[wraps + 1], table)}); the run goes on behind it."
+        where, evidence = Where(from_s=float(t[wraps[0] + 1] - t[0])), {"count": len(wraps), "period_s": period}
+        yield FINDINGS.finding("midnight-wrap", told, where, evidence, level=level)
 
 
 def _in_order(
@@ -159,13 +151,11 @@ def _summer_time(t: Vector, usual: float, rows: Indices, table: Table, local_bas
         if not (sunday and hour <= 3 and month in (3, 4, 9, 10, 11)) or usual > 900:
             continue
         t[i + 1 :] -= 3600.0
-        yield FINDINGS.finding(
-            "clock-jump-forward",
-            f"The clock of {table.file.name} jumps forward by one hour at {table.line(int(rows[i + 1]))}, in "
-            "the night when summer time begins; the hour was taken out.",
-            Where(from_s=float(t[i + 1] - t[0])),
-            {"jump_s": 3600.0, "row": table.line(int(rows[i + 1]))},
-        )
+        row = table.line(int(rows[i + 1]))
+        told = f"The clock of {table.file.name} jumps forward by one hour at {row}, in the night when summer time "
+        told += "begins; the hour was taken out."
+        where = Where(from_s=float(t[i + 1] - t[0]))
+        yield FINDINGS.finding("clock-jump-forward", told, where, {"jump_s": 3600.0, "row": row})
 
 
 def _without_repeats(t: Vector, rows: Indices, values: Matrix, table: Table) -> tuple[Vector, Indices, list[Finding]]:
@@ -252,13 +242,10 @@ def one_clock(rates: Sequence[Rate], path: Path) -> tuple[Vector, tuple[Column, 
             values = interpolated(rate.time_s, column.values, leading.time_s)
             columns.append(Column(column.header, values, column.unit, (), column.description))
             moved.append(column.header)
-    finding = FINDINGS.finding(
-        "several-clocks",
-        f"The channels of {path.name} are recorded on {len(merged)} clocks; {len(moved)} of them ({listed(moved, 6)}) "
-        "were interpolated onto the clock of the others.",
-        evidence={"clocks": len(merged), "channels": moved},
-    )
-    return leading.time_s, tuple(columns), [finding]
+    told = f"The channels of {path.name} are recorded on {len(merged)} clocks; {len(moved)} of them "
+    told += f"({listed(moved, 6)}) were interpolated onto the clock of the others."
+    evidence = {"clocks": len(merged), "channels": moved}
+    return leading.time_s, tuple(columns), [FINDINGS.finding("several-clocks", told, evidence=evidence)]
 
 
 def interpolated(time_s: Vector, values: Vector, at_s: Vector) -> Vector:

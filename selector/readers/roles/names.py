@@ -264,6 +264,8 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     doubt: str | None = None
     if unit == "1" and not same_dimension("1", CANONICAL_UNITS[first]):
         return _with_unit("state", folded, "1", f"its name could also mean {first}", ("role",))
+    if first in ("temperature", "ambient") and _two_valued(values):
+        return _with_unit("state", folded, "1", f"its name could also mean {first}", ("role",))
     if first in ("temperature", "ambient") and not _like_temperature(values):
         rest = [r for r in named if r not in ("temperature", "ambient")]
         doubt = "its numbers are no usual temperatures"

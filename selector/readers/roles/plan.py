@@ -16,7 +16,7 @@ from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.names import closest, found_header, known_unit, name_and_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
-from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
+from selector.units import CANONICAL_UNITS, ROLES, same_dimension, to_canonical, unit_for_role
 
 #: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
 Ruling = Literal["header", "declared", "option", "each"]
@@ -250,12 +250,9 @@ def _missing_in_runs(channels: Sequence[Planned], runs: Sequence[TimedRun]) -> I
         columns = {one.name: next(iter(one.headers.values())) for one in of}
         shown = listed((f"{n!r}" if n == c else f"{n!r} (column {c!r})" for n, c in columns.items()), 8)
         what = f"Channel {shown} is" if len(of) == 1 else f"{len(of)} channels ({shown}) are"
-        yield FINDINGS.finding(
-            "channel-missing-in-run",
-            f"{what} missing in run(s) {', '.join(absent[:8])}; samples there are missing values.",
-            Where(channel=of[0].name if len(of) == 1 else None),
-            {"runs": list(absent), "columns": columns},
-        )
+        told = f"{what} missing in run(s) {', '.join(absent[:8])}; samples there are missing values."
+        where = Where(channel=of[0].name if len(of) == 1 else None)
+        yield FINDINGS.finding("channel-missing-in-run", told, where, {"runs": list(absent), "columns": columns})
 
 
 def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
@@ -281,8 +278,15 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
             continue
         channels.append(planned)
     if not channels:
-        for name, headers in names.items():
-            findings += _by_numbers(name, headers, runs, overrides, channels)
+        channels = [_by_numbers(name, headers, runs, overrides, findings) for name, headers in names.items()]
+        roles = {
+            role: [one.name for one in channels if one.role == role]
+            for role in dict.fromkeys(one.role for one in channels)
+        }
+        told = "; ".join(f"{listed(of, 8)} for {role} in {CANONICAL_UNITS[role]}" for role, of in roles.items())
+        told = f"Nothing but their numbers tells what the columns are; they were taken so: {told}."
+        advice = "say what they are in a machine file: column, role and unit of each channel"
+        findings += [FINDINGS.finding("ambiguous-role", told, Where(), {"roles": roles}, advice)] if channels else []
         undeclared = {}
     texts = list(dict.fromkeys(text for run in runs for text in run.texts))
     findings += _of_columns(texts, list(auxiliary), [c for c in channels if c.guessed], list(undeclared))
@@ -294,46 +298,30 @@ def _of_columns(
 ) -> Iterator[Finding]:
     """What is to be said of columns that no machine file declares."""
     if texts:
-        yield FINDINGS.finding(
-            "text-columns",
-            f"Column(s) {', '.join(texts[:8])} hold text; they were not read.",
-            evidence={"columns": texts[:200]},
-        )
+        told = f"Column(s) {', '.join(texts[:8])} hold text; they were not read."
+        yield FINDINGS.finding("text-columns", told, evidence={"columns": texts[:200]})
     if auxiliary:
-        yield FINDINGS.finding(
-            "auxiliary-columns",
-            f"Column(s) {', '.join(auxiliary[:8])} number the samples or are further clocks; they are no channels.",
-            evidence={"columns": auxiliary},
-        )
+        told = f"Column(s) {', '.join(auxiliary[:8])} number the samples or are further clocks; they are no channels."
+        yield FINDINGS.finding("auxiliary-columns", told, evidence={"columns": auxiliary})
     if guessed:
         shown = listed((f"{c.name}: {c.role} [{next(iter(c.units.values()))}]" for c in guessed), 12)
-        yield FINDINGS.finding(
-            "roles-guessed",
-            f"No machine file says what the channels are; they were guessed from names, units and numbers: {shown}.",
-            evidence={c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed},
-        )
+        told = "No machine file says what the channels are; they were guessed from names, units and numbers: "
+        evidence = {c.name: {"role": c.role, "guessed": list(c.guessed)} for c in guessed}
+        yield FINDINGS.finding("roles-guessed", f"{told}{shown}.", evidence=evidence)
     if undeclared:
-        yield FINDINGS.finding(
-            "columns-without-role",
-            f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: {listed(undeclared, 10)}.",
-            evidence={"columns": undeclared[:200]},
-            action="leave-out-channel",
-        )
+        told = f"Nothing tells what {len(undeclared)} column(s) measure; they were not read: {listed(undeclared, 10)}."
+        columns = {"columns": undeclared[:200]}
+        yield FINDINGS.finding("columns-without-role", told, evidence=columns, action="leave-out-channel")
 
 
 def _by_numbers(
-    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, channels: list[Planned]
-) -> list[Finding]:
+    name: str, headers: dict[str, str], runs: Sequence[TimedRun], overrides: Overrides, findings: list[Finding]
+) -> Planned:
     """Where no column at all can be told by its name: a role by the numbers, so that there is something to correct."""
     first = next(run for run in runs if run.name in headers)
-    role = role_of_numbers(first.by_header[headers[first.name]].values)
-    findings: list[Finding] = []
-    section = ChannelSection(role=role)
+    section = ChannelSection(role=role_of_numbers(first.by_header[headers[first.name]].values))
     planned = _planned(name, section, headers, runs, overrides, findings, strict=False)
-    channels.append(replace(planned, guessed=("role", *planned.guessed)))
-    told = f"Nothing but its numbers tells what {name!r} is; it was taken for {role} in {planned.units[first.name]}."
-    advice = "say what it is in a machine file: column, role and unit of this channel"
-    return [*findings, FINDINGS.finding("ambiguous-role", told, Where(channel=name), {"role": role}, advice)]
+    return replace(planned, guessed=("role", *planned.guessed))
 
 
 class _NoRoleError(InputError):

@@ -135,12 +135,9 @@ def _refuse(found: str, expected: str, run: str) -> NoReturn:
 
 def _told_beyond(run: str, name: str, stretches: Sequence[tuple[float, float]], end_s: float) -> Finding:
     told = ", ".join(f"{first:g} to {last:g} s" for first, last in stretches)
-    return FINDINGS.finding(
-        "repair-of-no-sample",
-        f"Run {run!r} lasts {end_s:g} s; of {name} nothing is left out from {told}.",
-        Where(channel=name, run=run),
-        {"leave_out": [list(stretch) for stretch in stretches], "duration_s": end_s},
-    )
+    told = f"Run {run!r} lasts {end_s:g} s; of {name} nothing is left out from {told}."
+    evidence = {"leave_out": [list(stretch) for stretch in stretches], "duration_s": end_s}
+    return FINDINGS.finding("repair-of-no-sample", told, Where(channel=name, run=run), evidence)
 
 
 def _told(run: str, section: RunSection) -> Finding:
@@ -148,9 +145,5 @@ def _told(run: str, section: RunSection) -> Finding:
     done += [f"{first} and {second} changed places" for first, second in section.swap]
     done += [f"{name} is in {repair.unit}" for name, repair in section.channels.items() if repair.unit is not None]
     done += [f"stretches of {name} are left out" for name, repair in section.channels.items() if repair.leave_out]
-    return FINDINGS.finding(
-        RUN_REPAIRED,
-        f"Run {run!r} was read as the machine file repairs it: {'; '.join(done)}.",
-        Where(run=run),
-        section.model_dump(exclude_defaults=True, mode="json"),
-    )
+    told = f"Run {run!r} was read as the machine file repairs it: {'; '.join(done)}."
+    return FINDINGS.finding(RUN_REPAIRED, told, Where(run=run), section.model_dump(exclude_defaults=True, mode="json"))

@@ -102,13 +102,11 @@ def _guessed(data: bytes, where: str) -> Decoded:
     ]
     result = _as_utf8(data, best, where)
     shown = " ".join(texts[best].split())[:80]
-    finding = FINDINGS.finding(
-        "encoding-guessed",
-        f"The text of {where} is not UTF-8; it was read as {best}: {shown!r}."
-        + (f" It could also be {', '.join(rivals)}: {' '.join(texts[rivals[0]].split())[:80]!r}." if rivals else ""),
-        evidence={"encoding": best, "alternatives": rivals},
-        level="warning" if rivals else "info",
-    )
+    told = f"The text of {where} is not UTF-8; it was read as {best}: {shown!r}."
+    if rivals:
+        told += f" It could also be {', '.join(rivals)}: {' '.join(texts[rivals[0]].split())[:80]!r}."
+    evidence = {"encoding": best, "alternatives": rivals}
+    finding = FINDINGS.finding("encoding-guessed", told, evidence=evidence, level="warning" if rivals else "info")
     return Decoded(result.utf8, best, (*result.findings, finding))
 
 
