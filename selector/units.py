@@ -60,7 +60,7 @@ _SPELLINGS: dict[str, str] = {
     "1": "1", "-": "1", "": "1", "bool": "1", "on/off": "1", "0/1": "1", "%": "percent",
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "с.": "s", "сек": "s", "秒": "s",
     "ms": "ms", "msec": "ms", "millisecond": "ms", "milliseconds": "ms", "мс": "ms", "毫秒": "ms", "us": "us",
-    "μs": "us", "ns": "ns",
+    "μs": "us", "ns": "ns", "millis": "ms",
     "min": "min", "mins": "min", "minute": "min", "minutes": "min", "мин": "min", "分": "min", "分钟": "min",
     "minuten": "min", "h": "hour", "hr": "hour", "hrs": "hour", "hour": "hour", "hours": "hour", "std": "hour",
     "stunden": "hour", "ч": "hour", "час": "hour", "小时": "hour", "時間": "hour", "d": "day", "day": "day",

@@ -57,11 +57,9 @@ _SAME_START_K = 1.0
 _ROOM_C = (0.0, 50.0)  #: Where a machine starts [°C]; what starts elsewhere is no reference.
 #: Where channels start when every one of them in every run has the mistake [°C]: 14–43 °C seen through it.
 _ALL_ALIKE_C = {
-    "°F taken for °C": (57.0, 110.0),
-    "K taken for °C": (270.0, 325.0),
-    "°C taken for °F": (-14.0, -1.0),
+    "°F taken for °C": (57.0, 110.0), "K taken for °C": (270.0, 325.0), "°C taken for °F": (-14.0, -1.0),
     "thousandths of a degree taken for °C": (5000.0, 45_000.0),
-}
+}  # fmt: skip
 
 
 def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
@@ -98,8 +96,7 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
                 is_told = reference.size >= (1 if reference is others else 2)
                 middle = float(np.median(reference)) if is_told else np.nan
                 if _ROOM_C[0] <= middle <= _ROOM_C[1]:
-                    run, possible = survey.runs[r], _is_possible
-                    of_unit = tuple(one for one in _THERMAL if possible(survey, columns[i], run, one))
+                    of_unit = tuple(one for one in _THERMAL if _is_possible(survey, columns[i], survey.runs[r], one))
                     found = _explaining(float(level[i, r]), middle, of_unit)
                     if found is not None:
                         suspects.append((i, r, found, middle, source))

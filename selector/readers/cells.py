@@ -308,7 +308,7 @@ def no_header_finding(where: str, headers: list[str]) -> Finding:
 _TIME_NAME = re.compile(
     r"^(t|time|times?tamp|zeit(stempel|punkt)?|datum|date|uhrzeit|datetime|date[ _/&+-]*time|"
     r"datum[ _/&+-]*(uhr)?zeit|time[ _]?s(tamp|ec)?|elapsed.*|rel(ative)?[ _]time|abs(olute)?[ _]time|"
-    r"laufzeit|messzeit|local[ _]?time|utc([ _]time)?|x_value|epoch|unix([ _]?time)?|filetime|tijd|tiempo|"
+    r"laufzeit|messzeit|millis|local[ _]?time|utc([ _]time)?|x_value|epoch|unix([ _]?time)?|filetime|tijd|tiempo|"
     r"fecha([ _]y?[ _]?hora)?|hora|"
     r"temps|heure|horodatage|tempo|data|ora|čas|cas|czas|aika|tid|idő|время|дата|дата[ /и]+время|час|"
     r"时间|時間|時刻|日期|日時|日付|时刻|采样时间|测量时间|日期时间|记录时间|시간)$",

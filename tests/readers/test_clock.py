@@ -326,3 +326,12 @@ def test_a_first_column_that_rises_with_a_few_uneven_steps_is_the_time(tmp_path,
     reading = read([tmp_path / "r.csv"])
     assert reading.runs[0].duration_s == time_s[-1] - time_s[0]
     assert "time-column-guessed" in {one.id for one in reading.findings}
+
+
+def test_a_clock_that_was_never_set_is_none_and_a_counter_of_milliseconds_is_one(tmp_path):
+    millis = 282 + 1130 * np.arange(40)
+    rows = "".join(f"2000-01-01T00:00:00Z, {one}, {25.0 - 0.01 * k}\n" for k, one in enumerate(millis))
+    (tmp_path / "a.csv").write_text("# Date, millis, temperature\n" + rows, encoding="utf-8")
+    reading = read([tmp_path / "a.csv"])
+    assert (reading.reading["time"]["columns"], reading.runs[0].period_s) == (["millis"], pytest.approx(1.13))
+    assert reading.recording.names == ("temperature",)

@@ -194,5 +194,6 @@ def test_a_switch_in_a_room_is_no_thermometer(reads):
 
 def test_columns_of_numbers_alone_are_doubted_once(reads):
     reading = reads("".join(f"{k},{20 + 0.1 * k},{300 + k % 7},{21 + 0.1 * k}\n" for k in range(30)))
-    [told] = [one for one in reading.findings if one.id == "ambiguous-role"]
-    assert told.evidence["roles"] == {"temperature": ["col2", "col4"], "displacement": ["col3"]}
+    told = [one for one in reading.findings if one.id == "ambiguous-role"]
+    found = {one.evidence["role"]: one.evidence["channels"] for one in told}
+    assert (len(told), found) == (2, {"temperature": ["col2", "col4"], "displacement": ["col3"]})

@@ -69,7 +69,9 @@ def clock(table: Table, options: TimeOptions) -> Clock:
         return Clock(table.time_s, base_s, None, (), "datetime" if base_s is not None else "s", False, (), ())
     for columns in _candidates(table, options, known):
         result = _told_by(table, columns, options, known)
-        if result is not None and np.isfinite(result.seconds).sum() >= 0.5 * len(result.seconds):
+        known_s = np.empty(0) if result is None else result.seconds[np.isfinite(result.seconds)]
+        # a clock that was never set stands still
+        if result is not None and len(known_s) >= 0.5 * len(table) and (len(table) < 3 or np.ptp(known_s) > 0.0):
             return replace(result, guessed=("column", *result.guessed))
     column, how = _unnamed_clock(table)
     found = None if column is None else _told_by(table, [column], options, known)
@@ -160,7 +162,7 @@ def _parts(columns: Sequence[Column]) -> dict[int, Column]:
 def _unit_of(column: Column) -> str | None:
     """The unit of time that a column is in, by its own words; the heading may be nothing but the unit."""
     name, unit = name_and_unit(column.header, time=True)
-    return time_unit(column.unit) or time_unit(unit) or (time_unit(name) if time_part(name) is not None else None)
+    return time_unit(column.unit) or time_unit(unit) or (time_unit(name) if len(name) > 3 else None)
 
 
 def _kind(column: Column, read: Stamps | None) -> str:

@@ -16,7 +16,7 @@ from selector.readers.machine_file import ChannelSection, Machine
 from selector.readers.roles.names import closest, found_header, known_unit, name_and_unit, role_guess, role_of_numbers
 from selector.readers.runs import TimedRun
 from selector.readers.tables import Column, Overrides, listed
-from selector.units import CANONICAL_UNITS, ROLES, same_dimension, to_canonical, unit_for_role
+from selector.units import ROLES, same_dimension, to_canonical, unit_for_role
 
 #: Who was believed: the header of the run, the machine file, an option; or each header, where nothing is declared.
 Ruling = Literal["header", "declared", "option", "each"]
@@ -150,6 +150,7 @@ class Planned:
     xyz_m: tuple[float, float, float] | None
     guessed: tuple[str, ...]  #: Which of "role", "unit", "axis", "place" were guessed
     dispute: Dispute | None = None  #: Where headers and machine file, or the headers of the runs, name different units
+    doubt: str | None = None  #: What else it could be, in words, where the guess of its role is uncertain
     #: Run → stretches [s from its start] that count as missing
     left_out: dict[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
@@ -200,8 +201,21 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
     alike: dict[tuple[object, ...], list[Dispute]] = {}
     for one in (channel.dispute for channel in result.channels if channel.dispute is not None):
         alike.setdefault((one.ruling, one.printed, one.declared), []).append(one)
-    missing = _missing_in_runs(result.channels, runs)
+    missing = (*_doubted(result.channels), *_missing_in_runs(result.channels, runs))
     return replace(result, findings=(*result.findings, *missing, *map(_unit_finding, alike.values())))
+
+
+def _doubted(channels: Sequence[Planned]) -> Iterator[Finding]:
+    """One finding for all channels whose role is uncertain for one reason."""
+    alike: dict[tuple[str, str, str], list[str]] = {}
+    for one in channels:
+        if one.doubt is not None:
+            alike.setdefault((one.role, next(iter(one.units.values())), one.doubt), []).append(one.name)
+    for (role, unit, doubt), names in alike.items():
+        what = f"Channel {names[0]!r} was" if len(names) == 1 else f"Channels {listed(names, 12)} were"
+        told = f"{what} taken for {role} in {unit}, but this is uncertain: {doubt}."
+        where = Where(channel=names[0] if len(names) == 1 else None)
+        yield FINDINGS.finding("ambiguous-role", told, where, {"role": role, "unit": unit, "channels": names})
 
 
 def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) -> Plan:
@@ -279,14 +293,6 @@ def _inferred(runs: Sequence[TimedRun], overrides: Overrides) -> Plan:
         channels.append(planned)
     if not channels:
         channels = [_by_numbers(name, headers, runs, overrides, findings) for name, headers in names.items()]
-        roles = {
-            role: [one.name for one in channels if one.role == role]
-            for role in dict.fromkeys(one.role for one in channels)
-        }
-        told = "; ".join(f"{listed(of, 8)} for {role} in {CANONICAL_UNITS[role]}" for role, of in roles.items())
-        told = f"Nothing but their numbers tells what the columns are; they were taken so: {told}."
-        advice = "say what they are in a machine file: column, role and unit of each channel"
-        findings += [FINDINGS.finding("ambiguous-role", told, Where(), {"roles": roles}, advice)] if channels else []
         undeclared = {}
     texts = list(dict.fromkeys(text for run in runs for text in run.texts))
     findings += _of_columns(texts, list(auxiliary), [c for c in channels if c.guessed], list(undeclared))
@@ -321,7 +327,7 @@ def _by_numbers(
     first = next(run for run in runs if run.name in headers)
     section = ChannelSection(role=role_of_numbers(first.by_header[headers[first.name]].values))
     planned = _planned(name, section, headers, runs, overrides, findings, strict=False)
-    return replace(planned, guessed=("role", *planned.guessed))
+    return replace(planned, guessed=("role", *planned.guessed), doubt="nothing but its numbers says so")
 
 
 class _NoRoleError(InputError):
@@ -352,11 +358,6 @@ def _planned(
     if guess.role is None:
         raise _NoRoleError("no role", expected="a role", where=name, advice="name the role in the machine file")
     findings += told if asked_unit is None else ()  # of a unit that is said nothing needs to be known from the file
-    if guess.doubt is not None:
-        doubt = f"Channel {name!r} was taken for {guess.role} in {guess.unit}, but this is uncertain: {guess.doubt}."
-        evidence = {"role": guess.role, "unit": guess.unit}
-        advice = "say what it is in a machine file: role and unit of this channel"
-        findings.append(FINDINGS.finding("ambiguous-role", doubt, Where(channel=name), evidence, advice))
     units: dict[str, str] = {}
     dispute = None
     unit_guessed = False
@@ -391,7 +392,7 @@ def _planned(
         assumed = f"Neither the machine file nor the files say the unit of channel {name!r}; {guess.unit} is assumed."
         findings.append(FINDINGS.finding("unit-guessed", assumed, Where(channel=name), {"unit": guess.unit}))
     place = section.place or first.description
-    return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute)
+    return Planned(name, guess.role, headers, units, place, axis, section.xyz, tuple(guessed), dispute, guess.doubt)
 
 
 def _unit_in_file(column: Column, findings: list[Finding], run: str) -> str | None:
