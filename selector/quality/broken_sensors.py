@@ -200,6 +200,7 @@ _SURE = 28.0
 _PER_TRY = 4.0  #: What each further stretch that is counted at a rail must add to the evidence on its own.
 #: Noise over resolution; a trend without noise looks like at most 0.62 in the second differences.
 _ABOVE_ROUNDING = 0.75
+_OFTEN = 0.2  #: Share of equal neighbours from which on a channel is taken to stand on a grid.
 _LEAST = 10  #: Samples that must agree at least.
 
 
@@ -276,9 +277,12 @@ def _frozen_in(
         return
     pure = np.sqrt(noise**2 - quantum**2 / 12.0)
     surprise = -np.log(float(erf(max(quantum, 1e-3 * pure) / (2.0 * np.sqrt(2.0) * pure))))
-    # means of readings on a grid are off it, and stand still as often as these readings do
     elsewhere = length[~aside & ~np.isin(still.value, extremes)]
-    surprise = min(surprise, -np.log(max(float(np.sum(elsewhere - 1)) / max(float(np.sum(elsewhere)), 1.0), 1e-300)))
+    equal = float(np.sum(elsewhere - 1)) / max(float(np.sum(elsewhere)), 1.0)
+    # means of readings on a grid are off it, and stand still as lawfully as these readings do
+    if equal > _OFTEN and noise < _ABOVE_ROUNDING * float(np.quantile(np.abs(np.diff(still.value)), 0.1)):
+        return
+    surprise = min(surprise, -np.log(max(equal, 1e-300)))
     evidence = (still.length - 1) * surprise
     channel, time = series.channel, series.time_s
     railed = np.zeros(still.first.size, dtype=np.bool_)

@@ -91,9 +91,8 @@ def _continued(parts: Sequence[tuple[TimedRun, float]]) -> list[tuple[TimedRun, 
             (first, begins_s), (other, later_s) = sorted((known, part), key=lambda one: one[1])
             if first.by_header.keys() == other.by_header.keys() and begins_s + first.time_s[-1] < later_s:
                 time_s = np.r_[first.time_s, other.time_s + (later_s - begins_s)]
-                columns = [
-                    replace(of, values=np.r_[of.values, other.by_header[of.header].values]) for of in first.columns
-                ]
+                rest = other.by_header
+                columns = [replace(of, values=np.r_[of.values, rest[of.header].values]) for of in first.columns]
                 found[k] = replace(first, time_s=time_s, columns=tuple(columns)), begins_s
                 break
         else:

@@ -184,11 +184,7 @@ def _rises(column: Column, share: float = 0.9) -> bool:
 
 
 def _unnamed_clock(table: Table) -> tuple[Column | None, str]:
-    """A column without a telling name that can only be a clock, and why.
-
-    One that rises where only moments since a known date are, as seconds since 1970; else the first, if it rises
-    steadily.
-    """
+    """A column without a telling name that can only be a clock, as seconds since 1970 are, and why."""
     numbers = [one for one in table.columns if one.kind == "number" and len(table) > 1]
     for column in numbers:
         if np.nanmin(column.values, initial=np.inf) >= _EARLIEST_EPOCH and _rises(column) and _says_nothing(column):
