@@ -190,8 +190,11 @@ def _tested(state: _State) -> _State:
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = beside_discrepancy(comparison, found)
-    found = not_ruinous(comparison, _worth_naming(comparison, as_unseen_rows_have_it(found)))
+    worth = _worth_naming(comparison, as_unseen_rows_have_it(found))
+    found = not_ruinous(comparison, worth)
+    lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
     found, also = of_practical_size(comparison, found)
+    also = (*also, *seen_only(map(_doubted, lost)))
     return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
 
 
@@ -324,7 +327,9 @@ def _named_clearly(state: _State) -> _State:
     )
     if not doubts or any(_stands(effect, state.search, doubts) for effect in state.effects):
         return state
-    return replace(state, effects=tuple(effect for effect in state.effects if effect.id == "data.stuck"))
+    stuck = tuple(effect for effect in state.effects if effect.id == "data.stuck")
+    rest = seen_only(effect for effect in state.effects if effect not in stuck)
+    return replace(state, effects=stuck, also=(*state.also, *rest))
 
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:

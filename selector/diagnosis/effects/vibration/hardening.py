@@ -1,6 +1,6 @@
-"""`vibration.hardening`: stiffness that grows with amplitude."""
+"""`vibration.hardening`: stiffness that grows with amplitude, or falls."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -31,8 +31,7 @@ from selector.types import Vector
 
 #: Stiffness that the cube adds at the swing of the simulation, over the linear one.
 _STRENGTHS = np.geomspace(0.01, 30.0, 8)
-_FREE = (0.0, np.inf)
-_ANY = (-np.inf, np.inf)
+_ALIKE = 0.1  #: Of the movement: by how much a recorded and a simulated motion may differ and be alike.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -40,7 +39,7 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     if swept is not None:
         simulated = comparison.simulated_course(response)
         shift = -slope(comparison, response, swept) * (simulated / float(np.abs(simulated).max())) ** 2
-        yield Variant(shift[:, None], ("resonances raised by the square of the amplitude",), bounds=(_FREE,))
+        yield Variant(shift[:, None], ("resonances raised by the square of the amplitude",))
         return
     remainder = Remainder(comparison, response)
     for member, path, onward in joints(comparison, response):
@@ -63,6 +62,7 @@ def _at_joint(
         return course if onward is None else onward.passed(comparison, course)
 
     square = seen_by_response(path.passed(comparison, -(y**2)))
+    yield from _at_recorded_swing(comparison, member, path, seen_by_response)
     for linear in ((0.0, 0.0), linear_part(comparison, path, y, cube)):
         part = cube - linear[0] * y - linear[1] * rate(comparison, y)
         weak = seen_by_response(-path.passed(comparison, part))
@@ -71,18 +71,43 @@ def _at_joint(
             yield _variant(member, path, weak, square, 0.0, fitted_there=linear[0] != 0.0)
             continue
 
-        def strong(strength: float, linear: tuple[float, float] = linear) -> Vector | None:
-            k = strength / (swing * path.static_gain)
-            moved = fed_back(comparison, path, y, "cubic", k, linear=linear)
-            return None if moved is None else seen_by_response(moved) / k
+        for side in (1.0, -1.0):
 
-        best = remainder.best(strong, _STRENGTHS)
-        for strength in () if best is None else (0.7 * best, best, 1.4 * best):
-            column = strong(strength)
-            if column is not None:
-                yield _variant(member, path, column, None, strength, fitted_there=linear[0] != 0.0)
-                if strength == best:
-                    yield _variant(member, path, column, square, strength, fitted_there=linear[0] != 0.0)
+            def strong(strength: float, side: float = side, linear: tuple[float, float] = linear) -> Vector | None:
+                k = strength / (swing * path.static_gain)
+                moved = fed_back(comparison, path, y, "cubic", side * k, linear=linear)
+                return None if moved is None else seen_by_response(moved) / k
+
+            best = remainder.best(strong, _STRENGTHS)
+            for strength in () if best is None else (0.7 * best, best, 1.4 * best):
+                column = strong(strength)
+                if column is not None:
+                    is_there = linear[0] != 0.0
+                    yield _variant(member, path, side * column, None, strength, fitted_there=is_there)
+                    if strength == best:
+                        yield _variant(member, path, side * column, square, strength, fitted_there=is_there)
+
+
+def _at_recorded_swing(
+    comparison: Comparison, member: str, path: LinearResponse, seen_by_response: Callable[[Vector], Vector]
+) -> Iterator[Variant]:
+    """The cube of the recorded motion of what swings freely, where that is far from the simulated motion.
+
+    What is left between a linear simulation and the record obeys the simulation's own equation, pushed by the force
+    that it lacks where the member was in truth, however strong that force is.
+    """
+    if path.source is not None or path.misfit >= 1.0 or member not in comparison.recorded:
+        return
+    recorded, simulated = comparison.filled(comparison.recorded[member]), comparison.simulated_course(member)
+    fitted = ~comparison.held_out
+    if float(np.std((recorded - simulated)[fitted])) < _ALIKE * float(np.std(simulated[fitted])):
+        return
+    y = displacement_of(comparison, member, recorded - float(np.median(recorded)))
+    cube = restoring(comparison, y, "cubic")
+    for linear in ((0.0, 0.0), linear_part(comparison, path, y, cube)):
+        part = cube - linear[0] * y - linear[1] * rate(comparison, y)
+        column = seen_by_response(-path.passed(comparison, part))
+        yield _variant(member, path, column, None, 0.0, fitted_there=linear[0] != 0.0)
 
 
 def _variant(
@@ -97,9 +122,8 @@ def _variant(
     names = (f"cubic restoring force on {member}{words}", f"quadratic restoring force on {member}")[: columns.shape[1]]
     shape = {"static_gain": Quantity(path.static_gain, "1"), "strength": Quantity(strength, "1")}
     sources = (member,) if path.source is None else (member, path.source)
-    looked_at = float(len(_STRENGTHS)) if strength > 0.0 else 1.0
-    bounds = (_FREE, _ANY)[: columns.shape[1]]
-    return Variant(columns, names, shape, sources=sources, bounds=bounds, looked_at=looked_at)
+    looked_at = 2.0 * len(_STRENGTHS) if strength > 0.0 else 1.0
+    return Variant(columns, names, shape, sources=sources, looked_at=looked_at)
 
 
 def _testable(comparison: Comparison, response: str) -> str | None:
@@ -110,7 +134,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     gain, sources = fitted.variant.shape.get("static_gain"), fitted.variant.sources
     moves = f"moves {fitted.response} by up to {fitted.up_to}"
     if gain is None or not sources or sources[0] not in comparison.recorded:
-        return Reading(f"stiffness grows with amplitude, which {moves}", fitted.size)
+        grows = "grows" if fitted.coefficients[0] > 0.0 else "falls"
+        return Reading(f"stiffness {grows} with amplitude, which {moves}", fitted.size)
     member = sources[0]
     recorded = comparison.filled(comparison.recorded[member])
     top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
@@ -122,8 +147,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     if len(sources) > 1 and sources[1] in comparison.recorded:
         unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
         parameters["cubic_stiffness"] = replace(cubic, unit=unit)
+    grows, above = ("grows", "above") if stiffening.value > 0.0 else ("falls", "below")
     text = (
-        f"stiffness at {member} grows with amplitude, at the largest swing {stiffening.value:.3g} % above "
+        f"stiffness at {member} {grows} with amplitude, at the largest swing {abs(stiffening.value):.3g} % {above} "
         "that at rest; this "
     )
     return Reading(text + moves, parameters)
@@ -132,8 +158,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 EFFECT = Effect(
     **words_of("vibration.hardening"),
     parameters=(
-        ShapeParameter("stiffening", "percent", 0.0, 1e4, "stiffness at the largest swing above that at rest"),
-        ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", 0.0, 1e300, "k₃ in k₃·y³"),
+        ShapeParameter("stiffening", "percent", -1e4, 1e4, "stiffness at the largest swing above that at rest"),
+        ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", -1e300, 1e300, "k₃ in k₃·y³"),
         LARGEST,
     ),
     variants=_variants,
