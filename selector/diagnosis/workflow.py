@@ -11,12 +11,21 @@ from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Pla
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
-from selector.diagnosis.evidence.confirmation import as_unseen_rows_have_it, confirmation, held_out_faults, not_ruinous
+from selector.diagnosis.evidence.confirmation import (
+    as_unseen_rows_have_it,
+    confirmation,
+    fades,
+    held_out_faults,
+    left_unseen,
+    not_ruinous,
+    only_cancels,
+)
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
 from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, without_frozen
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
+    as_carried,
     input_fault_effect,
     is_far_above_noise,
     is_recalibrated,
@@ -30,15 +39,7 @@ from selector.diagnosis.evidence.naming import (
 )
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
-from selector.diagnosis.evidence.search import (
-    MOST_OF_IT,
-    TENTH,
-    Search,
-    is_slow_in_one_run,
-    numbers,
-    search,
-    unseen_rms,
-)
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
@@ -59,7 +60,7 @@ _SUSPECTED = 0.5  #: What is left of a confidence that another programme does no
 #: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 #: missing if structure is left beside them.
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
-#: Confidence below which a name is a guess, but for what explains as much: transfer may have chosen it.
+#: Confidence below which a name is a guess, but for what explains as much and is carried: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
 _MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
@@ -271,9 +272,6 @@ def _looked_at_what_is_left(state: _State) -> _State:
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
         structures = [*map(partial(_as_structure, comparison), state.switches.values()), *structures]
-    if not found.named and not late:
-        unlike = (bench for bench in found.benches.values() if contradicted(bench, state.again[bench.response]))
-        structures += [_as_unlike(comparison, bench) for bench in unlike]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
 
 
@@ -294,7 +292,7 @@ def _named(state: _State) -> _State:
     """What the rows that were not fitted bear out, and faults that stand in them alone."""
     confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
     largest = max((effect.share for effect in confirmed), default=0.0)
-    kept = [effect for effect in confirmed if _is_sure(effect, state.search, largest)]
+    kept = [as_carried(effect, state.search) for effect in confirmed if _is_sure(effect, state.search, largest)]
     if len(kept) >= _MANY:
         kept = [replace(effect, confidence=min(effect.confidence, _SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}
@@ -307,9 +305,12 @@ def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
 
     That is what unseen rows lose by beside a name that is none, and next to nothing beside much that is left.
     """
-    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and _is_lost(effect, found)
+    is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0
     is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
-    return (effect.confidence >= _LEAST_SURE or effect.share >= _QUARTER) and not is_trifle
+    gap = found.closed.get(effect.id)
+    is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)
+    is_none = is_trifle or fades(effect, found) or only_cancels(effect, found)
+    return (effect.confidence >= _LEAST_SURE or is_carried) and not is_none
 
 
 def _named_clearly(state: _State) -> _State:
@@ -344,7 +345,7 @@ def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> 
         return False
     if gap is None or gap.high is None:
         # where unseen rows leave no gap to be closed they have to be no worse
-        return is_structured(found, effect.channel) and effect.share < TENTH and _is_lost(effect, found)
+        return is_structured(found, effect.channel) and effect.share < TENTH and left_unseen(effect, found) >= 1.0
     return gap.value < _LEAST_CLOSED and gap.high < (_SURELY_LESS if is_doubted else 0.0)
 
 
@@ -392,6 +393,9 @@ def _judged(state: _State) -> _State:
     if len(found.named) < len(state.search.named):
         # beside what is no name after all an offset may have come out anywhere
         state = _recalibrated(replace(state, search=found))
+    if not effects and not state.structures:
+        unlike = (bench for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
+        state = replace(state, structures=[_as_unlike(state.comparison, bench) for bench in unlike])
     gains = any(
         (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()
@@ -523,19 +527,12 @@ def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     A trifle of the mismatch has to make the error itself smaller there: the filter may make much of what is quick.
     """
     effect = named_effect(comparison, found, id_)
-    is_lost = effect.share < _LEAST and _is_lost(effect, found)
+    is_lost = effect.share < _LEAST and left_unseen(effect, found) >= 1.0
     return _doubted(effect) if is_lost or _refuted(comparison, found, id_) else effect
 
 
 def _refuted(comparison: Comparison, found: Search, id_: str) -> bool:
     return confirmation(comparison, found, id_).refutes
-
-
-def _is_lost(effect: NamedEffect, found: Search) -> bool:
-    """Whether unseen rows are no better with an effect."""
-    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
-    without_it = [v for v in of if v != found.named[effect.id][effect.channel]]
-    return unseen_rms(bench, of) >= unseen_rms(bench, without_it)
 
 
 def _doubted(effect: NamedEffect) -> NamedEffect:

@@ -34,7 +34,10 @@ def hills(seed, course, slow):
 
 
 def looked_at(seed, truth, shape, size):
-    """The search before and after, of one effect of this shape, where `truth` and white noise of 1 µm are missing."""
+    """The search before and after, of one effect of this shape, where `truth` and white noise of 1 µm are missing.
+
+    The last of three runs is held out.
+    """
     plain = comparison({"Z": np.random.default_rng(seed).standard_normal(3 * N)})
     recorded = plain.recorded | {"Z": plain.recorded["Z"] + size * truth(*states(plain))}
     asked = replace(plain, recorded=recorded)
@@ -69,6 +72,32 @@ def test_the_true_shape_stands(seed):
     before, after = looked_at(seed, true, true, 0.3)
     assert set(before.named) == set(after.named) == {"thermal.memory"}
     assert not after.doubted
+
+
+def test_a_law_that_carries_to_unseen_rows_is_not_doubted_though_a_misfit_may_look_like_it():
+    """Friction that turns with the state, ten times the noise, beside a misfit of a seventh of it."""
+
+    def law(course, slow):
+        return np.tanh(4.0 * course)
+
+    def true(course, slow):
+        return law(course, slow) + 0.15 * hills(3, course, slow)
+
+    before, after = looked_at(0, true, law, 10.0)
+    assert set(before.named) == set(after.named) == {"thermal.memory"}
+    assert not after.doubted
+
+
+def test_a_law_that_is_no_better_on_unseen_rows_than_a_misfit_is_judged_beside_it():
+    def true(course, slow):
+        return hills(3, course, slow)
+
+    def near(course, slow):
+        other = hills(103, course, slow)
+        return 0.6 * true(course, slow) + 0.8 * (other - np.mean(other * true(course, slow)) * true(course, slow))
+
+    _, after = looked_at(3, true, near, 0.5)
+    assert set(after.named) <= after.doubted
 
 
 def test_waves_are_the_same_each_time_and_of_the_simulated_state_alone():

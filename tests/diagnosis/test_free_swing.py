@@ -29,9 +29,9 @@ def _angle(time: np.ndarray, amplitude: float, w: float, damping: float, sine: b
         angle, speed = state
         return [speed, -w * w * (np.sin(angle) if sine else angle) - 2.0 * damping * w * speed]
 
-    return solve_ivp(
-        rates, (0.0, time[-1]), [amplitude, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=_STEP_S
-    ).y[0]
+    return solve_ivp(rates, (0.0, time[-1]), [amplitude, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=_STEP_S).y[
+        0
+    ]
 
 
 def test_a_pendulum_beside_a_linear_oscillator_is_softer_at_large_amplitude() -> None:

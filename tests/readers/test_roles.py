@@ -122,6 +122,12 @@ def test_a_simulation_may_have_some_of_the_channels_only(reads):
     assert any(f.id == "channels-lacking" and f.evidence["channels"] == ["T1"] for f in reading.findings)
 
 
+def test_a_simulation_without_v_is_not_read_from_its_column_v_in_capitals(reads):
+    channels = "[channels.v]\nrole='velocity'\nunit='m/s'\n[channels.V]\nrole='voltage'\nunit='V'"
+    reading = reads("time_s,V\n0,1.5\n1,2.5\n2,2.0\n", machine=machine_from_text(channels, "m"), partial=True)
+    assert reading.recording.names == ("V",)
+
+
 def test_columns_that_the_machine_file_does_not_name_are_told(reads):
     machine = machine_from_text("[channels.Z]\nrole='displacement'\nunit='um'", "m")
     reading = reads(CONTENT, machine=machine)

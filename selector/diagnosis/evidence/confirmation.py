@@ -8,9 +8,10 @@ import numpy as np
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
+from selector.diagnosis.evidence.gain import recalibration
 from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import bench_of
-from selector.diagnosis.evidence.search import Search, numbers, search, unseen_rms, without
+from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
 
@@ -20,6 +21,8 @@ from selector.types import Vector
 #: the course: there what is left grows by what was taken for the effect.
 _SEEN = 10.0
 _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
+_MUCH = 0.25  #: Share of the mismatch that noise does not make.
+_CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 1.8 times as large.
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
@@ -60,6 +63,36 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
         fitted_energy += float(np.sum(course[bench.fitted]))
         gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
     return Confirmation(gain, energy, fitted_energy)
+
+
+def only_cancels(effect: NamedEffect, found: Search) -> bool:
+    """Whether an effect is far larger than the mismatch: it makes up for a gain or an offset that goes with it."""
+    bench = found.benches[effect.channel]
+    course = effect.courses[effect.channel][bench.fitted]
+    return not effect.id.startswith("data.") and float(np.std(course)) > _CANCELS * rms(bench.target[bench.fitted])
+
+
+def fades(effect: NamedEffect, found: Search) -> bool:
+    """Whether what makes the fitted error much smaller makes the unseen one less than half as much smaller.
+
+    Compared with the unseen error without it, or recalibrated alone. Of most of the mismatch, sizes may differ.
+    """
+    if not _MUCH <= effect.share < MOST_OF_IT:
+        return False
+    bench = found.benches[effect.channel]
+    named = numbers(found.named, effect.channel)
+    without_it = [v for v in named if v != found.named[effect.id][effect.channel]]
+    recalibrated_alone = bench.target - recalibration(bench)
+    held = np.isfinite(recalibrated_alone) & ~bench.fitted
+    before = min(unseen_rms(bench, without_it), rms(recalibrated_alone[held])) if held.any() else np.inf
+    return before - unseen_rms(bench, named) < 0.5 * (1.0 - np.sqrt(1.0 - effect.share)) * before
+
+
+def left_unseen(effect: NamedEffect, found: Search) -> float:
+    """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
+    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
+    without_it = [v for v in of if v != found.named[effect.id][effect.channel]]
+    return (unseen_rms(bench, of) / max(unseen_rms(bench, without_it), 1e-300)) ** 2
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:

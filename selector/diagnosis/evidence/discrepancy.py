@@ -35,6 +35,9 @@ _KEPT_BESIDE = 0.8  #: The same where another name was no more than that.
 #: Logarithm of how much likelier a name makes the record, a misfit beside it, from which it stands whatever share it
 #: keeps, if a response needs no misfit beside it: what is a function of the state, as memory is, keeps little of much.
 _DECISIVE = 20.0
+#: Mean square of unseen rows that a name leaves at most to be no guess, and weights of the prior of a misfit that is
+#: fitted to the others, in parts of its largest singular value's square.
+_CARRIED, _WEIGHTS = 0.75, np.geomspace(1e-6, 1.0, 7)
 #: Size of the likeliest misfit beside a name, in parts of the mismatch, from which something else is wrong, too.
 _LEFT = 0.1
 
@@ -42,7 +45,7 @@ _LEFT = 0.1
 def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
     """The search without names that a misfit of nobody's makes as likely; the least clear first, others in doubt.
 
-    Where more is left than noise that is known already: there names have borne other marks, and are doubted only. In
+    Where more is left than noise that is known already: there physics has borne other marks, and is doubted only. In
     the responses of a name that is gone something is wrong that is no effect: there the others have to keep more.
     """
     responses = list(found.benches)
@@ -60,7 +63,7 @@ def beside_discrepancy(comparison: Comparison, found: Search) -> Search:
         short = {
             id_: share - (_KEPT_BESIDE if found.wrong & set(found.named[id_]) else _KEPT)
             for id_, (share, _) in kept.items()
-            if all(found.misfit[name] == 1.0 for name in found.named[id_])
+            if id_.startswith("data.") or all(found.misfit[name] == 1.0 for name in found.named[id_])
         }
         if min(short.values(), default=0.0) >= 0.0:
             doubted = {id_ for id_, (share, size) in kept.items() if share < _KEPT or size >= _LEFT}
@@ -93,11 +96,17 @@ def _states(comparison: Comparison, response: str, memories: Sequence[float]) ->
 def _kept(found: Search, id_: str, waves: dict[str, Matrix]) -> tuple[float, float]:
     """Share of a name's evidence that is left with a misfit beside it, and how large that is where it is smallest.
 
-    What explains most of a mismatch is no guess among shapes of the noise's size: it keeps all. So does what is
-    decisive with a misfit beside it, where none is known.
+    What explains much of unseen rows, too, and no less than a misfit that is fitted to the others, is no guess among
+    shapes of the noise's size: it keeps all. So does a fault that explains most of the mismatch, and what is decisive
+    beside a misfit, where none is known.
     """
     others = without(found.named, id_)
-    if any(_share(found, others, id_, name) >= MOST_OF_IT for name in found.named[id_]):
+    of = found.named[id_]
+    if id_.startswith("data."):
+        is_sure = any(_share(found, others, id_, name) >= MOST_OF_IT for name in of)
+    else:
+        is_sure = all(_is_carried(found.benches[name], numbers(others, name), v, waves[name]) for name, v in of.items())
+    if is_sure:
         return 1.0, 0.0
     told = np.array(
         [
@@ -118,6 +127,21 @@ def _share(found: Search, others: Named, id_: str, response: str) -> float:
     bench, of = found.benches[response], numbers(others, response)
     fall = bench.mean_square(of) - bench.mean_square([*of, found.named[id_][response]])
     return fall / bench.mean_square([])
+
+
+def _is_carried(bench: Bench, others: Sequence[int], v: int, waves: Matrix) -> bool:
+    """Whether a name explains a quarter of unseen rows, and as much as a misfit of the size that is best there."""
+    left, fitted = bench.residual(others), bench.fitted
+    held = np.isfinite(left) & ~fitted
+    if not held.any():
+        return False
+    before, after = (float(np.mean(one[held] ** 2)) for one in (left, bench.residual([*others, v])))
+    if after > _CARRIED * before:
+        return False
+    own, values, directions = np.linalg.svd(waves[fitted], full_matrices=False)
+    along, unseen = own.T @ left[fitted], waves[held] @ directions.T
+    misfits = (unseen @ (along * values / (values**2 + weight)) for weight in _WEIGHTS * values[0] ** 2)
+    return after <= min(float(np.mean((left[held] - misfit) ** 2)) for misfit in misfits)
 
 
 def _evidence(bench: Bench, others: Sequence[int], own: NDArray[np.intp], waves: Matrix) -> tuple[float, float, float]:

@@ -28,7 +28,7 @@ def fit_of(
     the improved model is the simulation as it was.
     """
     simulated, target = comparison.simulated[bench.response], bench.target
-    recalibrated = _recalibration(bench)
+    recalibrated = recalibration(bench)
     explained = bench.explained(named) if named or recalibrate else np.zeros(len(target))
     held = np.isfinite(target) & comparison.held_out
     before, middle, after = target, target - recalibrated, target - explained
@@ -54,7 +54,7 @@ def gap_closed(
     None where the way is short, as noise may differ by as much from one run to another, or too few rows are unseen.
     """
     held = np.isfinite(bench.target) & comparison.held_out
-    middle, after = bench.target - _recalibration(bench), bench.target - bench.explained(named)
+    middle, after = bench.target - recalibration(bench), bench.target - bench.explained(named)
     floor = _unseen_floor(comparison, bench, named, after[held], is_noise=is_noise)
     return _gap(bench, middle, after, floor, held, seed) if rms(middle[held]) > _FAR * floor else None
 
@@ -64,7 +64,7 @@ def _unseen_floor(comparison: Comparison, bench: Bench, named: Sequence[int], le
     return float(np.nanmin([noise_floor(comparison, bench, named, is_noise=is_noise), rms(left)]))
 
 
-def _recalibration(bench: Bench) -> Vector:
+def recalibration(bench: Bench) -> Vector:
     """What offset, gain and delay alone explain, by plain least squares [unit], all rows."""
     plain = bench.nuisance[:, : bench.n_plain]
     return np.asarray(plain @ least_squares(plain[bench.fitted], bench.target[bench.fitted]))

@@ -67,16 +67,22 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
 #: Times that an unseen error grows by recalibration, and is as large as the fitted one, where runs contradict each
 #: other; how sure the recalibration of the fitted ones has to be.
 _UNLIKE, _SURELY_OTHER = 3.0, 1e-6
+_FAR = 5.0  #: Times what is left of the fitted rows: what unseen rows are off by that is no noise.
 
 
 def contradicted(bench: Bench, again: Recalibrated) -> bool:
-    """Whether the fitted runs ask for another calibration than the unseen ones, which were better without it."""
+    """Whether unseen rows are far more off than fitted ones, as they are and as these would calibrate them.
+
+    Or whether those that were right are far off once they are calibrated.
+    """
     left = bench.residual([])
     held = np.isfinite(left) & ~bench.fitted
-    if not held.any() or again.p_value >= _SURELY_OTHER:
+    if not held.any():
         return False
     after, before, fitted = rms(left[held]), rms(bench.target[held]), rms(left[bench.fitted])
-    return after > _UNLIKE * max(before, fitted)
+    return min(after, before) > _FAR * fitted or (
+        again.p_value < _SURELY_OTHER and after > _UNLIKE * max(before, fitted)
+    )
 
 
 _FORCES = ("force", "current", "voltage")

@@ -517,16 +517,17 @@ def is_slow_in_one_run(bench: Bench, v: int) -> bool:
 def _unseen_share(benches: Benches, others: Named, of: Mapping[str, int], rival: Mapping[str, int]) -> float:
     """How far a rival makes unseen errors fall, in parts of what an effect does: in the response that it does worst.
 
-    Counted are the responses that the effect makes better by a tenth or more.
+    Counted are the responses that the effect makes better by a tenth or more; of one that makes none better, all, in
+    parts of a tenth.
     """
-    shares = [0.0] if not rival else []
+    falls = []
     for name, v in of.items():
         base = numbers(others, name)
         without_it, own = unseen_rms(benches[name], base), unseen_rms(benches[name], [*base, v])
-        if without_it - own > TENTH * without_it:
-            left = unseen_rms(benches[name], [*base, rival[name]]) if name in rival else without_it
-            shares.append((without_it - left) / (without_it - own))
-    return min(shares, default=0.0)
+        left = unseen_rms(benches[name], [*base, rival[name]]) if name in rival else without_it
+        falls.append((without_it - left, without_it - own, TENTH * without_it))
+    counted = [(other, own) for other, own, least in falls if own > least]
+    return min(other / own for other, own in counted or [(other, least) for other, _, least in falls])
 
 
 def unseen_rms(bench: Bench, named: Sequence[int]) -> float:

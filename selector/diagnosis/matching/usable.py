@@ -158,7 +158,8 @@ def without_useless(comparison: Comparison, *, asked: bool) -> Comparison:
             expected=f"a channel that moves and has at least {LEAST_SAMPLES} samples with a simulated value outside "
             "the part that is held out",
             where="recording and simulation",
-            advice="give longer or more runs, or check the time columns and what the columns hold",
+            advice="give longer or more runs, or check the time columns and what the columns hold; join readings that "
+            "come in bursts by --mean-s, e.g. --mean-s 60",
         )
     findings += [
         FINDINGS.finding(

@@ -223,11 +223,13 @@ def _declared(runs: Sequence[TimedRun], machine: Machine, overrides: Overrides) 
     channels: list[Planned] = []
     lacking: list[str] = []
     used: dict[str, set[str]] = {run.name: set() for run in runs}
+    # V is no other way to write v where both are channels
+    exactly = {section.column or name for name, section in machine.channels.items()}
     for name, section in machine.channels.items():
         wanted = section.column or name
         headers: dict[str, str] = {}
         for run in runs:
-            own = [c.header for c in run.columns]
+            own = [c.header for c in run.columns if c.header == wanted or c.header not in exactly]
             position = found_header(own, wanted)
             if position is not None and own[position] not in used[run.name]:
                 headers[run.name] = own[position]

@@ -12,7 +12,14 @@ from selector.recording import Channel
 
 Courses = Mapping[str, np.ndarray]
 _UNITS = {"displacement": "um", "force": "N", "spindle_speed": "rpm", "feed_rate": "mm/min", "state": "1", "size": "um"}
-_UNITS |= {"voltage": "V", "position": "m", "flow": "m^3/s", "acceleration": "m/s^2", "amplitude": "um", "frequency": "Hz"}
+_UNITS |= {
+    "voltage": "V",
+    "position": "m",
+    "flow": "m^3/s",
+    "acceleration": "m/s^2",
+    "amplitude": "um",
+    "frequency": "Hz",
+}
 
 
 def comparison_of(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back
+from selector.diagnosis.effects.drive.coulomb import EFFECT as COULOMB
 from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
 from selector.diagnosis.effects.drive.saturation import EFFECT as SATURATION
 from selector.diagnosis.shapes.axis import motion
@@ -197,3 +198,26 @@ def test_a_pitch_error_may_be_counted_from_where_each_run_began():
             left[kind] = min(left.get(kind, np.inf), float(np.std(rest) / np.std(error)))
     assert left[True] < 0.25
     assert left[False] > 0.3
+
+
+def test_a_grating_of_a_quarter_millimetre_is_a_pitch_error():
+    way = 0.01 * np.linspace(0.0, 1.0, 4000)
+    error = 8.0 * np.sin(2.0 * np.pi * way / 0.00025) + np.random.default_rng(0).standard_normal(len(way))
+    channels = (Channel("r", "position_command", "m"), Channel("E", "displacement", "um"))
+    comparison = comparison_with(channels, {"r": way, "E": error}, E=1e3 * way)
+    leads = {
+        variant.shape["lead_mm"].value
+        for variant in PITCH_ERROR.variants(comparison, "E")
+        if "lead_mm" in variant.shape
+    }
+    # peaks of the spectrum lie on a grid of a 43rd of a turn
+    assert min(abs(lead / 0.25 - 1.0) for lead in leads) < 0.01
+
+
+def test_friction_may_turn_with_the_speed_where_a_force_is_compared():
+    friction = np.tanh(SPEED / (0.06 * np.abs(SPEED).max()))
+    channels = (Channel("v", "velocity", "m/s"), Channel("F", "force", "N"))
+    comparison = comparison_with(channels, {"v": SPEED, "F": SPEED + friction}, F=SPEED)
+    columns = [variant.columns[:, 0] for variant in COULOMB.variants(comparison, "F")]
+    # the speed is told by the recorded one, smoothed
+    assert max(float(np.corrcoef(column, friction)[0, 1]) for column in columns) > 0.999

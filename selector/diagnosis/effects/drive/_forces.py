@@ -131,7 +131,7 @@ def waved(fitted: Fitted) -> Quantity:
     return Quantity(amount, fitted.unit, max(amount - 1.96 * error, 0.0), amount + 1.96 * error)
 
 
-SHORTEST_M = 5e-4
+SHORTEST_M = 5e-5
 FEWEST_TURNS = 3.0
 N_PEAKS = 6
 N_LONG = 3  #: Of leads with few turns on the way: they stand beside what is slow, not beside noise.

@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, reverses
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.shapes.axis import FORCE_ROLES
 
 _PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
+_TURNED_BY = (0.02, 0.06, 0.15)  #: Parts of the top speed at which friction has turned over, where the speed tells.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -15,10 +19,19 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
         friction = moving.friction_state(1e-6 * presliding_um)
         shape = {"presliding_um": Quantity(presliding_um, "um")}
         yield from of_forces(comparison, response, {"friction by sign of motion": friction}, shape)
+    if comparison.channel(response).role not in FORCE_ROLES:
+        return
+    top = float(np.abs(moving.velocity_m_per_s).max())
+    for part in _TURNED_BY:
+        # a current that was filtered, or a speed of coarse samples, turns with the speed and not with the way
+        friction = np.tanh(moving.velocity_m_per_s / (part * top))
+        yield from of_forces(
+            comparison, response, {f"friction by sign of motion, beyond {1e3 * part * top:.2g} mm/s": friction}
+        )
 
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
-    presliding = fitted.parameter("presliding_um")
+    shape = {name: fitted.parameter(name) for name in fitted.variant.shape if name == "presliding_um"}
     key = force_key(fitted, comparison)
     if key:
         force = fitted.coefficient()
@@ -26,12 +39,12 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         return Reading(
             f"Dry friction of {force.words(amount=True)} by sign of motion{turned}, whatever the speed, acts on the "
             f"axis and is not in the simulation ({fitted.size_words}).",
-            {key: force, "presliding_um": presliding},
+            {key: force} | shape,
         )
     return Reading(
         f"At each reversal a force that turns with the sense of motion, whatever the speed, pushes the axis aside: "
         f"{fitted.size_words}.",
-        fitted.size | {"presliding_um": presliding},
+        fitted.size | shape,
     )
 
 
