@@ -19,6 +19,7 @@ from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.targets import TARGETS, Target
 from selector.errors import NotExecutableError, OptionError
 from selector.findings import Finding
+from selector.quality.finding_table import GAUGE_BEGINS_LATE
 from selector.readers import Overrides, Reading, read
 from selector.telling.account import Account
 from selector.telling.commissioning import commissioning_account
@@ -229,7 +230,7 @@ def _replayed(
     model: ModelFile, target: Target, files: Mapping[str, str], reading: Reading, progress: Progress | None
 ) -> tuple[Replay | None, tuple[Finding, ...]]:
     recording, quality = without_displacement_faults(model, reading.recording)
-    left_out = [finding for finding in quality if finding.action != "none"]
+    left_out = [one for one in quality if one.action != "none" or one.id == GAUGE_BEGINS_LATE]
     total, done = len(recording.runs), iter(range(len(recording.runs)))
     say = None if progress is None else lambda what: progress(next(done, total), total, what)
     try:

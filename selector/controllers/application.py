@@ -19,12 +19,11 @@ from selector.controllers.model_file import Input, ModelFile, Output
 from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
-from selector.models.design import Datum, datum_of
+from selector.models.design import datum_of
 from selector.models.run_before import Before, begun, chain_before, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.survey import duration
 from selector.recording import SENSOR_ROLES, Recording, RunSource, thinned
-from selector.selection.survey import without_start
 from selector.types import Array, Mask
 
 SLIGHT_SHARE = 0.01
@@ -145,13 +144,12 @@ def displacement_starts(model: ModelFile, recording: Recording) -> dict[str, dic
     As in a selection, so that a model is compared with what it was fitted to: 0 where the gauge was zeroed, else the
     start of a curve through the first samples (`gauge_start`); the first sample would leave its noise in the whole run.
     """
-    levels = _of_displacements(model, recording).levels
-    return {run: {name: 0.0 if math.isnan(um) else um for name, um in found.items()} for run, found in levels.items()}
+    levels = datum_of(recording, (), _rises(model, recording), "rise").levels
+    return {run: dict(found) for run, found in levels.items()}
 
 
-def _of_displacements(model: ModelFile, recording: Recording) -> Datum:
-    rises = [output.name for output in model.outputs if output.reference == "rise" and output.name in recording.names]
-    return datum_of(recording, (), rises, "rise")
+def _rises(model: ModelFile, recording: Recording) -> list[str]:
+    return [output.name for output in model.outputs if output.reference == "rise" and output.name in recording.names]
 
 
 def sensor_starts(model: ModelFile, recording: Recording) -> dict[str, dict[str, float]]:
@@ -177,16 +175,8 @@ def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple
     used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
     found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
     kept = without_faults(recording, found)
-    rises = [output.name for output in model.outputs if output.reference == "rise" and output.name in kept.names]
-    source = begun(kept, rises)
-    kept, late = without_unknown_zeros(model, kept if source is kept else thinned(source, 1))
-    return kept, (*found, *late)
-
-
-def without_unknown_zeros(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
-    """The recording without displacements of which nobody knows what they count from in a run, and what is told."""
-    late = tuple(without_start(recording, _of_displacements(model, recording)))
-    return without_faults(recording, late), late
+    source = begun(kept, _rises(model, kept))
+    return kept if source is kept else thinned(source, 1), found
 
 
 def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:

@@ -4,7 +4,7 @@ import json
 import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm, t
 
 from selector.atomic_file import write_whole
-from selector.controllers.application import Accuracy, without_unknown_zeros
+from selector.controllers.application import Accuracy
 from selector.controllers.model_file import read_model
 from selector.errors import InputError, ResultError
 from selector.fleet.fleet_file import Fleet
@@ -219,9 +219,7 @@ def _watched(study: Study, answer: Answer, place: Path) -> WatchedMachine:
         later = by_age(whole, seen).later
         if not later:
             return nothing
-        # earlier runs tell whether gauges are zeroed before a run
-        known, _ = without_unknown_zeros(model, whole.recording)
-        reading = part_of(replace(whole, recording=known), later.values())
+        reading = part_of(whole, later.values())
         application, _ = applied(model, reading)
     runs = runs_by_age(reading.recording)
     proved = json.loads((place / "selection.json").read_text(encoding="utf-8"))["models"]
@@ -290,5 +288,5 @@ def _mean(values: Sequence[float], weights: Sequence[int]) -> float | None:
 
 def _not_judged(responses: Mapping[str, Watched]) -> str:
     if not any(one.runs for one in responses.values()):
-        return "no displacement in the new recordings that could be compared: record it in some runs, from their start"
+        return "no displacement in the new recordings that could be compared: record it now and then, or probe"
     return f"the model was proved on fewer than {FEWEST_KNOWN} runs: what its errors usually are is not known"

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from selector.errors import OptionError
 from selector.models.run_before import Before, chain_before
-from selector.quality.completeness import START_SAMPLES
+from selector.quality.completeness import is_late
 from selector.recording import RunSource
 from selector.types import Array, Indices, Mask
 
@@ -289,7 +289,6 @@ def time_constant_grid(period_s: float, duration_s: float, n: int = 9) -> Array:
     return np.geomspace(low, high, n)
 
 
-START_S = 900.0
 NOISE_SAMPLES = 30
 #: Largest next power, in its standard errors. At 1 a bend hides behind the noise and the start is off by more than one
 #: sample's noise; much below, too few samples are used (0.6 of a sample's noise on warming and cooling runs at 0.7).
@@ -377,8 +376,7 @@ def _start_fits(time: tuple[float, ...]) -> tuple[tuple[_StartFit, ...], Array]:
 def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[str, tuple[float, float]]]:
     """`start_reading` of every channel in every run: {run: {channel: (level, standard error)}}.
 
-    A channel whose first reading comes later than `START_SAMPLES` samples or `START_S` (three samples, if that is
-    longer) into the run has no start: (NaN, NaN).
+    A channel whose first reading comes late (`is_late`) has no start: (NaN, NaN).
     """
     wanted = tuple(dict.fromkeys(names))
     starts: dict[str, dict[str, tuple[float, float]]] = {}
@@ -394,9 +392,9 @@ def start_readings(source: RunSource, names: Sequence[str]) -> dict[str, dict[st
             starts[run] = dict.fromkeys(wanted, (np.nan, np.nan))
             continue
         time, head = np.concatenate(times), np.concatenate(parts)
-        n = min(START_SAMPLES, max(3, int(np.searchsorted(time - time[0], START_S, side="right"))))
+        at_start = ~is_late(np.arange(len(time)), time - time[0])
         starts[run] = {
-            name: start_reading(time, head[:, j]) if np.isfinite(head[:n, j]).any() else (np.nan, np.nan)
+            name: start_reading(time, head[:, j]) if np.isfinite(head[at_start, j]).any() else (np.nan, np.nan)
             for j, name in enumerate(wanted)
         }
     return starts
@@ -432,7 +430,6 @@ class Datum:
     reference: Reference
     levels: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     follows: Mapping[str, Before] = field(default_factory=dict)  #: What `runs_before` knows: memory goes on from there
-    late: tuple[tuple[str, str], ...] = ()  #: Run and displacement without a reading at its start
 
     def level(self, run: str, channel: str) -> float:
         """The level of one channel in one run: 0 if it has no datum, NaN if it needs one and its start is missing."""
@@ -443,8 +440,8 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
     """The datum of every run.
 
     Temperatures count from the start of the run; one that has no reading there has no rise in that run. A displacement
-    counts from the start too, unless its gauge was zeroed already (`gauge_start`). Where that is not so in other runs,
-    one that has no reading at the start has no datum in that run. A speed is never a rise.
+    counts from the start too, unless its gauge was zeroed already (`gauge_start`); `begun` has taken the start of the
+    run to where it reads something. A speed is never a rise.
     """
     if reference == "absolute":
         return Datum("absolute")
@@ -453,11 +450,7 @@ def datum_of(source: RunSource, inputs: Sequence[str], responses: Sequence[str],
         run: {name: gauge_start(*reading) if name in responses else reading[0] for name, reading in readings.items()}
         for run, readings in found.items()
     }
-    late = tuple((run, name) for run in found for name in responses if np.isnan(found[run][name][0]))
-    unzeroed = {name for of in levels.values() for name in responses if of[name]}
-    for run, name in late:
-        levels[run][name] = np.nan if name in unzeroed else 0.0
-    return Datum("rise", levels, late=late)
+    return Datum("rise", levels)
 
 
 @dataclass(frozen=True)

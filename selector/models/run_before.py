@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pandas as pd
 
-from selector.quality.completeness import START_SAMPLES
+from selector.quality.completeness import is_late
 from selector.recording import Recording, RunSource, restarts
 from selector.types import Array
 
@@ -61,25 +61,39 @@ class Begun:
 
 
 def begun(source: RunSource, responses: Sequence[str]) -> RunSource:
-    """The source whose runs begin where all these displacements read something, where that is late in a run.
+    """The source whose runs begin where these displacements read something, where that is late in a run.
 
     What a gauge shows then is its zero, and rises of temperatures count from there too: what the machine did before
-    is in none of them. A run in which one of them reads nothing at all stays whole.
+    is in none of them. A displacement that reads nothing in a run does not count there.
     """
     begins_s: dict[str, float] = {}
     for run in source.runs:
-        first_s, n = np.full(len(responses), np.nan), 0
-        late = np.zeros(len(responses), dtype=np.bool_)
-        for time_s, values in source.chunks(run, responses):
-            for k in np.flatnonzero(np.isnan(first_s) & np.isfinite(values).any(axis=0)):
-                at = int(np.argmax(np.isfinite(values[:, k])))
-                first_s[k], late[k] = time_s[at], n + at >= START_SAMPLES
-            n += len(time_s)
-            if not np.isnan(first_s).any():
-                break
-        if late.any() and not np.isnan(first_s).any():
-            begins_s[run] = float(first_s.max())
+        read = [of for of in responses if any(np.isfinite(values).any() for _, values in source.chunks(run, (of,)))]
+        begin_s = _together_s(source, run, read) if read else None
+        if begin_s is not None:
+            begins_s[run] = begin_s
     return Begun(source, begins_s) if begins_s else source
+
+
+def _together_s(source: RunSource, run: str, names: Sequence[str]) -> float | None:
+    """When the first of the readings comes that lie near to one another, one of each channel [s].
+
+    None: at the start of the run, or there are none.
+    """
+    n, start_s, last = 0, 0.0, np.full((len(names), 2), -np.inf)
+    for time_s, values in source.chunks(run, names):
+        start_s = start_s if n else float(time_s[0])
+        stamps = np.column_stack([n + np.arange(len(time_s)), time_s])
+        # (n_samples, n_channels, 2): Row and time of the last reading so far
+        known = np.where(np.isfinite(values)[:, :, np.newaxis], stamps[:, np.newaxis], last)
+        seen = np.maximum.accumulate(np.concatenate([last[np.newaxis], known]))[1:]
+        oldest = seen.min(axis=1)
+        near = ~is_late(*(stamps - oldest).T)
+        if near.any():
+            row, begin_s = oldest[int(np.argmax(near))]
+            return float(begin_s) if is_late(row, begin_s - start_s) else None
+        n, last = n + len(time_s), seen[-1]
+    return None
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:

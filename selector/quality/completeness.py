@@ -3,9 +3,10 @@
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from selector.findings import Finding, Level, Where
-from selector.quality.finding_table import FINDINGS
+from selector.quality.finding_table import FINDINGS, GAUGE_BEGINS_LATE
 from selector.quality.jumps import line_at
 from selector.quality.leave_out import WINDOWS
 from selector.quality.survey import (
@@ -20,7 +21,8 @@ from selector.quality.survey import (
     reading,
 )
 
-START_SAMPLES = 15  #: Samples within which a channel has to read something to have a start.
+#: A channel has a start if it reads something in so many samples and so many seconds, or in three samples.
+START_SAMPLES, START_S = 15, 900.0
 _SHORT = 20
 _FEW_LEVELS = 8
 #: A resolution like this is a warning; a finer one with few values only means that the channel hardly moves.
@@ -109,19 +111,22 @@ def starts(survey: Survey) -> Iterator[Finding]:
         yield FINDINGS.finding("run-starts-warm", told, Where(None, run, begin, begin), {"channels": warm})
 
 
+def is_late(rows: NDArray[np.integer], seconds: Floats) -> NDArray[np.bool_]:
+    """Whether readings so many samples and seconds after a start are none of the start."""
+    return np.asarray((rows >= START_SAMPLES) | ((rows >= 3) & (seconds > START_S)))
+
+
 def late_gauges(survey: Survey) -> Iterator[Finding]:
     """Findings ``gauge-begins-late``: a displacement that has nothing to say for a while at the start of a run."""
     for run in survey.runs:
         for column in survey.columns("displacement"):
-            rows, time = survey.series(run, column).rows, survey.time[run]
-            if rows.size and rows[0] >= START_SAMPLES:
-                name, begin = survey.channels[column].name, float(time[rows[0]])
-                told = (
-                    f"{name} has no value in the first {duration(begin - float(time[0]))} of run {run}; a model of its "
-                )
-                told += "rise counts the run from its first value on."
-                where = Where(name, run, float(time[0]), begin)
-                yield FINDINGS.finding("gauge-begins-late", told, where, {"begins_s": begin})
+            series, start = survey.series(run, column), float(survey.time[run][0])
+            if is_late(series.rows[:1], series.time_s[:1] - start).any():
+                name, begin = survey.channels[column].name, float(series.time_s[0])
+                told = f"{name} has no value in the first {duration(begin - start)} of run {run}; a model of its rise "
+                told += "counts the run from its first value on."
+                where = Where(name, run, start, begin)
+                yield FINDINGS.finding(GAUGE_BEGINS_LATE, told, where, {"begins_s": begin})
 
 
 def _start(survey: Survey, run: str, column: int) -> float:
@@ -227,8 +232,9 @@ def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iter
     """Stretches of missing samples, as windows from the first of them to the next sample that is there."""
     time = survey.time[series.run]
     # that a gauge begins late is told by itself
-    begins = series.rows[0] if series.channel.role == "displacement" and series.rows[0] >= START_SAMPLES else 0
-    missing -= int(begins)
+    is_told = series.channel.role == "displacement" and is_late(series.rows[:1], series.time_s[:1] - time[0]).any()
+    begins = int(series.rows[0]) if is_told else 0
+    missing -= begins
     if missing == 0:
         return
     before = np.r_[begins - 1, series.rows]

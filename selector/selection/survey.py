@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -203,18 +203,6 @@ class RunsOf:
         return self._runs
 
 
-def without_start(source: RunSource, datum: Datum) -> Iterator[Finding]:
-    """Displacements that have readings in a run, but none at its start."""
-    for run, name in datum.late:
-        if any(np.isfinite(values).any() for _, values in source.chunks(run, (name,))):
-            is_unknown = np.isnan(datum.level(run, name))
-            then = "left out there: it does not start at zero in others" if is_unknown else "taken to have been zeroed"
-            yield FINDINGS.finding(
-                "zero-missing", f"{name} has no reading at the start of run {run}, and is {then}.",
-                Where(channel=name, run=run), action="leave-out-stretch" if is_unknown else "none",
-            )  # fmt: skip
-
-
 def survey(source: RunSource, question: Question, datum: Datum, found_before: Iterable[Finding] = ()) -> Survey:
     """Decide which runs and sensors can be used.
 
@@ -225,7 +213,7 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
     """
     names = (*question.sensors, *question.responses)
     n_sensors = len(question.sensors)
-    findings = [*without_start(source, datum)]
+    findings: list[Finding] = []
     missing = np.zeros(len(names))
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
     total, runs, periods, durations = 0, [], [], []
@@ -259,8 +247,6 @@ def survey(source: RunSource, question: Question, datum: Datum, found_before: It
                     action="leave-out-run",
                 )
             )
-            continue
-        if np.isnan([datum.level(run, name) for name in question.responses]).any():
             continue
         runs.append(run)
         noise += [gauge_noise(np.concatenate(measured))] if with_response > FEWEST_FOR_NOISE else []

@@ -66,25 +66,29 @@ def test_before_is_the_same_to_the_digit(tmp_path, capsys, start_um, spike):
     assert abs(displacement_starts(read_back, kept)["r"]["Z"] - start_um) < (0.59 if start_um else 1e-12)
 
 
-@pytest.mark.parametrize(("start_um", "beside"), [(0.0, False), (0.0, True), (80.0, True)])
-def test_a_displacement_that_begins_late_is_told_and_not_compared_where_gauges_are_not_zeroed(
-    tmp_path, capsys, start_um, beside
-):
+@pytest.mark.parametrize("start_um", [0.0, 80.0])
+def test_a_displacement_that_begins_late_is_told_and_counts_from_there(tmp_path, capsys, start_um):
     model, run, machine = folder_of(tmp_path, start_um=start_um)
     table = pd.read_csv(run)
     table["Z"] = table["Z"].where(table.index >= 60)
-    table.to_csv(tmp_path / "late.csv", index=False)
-    runs = [tmp_path / "late.csv", *([run] if beside else [])]
-    assert exit_status(["apply", *map(str, [model, *runs]), "--machine", str(machine), "--json"]) == 0
+    (tmp_path / "runs").mkdir()
+    run.rename(tmp_path / "runs" / "r.csv")
+    table.to_csv(tmp_path / "runs" / "late.csv", index=False)
+    words = [str(tmp_path / "runs"), "--machine", str(machine), "--json"]
+    assert exit_status(["apply", str(model), *words]) == 0
     applied = json.loads(capsys.readouterr().out)
-    told = [one for one in applied["findings"] if one["id"] == "zero-missing"]
-    assert [one["where"]["run"] for one in told] == ["late"]
-    error_um = applied["per_run"]["late"]["Z"]["rmse_um"]
-    if start_um:
-        assert error_um is None
-        assert applied["overall"]["Z"]["rmse_um"] < 1.0
-    else:
-        assert error_um < 1.0
+    out = ["--for", "python", "--out", str(tmp_path / "out"), "--replay"]
+    assert exit_status(["export", str(model), *out, *words]) == 0
+    exported = json.loads(capsys.readouterr().out)
+    for one in (applied, exported):
+        assert [of["where"]["run"] for of in one["findings"] if of["id"] == "gauge-begins-late"] == ["late"]
+    of_late = applied["per_run"]["late"]["Z"]
+    assert of_late["rmse_um"] < 1.0
+    # what it moved in the hour before is not in it
+    rise_um = 27.0 * (np.exp(-1.2) - np.exp(-0.02 * np.arange(60, 300)))
+    assert of_late["before_rmse_um"] == pytest.approx(np.sqrt(np.mean(rise_um**2)), abs=0.4)
+    (replayed_late,) = [of for of in exported["replay"]["runs"] if of["run"] == "late"]
+    assert replayed_late["before_rmse_um"] == of_late["before_rmse_um"]
 
 
 def test_the_first_minutes_without_a_correction_are_told(tmp_path, capsys):

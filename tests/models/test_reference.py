@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from selector.models.design import START_SAMPLES, datum_of, gauge_start, start_reading, start_readings
+from selector.models.design import datum_of, gauge_start, start_reading, start_readings
+from selector.quality.completeness import START_SAMPLES
 from tests.models.runs import InPieces, recording
 
 
@@ -161,13 +162,3 @@ def test_a_reading_long_after_the_start_is_none(step_s, late, has_start):
     t = step_s * np.arange(60.0)
     source = recording({"r": (t, {"T1": np.where(np.arange(60) < late, np.nan, 20.0)})})
     assert np.isfinite(start_readings(source, ("T1",))["r"]["T1"][0]) == has_start
-
-
-@pytest.mark.parametrize(("offset_um", "level"), [(0.0, 0.0), (37.0, np.nan)])
-def test_a_displacement_that_begins_late_counts_from_zero_only_where_gauges_are_zeroed(offset_um, level):
-    t = np.arange(200.0)
-    z = 30 * (1 - np.exp(-t / 80)) + np.random.default_rng(1).normal(0, 0.2, 200)
-    source = recording({"a": (t, {"Z": z + offset_um}), "b": (t, {"Z": np.where(t < 40, np.nan, z)})})
-    datum = datum_of(source, (), ("Z",), "rise")
-    assert datum.level("b", "Z") == pytest.approx(level, nan_ok=True)
-    assert datum.late == (("b", "Z"),)

@@ -7,8 +7,8 @@ import pytest
 
 from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
 from selector.controllers.from_selection import model_file_of
-from selector.models.design import START_SAMPLES
 from selector.models.run_before import begun
+from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
@@ -62,3 +62,40 @@ def test_a_run_whose_gauge_begins_in_time_or_never_stays_whole():
     assert begun(in_time, ("Z",)) is in_time
     never = late(400)
     assert begun(never, ("Z",)) is never
+
+
+def _begins_at(step_s: float, rows: dict[str, list[int]]) -> float:
+    """When a run of 200 samples begins of which these displacements read something in these rows."""
+    t = step_s * np.arange(200.0)
+    values = {name: np.where(np.isin(np.arange(200), at), 7.0, np.nan) for name, at in rows.items()}
+    source = InPieces(recording({"r": (t, {"T1": t, **values})}), 7)
+    return float(next(iter(begun(source, [*rows]).chunks("r", ("T1",))))[0][0])
+
+
+@pytest.mark.parametrize(
+    ("step_s", "rows", "begins"),
+    [
+        (60.0, {"Z": [14, 90]}, 0),
+        (60.0, {"Z": [40, 90]}, 40),
+        (300.0, {"Z": [2, 90]}, 0),
+        (300.0, {"Z": [12, 90]}, 12),
+        (60.0, {"X": [*range(200)], "Z": [40, 90]}, 40),
+        (60.0, {"X": [20, 120], "Z": [26, 126]}, 20),
+        (60.0, {"X": [0, 60, 120], "Z": [66, 126]}, 60),
+        (60.0, {"X": [], "Z": [40, 90]}, 40),
+        (60.0, {"X": [20], "Z": [90]}, 0),
+    ],
+    ids=[
+        "in-time",
+        "late",
+        "slow",
+        "slow-late",
+        "one-of-two",
+        "probed-in-turn",
+        "forgotten-once",
+        "no-X",
+        "never-both",
+    ],
+)
+def test_a_run_begins_where_all_its_displacements_read_something(step_s, rows, begins):
+    assert _begins_at(step_s, rows) == begins * step_s

@@ -143,20 +143,6 @@ def test_a_run_without_displacement_is_left_out_and_told():
     assert one_finding(found, "run-without-displacement").where.run == "day2"
 
 
-@pytest.mark.parametrize("offset_um", [0.0, 50.0])
-def test_a_displacement_that_begins_late_is_told_and_left_out_where_gauges_are_not_zeroed(offset_um):
-    def change(run, values):
-        values["Z"] += offset_um
-        if run == "day2":
-            values["Z"][:30] = np.nan
-
-    found = surveyed(changed(machine(n_runs=3, n=100), change))
-    assert found.runs == (("day1", "day3") if offset_um else ("day1", "day2", "day3"))
-    told = one_finding(found, "zero-missing")
-    assert (told.where.run, told.where.channel) == ("day2", "Z")
-    assert (told.action == "leave-out-stretch") == (offset_um > 0.0)
-
-
 def test_a_sensor_that_rests_on_one_day_is_used():
     def change(run, values):
         if run == "day1":
