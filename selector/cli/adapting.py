@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from selector.adaptation import Course
     from selector.controllers.from_adaptation import Touched
     from selector.controllers.model_file import ModelFile
-    from selector.recording import Recording
+    from selector.types import Vector
 
 
 _TIME = re.compile(r"\s*(\d+(?:[.]\d*)?|[.]\d+)\s*(s|min|h|d)\s*")
@@ -106,7 +107,8 @@ def adapt(
     if out is not None:
         refuse_folder_of_inputs(out, [file for file, _ in reading.files])
     application, compared = applied(read, reading)
-    touched = _touched(asked.touch_offs, compared, read)
+    recorded_s = {run: reading.recording.time_s(run) for run in compared.runs}
+    touched = _touched(asked.touch_offs, recorded_s, read)
     courses, of_courses = adaptation_courses(read, compared, application, touched)
     _require_displacement(courses, read)
     with counted_progress("Adaptation") as progress:
@@ -125,16 +127,18 @@ def adapt(
     )
 
 
-def _touched(file: Path | None, recording: Recording, model: ModelFile) -> Touched | None:
+def _touched(file: Path | None, recorded_s: Mapping[str, Vector], model: ModelFile) -> Touched | None:
     from selector.readers.touch_off_file import read_touch_offs
 
     if file is None:
         return None
-    times = {run: recording.time_s(run) for run in recording.runs}
-    durations_s = {run: float(time_s[-1] - time_s[0]) for run, time_s in times.items()}
+    durations_s = {run: float(time_s[-1] - time_s[0]) for run, time_s in recorded_s.items()}
     found = read_touch_offs(file, durations_s, [output.name for output in model.outputs])
     return {
-        name: {run: [(one.time_s, one.displacement_um) for one in several] for run, several in runs.items()}
+        name: {
+            run: [(recorded_s[run][0] + one.time_s, one.displacement_um) for one in several]
+            for run, several in runs.items()
+        }
         for name, runs in found.items()
     }
 

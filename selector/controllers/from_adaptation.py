@@ -15,7 +15,7 @@ from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where
 from selector.recording import Recording
 
-#: Response → run → (time from the start of the run [s], displacement [µm] as the gauge has it), by time.
+#: Response → run → (time on the clock of the run [s], displacement [µm] as the gauge has it), by time.
 Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
 
 
@@ -62,16 +62,17 @@ def adaptation_courses(
 
 def _touched(course: Course, touched: Sequence[tuple[float, float]], zero: float) -> tuple[Course, list[float]]:
     """The course with its touch-offs, each at the last sample that is not after it; times without a prediction."""
-    times = np.array([one[0] for one in touched]) + course.time_s[0]
+    times = np.array([one[0] for one in touched])
     um = np.array([one[1] for one in touched]) - zero
-    at = np.maximum(np.searchsorted(course.time_s, times + 1e-6, side="right") - 1, 0).astype(np.intp)
-    known = np.isfinite(course.modelled_um[at])
+    at = (np.searchsorted(course.time_s, times + 1e-6, side="right") - 1).astype(np.intp)
+    # a run may begin with its displacement, after the first of them
+    known = (at >= 0) & np.isfinite(course.modelled_um[at])
     recorded = course.recorded_um
     if not np.isfinite(recorded).any():
         recorded = recorded.copy()
         recorded[at[known]] = um[known]
     course = Course(course.run, course.time_s, course.modelled_um, recorded, at[known], um[known])
-    return course, [float(t - course.time_s[0]) for t in times[~known]]
+    return course, times[~known].tolist()
 
 
 def _left_out(response: str, run: str, times_s: Sequence[float]) -> Iterator[Finding]:

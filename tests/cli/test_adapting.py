@@ -123,6 +123,26 @@ def test_touch_offs_as_measured_are_those_of_the_recording(shop, capsys, tmp_pat
     assert answer["overall"]["Z"]["rmse_um"] == pytest.approx(every["overall"]["Z"]["rmse_um"], rel=0.1)
 
 
+def test_touch_offs_count_from_the_start_of_the_recording_where_the_gauge_begins_later(shop, capsys, tmp_path):
+    (tmp_path / "runs").mkdir()
+    rows = ["run,time_s,Z"]
+    for day in range(5):
+        table = pd.read_csv(shop / "runs" / f"d{day}.csv")
+        # the model is right, and the gauge was never zeroed
+        table["Z"] = 60.0 + 3.0 * table["T1"].sub(20.0)
+        rows += [f"d{day},{t},{table['Z'][t // 120]:.6f}" for t in (1200, 7200, 28800)]
+        table["Z"] = table["Z"].where(table["time_s"] >= 3600.0)
+        table.to_csv(tmp_path / "runs" / f"d{day}.csv", index=False)
+    (tmp_path / "probe.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    words = [shop / "m.json", tmp_path / "runs", "--machine", shop / "machine.toml", "--json"]
+    assert exit_status([str(word) for word in ("adapt", *words, "--touch-offs", tmp_path / "probe.csv")]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert {of["Z"]["touch_offs"] for of in answer["per_run"].values()} == {2}
+    assert answer["overall"]["Z"]["rmse_um"] < 1e-3
+    left_out = [one["where"] for one in answer["findings"] if one["id"] == "touch-off-without-prediction"]
+    assert [(where["run"], where["from_s"]) for where in left_out] == [(f"d{day}", 1200.0) for day in range(5)]
+
+
 def test_when_to_probe(shop, capsys):
     answer = told(shop, capsys, "--within", "8")
     policy = answer["policy"]
