@@ -22,6 +22,7 @@ from selector.findings import Finding, Where
 from selector.models.design import datum_of
 from selector.models.run_before import Before, begun, chain_before, runs_before
 from selector.quality import inspect, without_faults
+from selector.quality.finding_table import GAUGE_BEGINS_LATE
 from selector.quality.survey import duration
 from selector.recording import SENSOR_ROLES, Recording, RunSource, thinned
 from selector.types import Array, Mask
@@ -166,21 +167,27 @@ def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
 
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording without the faults of its displacement, and what is wrong with the channels of the model; a run
-    begins with its displacement (`begun`), as in a selection.
+    begins with its displacement (`begun`), as in a selection. Not so for a model with memory, which needs what went
+    before: a displacement that begins late is not compared with it.
 
     A broken sensor is not mended: its readings stay what a control would get. What is missing altogether is left for
     `require_channels`, which says it in the words of the model.
     """
     outputs = [output.name for output in model.outputs]
     used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
-    found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
+    of_memory = _rises(model, recording) if model.states else []
+    found = tuple(_of_comparison(finding, outputs, of_memory) for finding in inspect(recording, used))
     kept = without_faults(recording, found)
     source = begun(kept, _rises(model, kept))
     return kept if source is kept else thinned(source, 1), found
 
 
-def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
+def _of_comparison(finding: Finding, outputs: list[str], of_memory: list[str]) -> Finding:
     """The finding with the action that it has here: only faulty displacement is left out."""
+    if finding.id == GAUGE_BEGINS_LATE and finding.where.channel in of_memory:
+        told = f"{finding.where.channel} begins late in run {finding.where.run} and is not compared there: the model "
+        told += "remembers what the machine did before."
+        return dataclasses.replace(finding, statement=told, action="leave-out-channel")
     if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
         return finding
     suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)

@@ -7,6 +7,7 @@ import pytest
 
 from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
 from selector.controllers.from_selection import model_file_of
+from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.models.run_before import begun
 from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording
@@ -99,3 +100,19 @@ def _begins_at(step_s: float, rows: dict[str, list[int]]) -> float:
 )
 def test_a_run_begins_where_all_its_displacements_read_something(step_s, rows, begins):
     assert _begins_at(step_s, rows) == begins * step_s
+
+
+def test_a_model_with_memory_is_not_compared_with_a_late_gauge():
+    source = late()
+    state = State(name="T1_lag", source="T1", tau_s=5000.0)
+    item = Input(name="T1", reference="rise", valid_min=-5.0, valid_max=50.0)
+    term = Term(powers={"T1_lag": 1}, coefficient=2.0)
+    output = Output(name="Z", axis="Z", reference="rise", intercept=0.0, terms=(term,))
+    model = ModelFile(name="lags", inputs=(item,), states=(state,), outputs=(output,))
+    for rows, is_compared in ((LATE, False), (START_SAMPLES - 1, True)):
+        compared, told = without_displacement_faults(model, late(rows))
+        assert compared.time_s(source.runs[0]).size == 400
+        late_in = [one for one in told if one.id == "gauge-begins-late"]
+        assert len(late_in) == (0 if is_compared else 5)
+        assert all("is not compared there" in one.statement for one in late_in)
+        assert (apply_model(model, compared).overall["Z"].rmse_um is not None) == is_compared
