@@ -84,9 +84,8 @@ def thinning(rows: int, runs: Sequence[TimedRun], outside: Sequence[str], overri
         yield FINDINGS.finding("run-outside-window", told, evidence={"runs": list(outside)[:100]})
     if overrides.mean_s is not None:
         left = sum(len(run.time_s) for run in runs)
-        told = (
-            f"Means over {overrides.mean_s:g} s were taken: {rows} rows were read, and {left} means are in the window."
-        )
+        told = f"Means over {overrides.mean_s:g} s were taken: {rows} rows were read, and {left} means are in the "
+        told += "window."
         evidence = {"mean_s": overrides.mean_s, "rows": rows, "means": left}
         yield FINDINGS.finding("means-taken", told, evidence=evidence)
 
