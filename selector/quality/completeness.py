@@ -234,8 +234,7 @@ def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iter
     # that a gauge begins late is told by itself
     is_told = series.channel.role == "displacement" and is_late(series.rows[:1], series.time_s[:1] - time[0]).any()
     begins = int(series.rows[0]) if is_told else 0
-    missing -= begins
-    if missing == 0:
+    if (missing := missing - begins) == 0:
         return
     before = np.r_[begins - 1, series.rows]
     after = np.r_[series.rows, time.size]

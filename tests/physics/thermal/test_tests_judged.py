@@ -73,6 +73,14 @@ def test_warm_starts_are_named(tests):
     assert [(f.id, f.where.run) for f in warm_start_findings(warm, RESPONSES)] == [("run-begins-warm", tests[0].run)]
 
 
+@pytest.mark.parametrize(("missing", "ids"), [(2, ["run-begins-warm"]), (30, [])])
+def test_of_a_gauge_that_begins_long_after_the_spindle_no_start_is_known(tests, missing, ids):
+    warm = cut(tests[0], slice(100, None))
+    displacement = warm.displacement_um.copy()
+    displacement[:missing] = np.nan
+    assert [f.id for f in warm_start_findings([replace(warm, displacement_um=displacement)], RESPONSES)] == ids
+
+
 def test_a_reversed_gauge_is_named(tests):
     turned = [replace(tests[0], displacement_um=-tests[0].displacement_um), *tests[1:]]
     found = list(contradiction_findings(turned, repeats(turned, [0.2] * 3), ["Z"]))

@@ -184,7 +184,9 @@ def warm_start_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) 
         turning = np.flatnonzero(speed > 0.01 * max(float(speed.max()), 1e-9))
         last = int(turning[-1]) + 1 if len(turning) else len(course)
         few = max(1, min(10, len(course) // 50))
-        if not len(turning) or len(course) - last < 3 * few:
+        unseen = np.count_nonzero(test.speed_rpm[test.time_s < time[0]])
+        # a gauge that began long after the spindle saw no start
+        if not len(turning) or len(course) - last < 3 * few or unseen > few:
             continue
         # where the spindle turns from the first sample on, only that one is the start
         start, end = float(np.mean(course[: max(1, min(few, int(turning[0])))])), float(np.mean(course[-few:]))
