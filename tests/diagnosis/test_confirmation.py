@@ -9,7 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
-from selector.diagnosis.evidence.confirmation import confirmation, not_ruinous
+from selector.diagnosis.evidence.confirmation import confirmation, fades, left_unseen, not_ruinous, only_cancels
+from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.workflow import diagnosis
@@ -26,11 +28,11 @@ def slow():
     return np.concatenate([lfilter([0.01], [1.0, -0.99], part) for part in made.simulated["Z"].reshape(3, -1)])
 
 
-def found(slow, unseen):
-    """What is found where the unseen run has this many times the slow course of the fitted ones."""
+def found(slow, unseen, size=8.0):
+    """What is found where the unseen run has so many times the slow course of the fitted ones, `size` × the noise."""
     noise = np.random.default_rng(5).standard_normal(N)
     times = np.repeat([1.0, 1.0, unseen], N // 3)
-    course = 8.0 * slow / np.std(slow)
+    course = size * slow / np.std(slow)
     made = comparison({"Z": noise + times * course})
     benches = {"Z": bench_of(made, "Z", EFFECTS)[0]}
     return made, search(benches, false_alarm=0.02, seed=0)
@@ -55,6 +57,23 @@ def test_a_name_that_ruins_the_unseen_run_is_none(slow):
     assert list(result.named) == ["thermal.memory"]
     assert confirmation(made, result, "thermal.memory").refutes
     assert not not_ruinous(made, result).named
+
+
+@pytest.mark.parametrize(("unseen", "is_less"), [(1.0, False), (0.3, True)])
+def test_half_of_the_mismatch_that_is_little_of_the_unseen_one_fades(slow, unseen, is_less):
+    made, result = found(slow, unseen, 3.0)
+    effect = named_effect(made, result, "thermal.memory")
+    assert 0.25 < effect.share < 0.75
+    assert fades(effect, result) == is_less
+    assert (left_unseen(effect, result) < 0.7) != is_less
+
+
+def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):
+    made, result = found(slow, 1.0)
+    effect = named_effect(made, result, "thermal.memory")
+    assert not only_cancels(effect, result)
+    larger = {name: 10.0 * course for name, course in effect.courses.items()}
+    assert only_cancels(replace(effect, courses=larger), result)
 
 
 def test_nothing_is_said_where_nothing_was_seen(slow):
@@ -92,3 +111,13 @@ def test_runs_that_ask_for_other_calibrations_are_not_noise():
     made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
     made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + np.repeat([9.0, 9.0, 0.0], N // 3)})
     assert diagnosis(made, effects=[effect_of("thermal.instant_speed")]).verdict == "unexplained"
+
+
+@pytest.mark.parametrize(("off", "is_told"), [(0.0, False), (3.0, False), (10.0, True)])
+def test_unseen_rows_that_are_ten_times_as_far_off_contradict_the_fitted_ones(off, is_told):
+    noise = np.random.default_rng(5).standard_normal(N)
+    noise[2 * N // 3 :] += off
+    bench = bench_of(comparison({"Z": noise}), "Z", EFFECTS)[0]
+    again = recalibrated(bench, [], noise[bench.fitted], "um", seed=0)
+    assert again.p_value > 0.01
+    assert contradicted(bench, again) == is_told

@@ -80,19 +80,26 @@ def fades(effect: NamedEffect, found: Search) -> bool:
     if not _MUCH <= effect.share < MOST_OF_IT:
         return False
     bench = found.benches[effect.channel]
-    named = numbers(found.named, effect.channel)
-    without_it = [v for v in named if v != found.named[effect.id][effect.channel]]
     recalibrated_alone = bench.target - recalibration(bench)
     held = np.isfinite(recalibrated_alone) & ~bench.fitted
-    before = min(unseen_rms(bench, without_it), rms(recalibrated_alone[held])) if held.any() else np.inf
-    return before - unseen_rms(bench, named) < 0.5 * (1.0 - np.sqrt(1.0 - effect.share)) * before
+    if not held.any():
+        return False
+    after, before = _unseen(effect, found)
+    before = min(before, rms(recalibrated_alone[held]))
+    return before - after < 0.5 * (1.0 - np.sqrt(1.0 - effect.share)) * before
 
 
 def left_unseen(effect: NamedEffect, found: Search) -> float:
     """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
-    bench, of = found.benches[effect.channel], numbers(found.named, effect.channel)
-    without_it = [v for v in of if v != found.named[effect.id][effect.channel]]
-    return (unseen_rms(bench, of) / max(unseen_rms(bench, without_it), 1e-300)) ** 2
+    after, before = _unseen(effect, found)
+    return (after / max(before, 1e-300)) ** 2
+
+
+def _unseen(effect: NamedEffect, found: Search) -> tuple[float, float]:
+    """Root mean square of the unseen rows with an effect and without it."""
+    bench, named = found.benches[effect.channel], numbers(found.named, effect.channel)
+    own = found.named[effect.id][effect.channel]
+    return unseen_rms(bench, named), unseen_rms(bench, [v for v in named if v != own])
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
