@@ -75,31 +75,32 @@ def only_cancels(effect: NamedEffect, found: Search) -> bool:
 def fades(effect: NamedEffect, found: Search) -> bool:
     """Whether what makes the fitted error much smaller makes the unseen one less than half as much smaller.
 
-    Compared with the unseen error without it, or recalibrated alone. Of most of the mismatch, sizes may differ.
+    In all its responses, compared with the unseen error without it, or recalibrated alone. Of most of the mismatch,
+    sizes may differ.
     """
     if not _MUCH <= effect.share < MOST_OF_IT:
         return False
-    bench = found.benches[effect.channel]
-    recalibrated_alone = bench.target - recalibration(bench)
-    held = np.isfinite(recalibrated_alone) & ~bench.fitted
-    if not held.any():
-        return False
-    after, before = _unseen(effect, found)
-    before = min(before, rms(recalibrated_alone[held]))
-    return before - after < 0.5 * (1.0 - np.sqrt(1.0 - effect.share)) * before
+    least = 0.5 * (1.0 - np.sqrt(1.0 - effect.share))
+    for response in found.named[effect.id]:
+        bench = found.benches[response]
+        recalibrated_alone = bench.target - recalibration(bench)
+        held = np.isfinite(recalibrated_alone) & ~bench.fitted
+        after, before = _unseen(effect.id, found, response)
+        if not held.any() or after <= (1.0 - least) * min(before, rms(recalibrated_alone[held])):
+            return False
+    return True
 
 
 def left_unseen(effect: NamedEffect, found: Search) -> float:
     """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
-    after, before = _unseen(effect, found)
+    after, before = _unseen(effect.id, found, effect.channel)
     return (after / max(before, 1e-300)) ** 2
 
 
-def _unseen(effect: NamedEffect, found: Search) -> tuple[float, float]:
-    """Root mean square of the unseen rows with an effect and without it."""
-    bench, named = found.benches[effect.channel], numbers(found.named, effect.channel)
-    own = found.named[effect.id][effect.channel]
-    return unseen_rms(bench, named), unseen_rms(bench, [v for v in named if v != own])
+def _unseen(id_: str, found: Search, response: str) -> tuple[float, float]:
+    """Root mean square of the unseen rows of a response with an effect and without it."""
+    bench, named = found.benches[response], numbers(found.named, response)
+    return unseen_rms(bench, named), unseen_rms(bench, [v for v in named if v != found.named[id_][response]])
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
