@@ -154,6 +154,7 @@ _ROW_PX = 44
 _MOST_STATES = 6
 _MOST_WINDOWS = 60
 _LIMIT = 2.5
+_KEY = 90  #: Pixels of the scale that its three numbers need, beside however few rows.
 _SCALE = ((0.0, "#004a78"), (0.25, "#6baed6"), (0.5, "#ffffff"), (0.75, "#f4a26a"), (1.0, "#a33f00"))
 _STATE_SCALE = ((0.0, "#f2f2f2"), (1.0, "#4d4d4d"))
 _STATES = (
@@ -193,8 +194,9 @@ def mismatch_map(found: Diagnosis) -> go.Figure:
     drawn.add_heatmap(
         x=middles, y=list(range(len(responses))), z=np.array(cells), customdata=np.array(texts), zmin=-_LIMIT,
         zmax=_LIMIT, colorscale=[list(stop) for stop in _SCALE], ygap=3, yaxis="y",
-        colorbar={"title": {"text": "× rms", "side": "top"}, "len": scale_part, "y": 1.0, "yanchor": "top",
-                  "thickness": 12, "tickvals": [-2, 0, 2], "ticktext": ["−2", "0", "+2"], "x": 1.01},
+        colorbar={"title": {"text": "× rms", "side": "top"}, "lenmode": "pixels", "len": max(_KEY, scale_part * height),
+                  "y": 1.0, "yanchor": "top", "x": 1.01, "thickness": 12, "tickvals": [-2, 0, 2],
+                  "ticktext": ["−2", "0", "+2"]},
         hovertemplate="%{customdata:.4g}: recorded − simulated<extra></extra>",
     )  # fmt: skip
     _frame(drawn, found, axis, responses, seconds)
