@@ -22,7 +22,7 @@ from selector.types import Vector
 _SEEN = 10.0
 _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
-_CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 1.8 times as large.
+_CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
