@@ -9,8 +9,9 @@ import pytest
 from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.effects.effect import Quantity
 from selector.diagnosis.evidence.confirmation import confirmation, fades, left_unseen, not_ruinous, only_cancels
-from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.naming import as_carried, named_effect
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
@@ -74,6 +75,17 @@ def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):
     assert not only_cancels(effect, result)
     larger = {name: 10.0 * course for name, course in effect.courses.items()}
     assert only_cancels(replace(effect, courses=larger), result)
+
+
+def test_a_name_that_unseen_rows_chose_is_as_sure_as_what_it_carries_up_to_a_half(slow):
+    made, result = found(slow, 1.0)
+    unsure = replace(named_effect(made, result, "thermal.memory"), confidence=0.01)
+    assert as_carried(unsure, result).confidence == 0.01
+    chosen = replace(result, ahead={unsure.id: 1.0}, closed={unsure.id: Quantity(0.6, "1", 0.4, 0.7)})
+    assert as_carried(unsure, chosen).confidence == 0.4
+    assert as_carried(replace(unsure, suspected=True), chosen).confidence == 0.2
+    most = replace(chosen, closed={unsure.id: Quantity(0.9, "1", 0.8, 1.0)})
+    assert as_carried(unsure, most).confidence == 0.5
 
 
 def test_nothing_is_said_where_nothing_was_seen(slow):
