@@ -16,6 +16,7 @@ from selector.types import Vector
 NOISE_SHARE = 0.02  #: Noise that smoothing may leave in an acceleration, as a share of its root mean square.
 LONGEST_SMOOTHING_S = 0.06
 MOVING_SHARE = 0.002  #: Below this share of the largest speed an axis counts as standing, unless noise asks for more.
+_AGREES = 0.5  #: Correlation of the ways from sample to sample by a position and by a speed.
 UM = 1e-6
 
 
@@ -47,8 +48,8 @@ def motion(comparison: Comparison, axis: str | None = None) -> Motion | None:
 
     The table is where its command and the simulated error of that axis put it, which has no noise; without such an
     error it is behind the command by what the recorded position or speed say. Without a command: the recorded
-    position (of a compared channel what was simulated), else the way of the recorded speed. Channels of another axis
-    are left out if this one has any.
+    position (of a compared channel what was simulated), or the way of the recorded speed where there is none, or one
+    that goes another way. Channels of another axis are left out if this one has any.
     """
     command = _named(comparison, "position_command", axis)
     position = _named(comparison, "position", axis)
@@ -57,7 +58,7 @@ def motion(comparison: Comparison, axis: str | None = None) -> Motion | None:
         place, by = _followed(comparison, _values(comparison, command), position, velocity, axis)
         sources = (command, *by)
     elif position is not None:
-        place, sources = _values(comparison, position), (position,)
+        place, sources = _placed(comparison, position, velocity)
     elif velocity is not None:
         place, sources = _summed(comparison, _values(comparison, velocity)), (velocity,)
     else:
@@ -104,6 +105,24 @@ def _named(comparison: Comparison, role: str, axis: str | None) -> str | None:
 def _values(comparison: Comparison, name: str) -> Vector:
     simulated = comparison.simulated.get(name)
     return comparison.filled(comparison.recorded[name] if simulated is None else simulated)
+
+
+def _placed(comparison: Comparison, position: str, velocity: str | None) -> tuple[Vector, tuple[str, ...]]:
+    """A position, and the channels that tell it: the recorded speed of its axis where that says another way.
+
+    A position that goes by steps, or is read at other times, does not tell the speed. It tells the level of a run.
+    """
+    place = _values(comparison, position)
+    if velocity is None or comparison.channel(position).axis != comparison.channel(velocity).axis:
+        return place, (position,)
+    way = _summed(comparison, _values(comparison, velocity))
+    inside = np.diff(comparison.run_index) == 0
+    gone, said = np.diff(place)[inside], np.diff(way)[inside]
+    if float(gone @ said) >= _AGREES * float(np.linalg.norm(gone) * np.linalg.norm(said)):
+        return place, (position,)
+    for _, rows in comparison.rows_of_runs():
+        way[rows] += np.mean(place[rows] - way[rows])
+    return way, (position, velocity)
 
 
 def _followed(

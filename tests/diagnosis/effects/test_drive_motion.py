@@ -79,6 +79,25 @@ def test_a_noisy_position_says_how_far_the_axis_is_behind_its_command():
     assert np.abs(found.position_m - table).max() < 0.3 * np.abs(COMMAND - table).max()
 
 
+@pytest.mark.parametrize("read", [lambda q: np.round(q, 2), lambda q: np.roll(q, 400)], ids=["rounded", "late"])
+def test_a_recorded_speed_is_believed_before_a_position_that_goes_another_way(read):
+    channels = (Channel("q", "position", "m"), Channel("v", "velocity", "m/s"))
+    found = motion(comparison_with(channels, {"q": read(COMMAND), "v": SPEED}))
+    assert found.sources == ("q", "v")
+    top = np.abs(SPEED).max()
+    assert np.sqrt(np.mean((found.velocity_m_per_s - SPEED) ** 2)) < 0.01 * top
+    # at the level that the position tells
+    assert found.position_m.mean() == pytest.approx(read(COMMAND).mean(), abs=1e-9)
+    fine = motion(comparison_with(channels, {"q": COMMAND, "v": SPEED + 0.1 * top}))
+    assert fine.sources == ("q",)
+
+
+def test_the_speed_of_another_axis_says_nothing_of_a_position():
+    channels = (Channel("q", "position", "m", axis="X"), Channel("v", "velocity", "m/s", axis="Y"))
+    found = motion(comparison_with(channels, {"q": np.round(COMMAND, 2), "v": SPEED}))
+    assert found.sources == ("q",)
+
+
 def test_the_channel_of_the_own_axis_is_taken():
     channels = (Channel("rx", "position_command", "m", axis="X"), Channel("ry", "position_command", "m", axis="Y"))
     comparison = comparison_with(channels, {"rx": COMMAND, "ry": 0.0 * COMMAND})
