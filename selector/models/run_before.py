@@ -14,6 +14,7 @@ from selector.types import Array
 Before = tuple[str, float]  #: The run before a run, and how much later than that one it starts [s].
 FEWEST_PARTS = 3  #: Parts of a record that prove more, left out in turn, than stretches of it do.
 PARTS = "parts"  #: In the provenance of one record that was cut: how many.
+UNGAUGED = " before its gauge"  #: Ends the name of what was read in a run before its gauge began.
 MEMORY_REACH = 5.0  #: Time constants after which nothing is left of a state: e⁻⁵ is less than a hundredth.
 
 
@@ -45,19 +46,26 @@ def in_parts(source: RunSource) -> RunSource:
 
 
 class Begun:
-    """A source whose runs begin with the first reading of a displacement, for those in which it comes late."""
+    """A source whose runs begin with the first reading of a displacement, for those in which it comes late.
+
+    What was read before, on the same clock, is a run that it follows.
+    """
 
     def __init__(self, source: RunSource, begins_s: Mapping[str, float]) -> None:
         self._source, self._begins_s = source, begins_s
         self.runs, self.channels = source.runs, source.channels
         self.provenance = getattr(source, "provenance", {})
+        self.follows: dict[str, Before] = {run: (f"{run}{UNGAUGED}", 0.0) for run in begins_s}
+        self._whole = {before: run for run, (before, _) in self.follows.items()}
 
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:
-        """(time_s, values) pieces of a run, from where it begins."""
-        for time_s, values in self._source.chunks(run, names):
-            first = int(np.searchsorted(time_s, self._begins_s.get(run, -np.inf)))
-            if first < len(time_s):
-                yield time_s[first:], values[first:]
+        """(time_s, values) pieces of a run, from where it begins, or of what was read before that."""
+        whole = self._whole.get(run, run)
+        for time_s, values in self._source.chunks(whole, names):
+            first = int(np.searchsorted(time_s, self._begins_s.get(whole, -np.inf)))
+            of = slice(first) if run in self._whole else slice(first, None)
+            if len(time_s[of]):
+                yield time_s[of], values[of]
 
 
 def begun(source: RunSource, responses: Sequence[str]) -> RunSource:
@@ -97,7 +105,10 @@ def _together_s(source: RunSource, run: str, names: Sequence[str]) -> float | No
 
 
 def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:
-    """The run before each of these runs, as far as the clocks of both are known and they do not overlap."""
+    """The run before each of these runs, as far as the clocks of both are known and they do not overlap.
+
+    Of a run that begins with its gauge it is what was read before that; this follows the run before.
+    """
     known = getattr(source, "provenance", {}).get("runs", {})
     spans = []
     for run in runs:
@@ -107,11 +118,11 @@ def runs_before(source: RunSource, runs: Sequence[str]) -> dict[str, Before]:
             at = datetime.fromisoformat(start)
             spans.append(((at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp(), ends[-1], run))
     spans.sort()
-    return {
-        run: (before, start - began)
-        for (began, ended, before), (start, _, run) in itertools.pairwise(spans)
-        if start > began + ended
-    }
+    follows: dict[str, Before] = {run: one for run, one in getattr(source, "follows", {}).items() if run in runs}
+    for (began, ended, before), (start, _, run) in itertools.pairwise(spans):
+        if start > began + ended:
+            follows[follows[run][0] if run in follows else run] = (before, start - began)
+    return follows
 
 
 def chain_before(follows: Mapping[str, Before], run: str, tau_s: Array) -> list[Before]:
@@ -123,3 +134,14 @@ def chain_before(follows: Mapping[str, Before], run: str, tau_s: Array) -> list[
         later_s += step_s
         chain.insert(0, (earlier, later_s))
     return chain
+
+
+def follows_another(follows: Mapping[str, Before], run: str) -> bool:
+    """Whether a run follows another one, not only what was read in it before its gauge began."""
+    earlier, later_s = follows.get(run, (run, 0.0))
+    return later_s > 0.0 or (earlier != run and earlier in follows)
+
+
+def with_before(runs: Sequence[str], follows: Mapping[str, Before]) -> tuple[str, ...]:
+    """These runs, and what each of them follows."""
+    return tuple(dict.fromkeys((*runs, *(before for before, _ in follows.values()))))

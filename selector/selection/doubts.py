@@ -10,7 +10,7 @@ from selector.findings import Finding, Where
 from selector.json_text import fields_of
 from selector.models.design import Datum, Rows
 from selector.models.least_squares import outermost_samples, validity_hull
-from selector.models.run_before import chain_before
+from selector.models.run_before import chain_before, follows_another
 from selector.selection.choice import Offer
 from selector.selection.finding_table import FEW_RUNS, FINDINGS
 from selector.selection.fitting import evenly
@@ -156,7 +156,7 @@ def doubts(
         *similarity_findings(grouping.similarity, selection.sensors),
         *_chaining(selection),
         *(told for one in screening.rounds for told in one.findings if asked or told.id != ROUND_WITHOUT_EFFECT),
-        *_memory_findings(selection, datum),
+        *_memory_findings(selection, datum, surveyed.runs),
         *_proof_findings(selection, surveyed, stride),
         *_limit_findings(selection, surveyed.question.noise_um),
         *_target_findings(selection),
@@ -200,16 +200,17 @@ def _datum_findings(selection: Selection, datum: Datum, surveyed: Survey) -> Ite
         )
 
 
-def _memory_findings(selection: Selection, datum: Datum) -> Iterator[Finding]:
+def _memory_findings(selection: Selection, datum: Datum, runs: Sequence[str]) -> Iterator[Finding]:
     design = selection.recipe.design
     tau_s = np.array([lag.tau_s for lag in design.lags])
-    warm = [run for run in datum.follows if chain_before(datum.follows, run, tau_s)]
+    chains = {run: [one for one in chain_before(datum.follows, run, tau_s) if one[1] > 0.0] for run in runs}
+    warm = {run: list(chain[-1]) for run, chain in chains.items() if chain}
     if warm:
         yield FINDINGS.finding(
             "memory-goes-on",
             f"By their clocks {len(warm)} of the runs follow another one: their memory goes on from it, as on a "
             "control that stays on. After a start without memory the error is larger.",
-            evidence={"follows": {run: list(datum.follows[run]) for run in warm}},
+            evidence={"follows": warm},
         )
 
 
@@ -288,7 +289,7 @@ def known(selection: Selection, surveyed: Survey, datum: Datum, rows: Rows) -> K
     rises_k = float(np.sqrt(rows.variables[:, :n_sensors].var(axis=0).mean()))
     warm = apart_k > max(STARTS_APART * rises_k, START_NOISE_K)
     n = len(next(iter(proof.per_response.values())))
-    in_a_row = sum(run in datum.follows for run in surveyed.runs)
+    in_a_row = sum(follows_another(datum.follows, run) for run in surveyed.runs)
     # a start that is a little warm does not show in the sensors, and memory rests on it
     spread = SPREAD_OF_STARTS if warm or selection.recipe.design.lags else SPREAD
     factor = float(np.exp(1.96 * spread / np.sqrt(n - min(in_a_row, n - 1) * SHARE_OF_THE_RUN_BEFORE)))

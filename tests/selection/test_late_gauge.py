@@ -8,12 +8,12 @@ import pytest
 from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
-from selector.models.run_before import begun
+from selector.models.run_before import begun, chain_before, follows_another, runs_before
 from selector.quality.completeness import START_SAMPLES
 from selector.recording import Recording
 from selector.selection import Options, select
 from tests.models.runs import InPieces, recording
-from tests.selection.machines import linear, machine
+from tests.selection.machines import found_ids, linear, machine
 
 LATE, OFFSETS_UM = 60, (140.0, -90.0, 260.0, 35.0, -180.0)
 
@@ -116,3 +116,45 @@ def test_a_model_with_memory_is_not_compared_with_a_late_gauge():
         assert len(late_in) == (0 if is_compared else 5)
         assert all("is not compared there" in one.statement for one in late_in)
         assert (apply_model(model, compared).overall["Z"].rmse_um is not None) == is_compared
+
+
+def hidden(truth: dict[str, np.ndarray]) -> np.ndarray:
+    return linear(truth) - 12.0 * truth["hidden"]
+
+
+def forgetful(rows: int) -> tuple[Recording, Recording]:
+    """Runs of a machine with a hidden body whose gauge begins so many rows late: whole, and without what was before."""
+    whole = machine(hidden, n_runs=4, n=rows + 300, tau_hidden_s=9000.0)
+    late_runs, cut_runs = {}, {}
+    for k, run in enumerate(whole.runs):
+        values = dict(zip(whole.names, whole.values(run, whole.names).T.copy(), strict=True))
+        values["Z"] += OFFSETS_UM[k] - values["Z"][rows]
+        cut_runs[run] = (whole.time_s(run)[rows:], {name: of[rows:] for name, of in values.items()})
+        values["Z"][:rows] = np.nan
+        late_runs[run] = (whole.time_s(run), values)
+    return recording(late_runs), recording(cut_runs)
+
+
+@pytest.mark.parametrize("most_rows", [10**6, 500], ids=["all", "thinned"])
+def test_memory_knows_what_the_machine_did_before_its_gauge_began(monkeypatch, most_rows):
+    monkeypatch.setattr("selector.selection.workflow.MAX_ROWS", most_rows)
+    source, cut = forgetful(200)
+    options = Options(max_sensors=2, memory=True)
+    known, forgotten = select(source, options), select(cut, options)
+    assert known.recipe.design.lags
+    assert known.proof.rmse_um("Z") < 0.4 * forgotten.proof.rmse_um("Z")
+    assert "memory-goes-on" not in found_ids(known)
+    results = known.statsmodels_results("Z", source)
+    assert results.nobs == known.models["Z"].n_samples
+    assert known.known.in_a_row == 0
+
+
+def test_memory_goes_on_from_the_run_before_through_what_was_not_gauged():
+    source = begun(forgetful(200)[0], ("Z",))
+    day, morning = source.runs[:2]
+    provenance = {"runs": {day: {"start": "2026-03-02T08:00:00"}, morning: {"start": "2026-03-03T08:00:00"}}}
+    source.provenance = provenance
+    follows = runs_before(source, source.runs)
+    assert [later_s for _, later_s in chain_before(follows, morning, np.array([1e6]))] == [86400.0, 86400.0, 0.0]
+    assert follows_another(follows, morning)
+    assert not follows_another(follows, day)
