@@ -57,6 +57,8 @@ class ShapeParameter:
 
 #: Of shapes whose coefficient says nothing by itself.
 LARGEST = ShapeParameter("largest", "unit of the response", 0.0, 1e12, "largest amount in the response")
+_YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
+_SHARED = {one.name: one for one in (LARGEST, _YIELD)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +209,8 @@ class Effect:
 def words_of(id_: str) -> dict[str, Any]:
     """What is declared of a shipped effect in ``words.toml`` of its family: id, texts, where it enters, parameters.
 
-    Of the parameters each has a row: name, unit, lowest and highest value, meaning. Those that are made of constants of
-    the code stand in the code.
+    Of the parameters each has a row: name, unit, lowest and highest value, meaning; those of several effects are named
+    alone. Those that are made of constants of the code stand in the code.
     """
     family, _, name = id_.partition(".")
     return {"id": id_, **_words(family)[name]}
@@ -220,5 +222,6 @@ def _words(family: str) -> dict[str, dict[str, Any]]:
     for of in told.values():
         of["confounders"] = tuple(of["confounders"])
         if "parameters" in of:
-            of["parameters"] = tuple(ShapeParameter(*row) for row in of["parameters"])
+            rows = of["parameters"]
+            of["parameters"] = tuple(_SHARED[row] if isinstance(row, str) else ShapeParameter(*row) for row in rows)
     return told

@@ -8,7 +8,7 @@ from numba import njit
 from scipy.ndimage import median_filter
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity, ShapeParameter, Variant
+from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.shapes.axis import (
     FORCE_ROLES,
     MOST_SUBSTEPS,
@@ -21,8 +21,6 @@ from selector.diagnosis.shapes.axis import (
 from selector.diagnosis.shapes.force_response import PLACE_ROLES, ClosedLoop, felt, guesses, passed, responds, yields_s2
 from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
-
-YIELD = ShapeParameter("yield_s2", "s^2", 0.0, 1e-4, "compliance between drive and table times the moving mass")
 
 _USUAL_PRESLIDING_M = 4e-6
 

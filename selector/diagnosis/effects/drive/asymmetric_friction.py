@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import force_key, motion_of, of_forces, presliding_m, reverses
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 
 _ALL = "friction that both directions differ by"
 _GROWING = "the same, growing with speed"
@@ -43,17 +43,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"Friction differs between the two directions{how}{law}: {fitted.size_words}.", fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("drive.asymmetric_friction"),
-    parameters=(
-        ShapeParameter(
-            "force_n", "N (A or V where a current or voltage is compared)", -1e5, 1e5, "half the difference"
-        ),
-        ShapeParameter("growth", "1", 0.0, 1.0, "0 constant, 1 in proportion to speed, 0.5 both"),
-        ShapeParameter("direction", "1", -1.0, 1.0, "the one direction in which the friction is another"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=reverses,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.asymmetric_friction"), variants=_variants, testable=reverses, reading=_reading)

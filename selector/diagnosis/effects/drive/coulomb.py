@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import force_key, motion_of, of_forces, reverses
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.axis import FORCE_ROLES
 
 _PRESLIDING_UM = (1.0, 4.0, 15.0, 50.0)
@@ -48,16 +48,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.coulomb"),
-    parameters=(
-        ShapeParameter(
-            "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "amount of the friction"
-        ),
-        ShapeParameter("presliding_um", "um", 1.0, 50.0, "way within which the friction turns over after a reversal"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=reverses,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.coulomb"), variants=_variants, testable=reverses, reading=_reading)

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import is_force, motion_of, of_forces
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 
@@ -24,13 +24,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"{text}: {fitted.size_words}.", fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("drive.mass"),
-    parameters=(
-        ShapeParameter("mass_kg", "kg (A or V per m/s² where these are compared)", -1e5, 1e5, "what is missing"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.mass"), variants=_variants, testable=responds, reading=_reading)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, direct, force_key, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import direct, force_key, of_forces
+from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 from selector.diagnosis.shapes.signals import course, in_run
 from selector.types import Vector
@@ -50,13 +50,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, {"shift": shift})
 
 
-EFFECT = Effect(
-    **words_of("drive.offset_force"),
-    parameters=(
-        ShapeParameter("force_n", "N (A or V where these are compared)", -1e5, 1e5, "force in positive direction"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.offset_force"), variants=_variants, testable=responds, reading=_reading)

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, force_key, motion_of, of_forces, presliding_m, reverses
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import force_key, motion_of, of_forces, presliding_m, reverses
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 
 _N_SPEEDS = 6
 _SMALLEST_SHARE, _LARGEST_SHARE = 0.006, 0.12
@@ -55,17 +55,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.stribeck"),
-    parameters=(
-        ShapeParameter(
-            "force_n", "N (A or V where a current or voltage is compared)", 0.0, 1e5, "breakaway less sliding"
-        ),
-        ShapeParameter("stribeck_speed_m_per_s", "m/s", 1e-5, 1.0, "speed at which it has fallen to 1/e"),
-        ShapeParameter("exponent", "1", 1.0, 2.0, "δ of the law"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("drive.stribeck"), variants=_variants, testable=_testable, reading=_reading)

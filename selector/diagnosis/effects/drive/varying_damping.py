@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, centred_place, is_force, motion_of, of_forces, stays
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import centred_place, is_force, motion_of, of_forces, stays
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 _WITH = ("position", "position to the second power", "acceleration")
@@ -38,11 +38,6 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
 
 EFFECT = Effect(
     **words_of("drive.varying_damping"),
-    parameters=(
-        ShapeParameter("change", "N*s/m (A or V for N)", -1e6, 1e6, "change of the coefficient over half the way"),
-        ShapeParameter("law", "1", 0.0, 2.0, "0 with position, 1 with position and its square, 2 with acceleration"),
-        YIELD,
-    ),
     variants=_variants,
     testable=lambda comparison, response: responds(comparison, response) or stays(comparison, response),
     reading=_reading,

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import YIELD, is_force, motion_of, of_forces
-from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, ShapeParameter, Variant, words_of
+from selector.diagnosis.effects.drive._forces import is_force, motion_of, of_forces
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.force_response import responds
 
 _EXPONENTS = (1.0, 0.67, 1.5, 2.0)
@@ -38,15 +38,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     )
 
 
-EFFECT = Effect(
-    **words_of("drive.viscous"),
-    parameters=(
-        ShapeParameter("coefficient", "N*s/m (A or V for N)", -1e6, 1e6, "what is missing, per speed"),
-        ShapeParameter("exponent", "1", 0.67, 2.0, "power of the speed"),
-        YIELD,
-    ),
-    variants=_variants,
-    testable=responds,
-    reading=_reading,
-    absorbs=True,
-)
+EFFECT = Effect(**words_of("drive.viscous"), variants=_variants, testable=responds, reading=_reading, absorbs=True)

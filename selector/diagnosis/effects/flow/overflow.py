@@ -12,16 +12,7 @@ from numba import njit
 from scipy.optimize import least_squares as nonlinear_least_squares
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    LARGEST,
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.residual import Remainder
 from selector.diagnosis.shapes.signals import by_run, course, excited, lagged, no_flow, time_constants
 from selector.types import Vector
@@ -382,16 +373,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, parameters)
 
 
-EFFECT = Effect(
-    **words_of("flow.overflow"),
-    parameters=(
-        ShapeParameter("ceiling", "unit of the response", -1e12, 1e12, "level at which it spills"),
-        ShapeParameter("upper_ceiling", "1", 0.0, 1e12, "level at which the store above spills, over its highest"),
-        ShapeParameter("caught", "1", 0.0, 1.0, "share of what it spills that the store below gets"),
-        ShapeParameter("tau_s", "s", 0.0, 1e9, "time after which the lost amount is no longer seen"),
-        LARGEST,
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("flow.overflow"), variants=_variants, testable=_testable, reading=_reading)

@@ -7,16 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    LARGEST,
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.signals import course, excited, lagged, no_gauging, part_by_part, time_constants
 from selector.types import Vector
 
@@ -101,14 +92,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"{fitted.response} is off in proportion to the infeed, up to {fitted.up_to}", fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("gauging.lag"),
-    parameters=(
-        ShapeParameter("tau_s", "s", 0.001, 10.0, "time constant of the filter, from a reading in time"),
-        ShapeParameter("lag_s", "s", -10.0, 10.0, "lateness of the stop, from sizes and infeeds"),
-        LARGEST,
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("gauging.lag"), variants=_variants, testable=_testable, reading=_reading)

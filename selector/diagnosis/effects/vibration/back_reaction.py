@@ -5,16 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    LARGEST,
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     inertia_force,
@@ -140,15 +131,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(f"{text}, which the simulated chain passes on in one direction only", fitted.size)
 
 
-EFFECT = Effect(
-    **words_of("vibration.back_reaction"),
-    parameters=(
-        LARGEST,
-        ShapeParameter(
-            "relative_shift", "1", -0.5, 0.5, "shift of the resonances, where only a response curve is known"
-        ),
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("vibration.back_reaction"), variants=_variants, testable=_testable, reading=_reading)

@@ -6,16 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    LARGEST,
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.linear_response import (
     LinearResponse,
     displacement_of,
@@ -155,14 +146,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text + moves, parameters)
 
 
-EFFECT = Effect(
-    **words_of("vibration.hardening"),
-    parameters=(
-        ShapeParameter("stiffening", "percent", -1e4, 1e4, "stiffness at the largest swing above that at rest"),
-        ShapeParameter("cubic_stiffness", "unit of the input per cube of the response", -1e300, 1e300, "k₃ in k₃·y³"),
-        LARGEST,
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("vibration.hardening"), variants=_variants, testable=_testable, reading=_reading)

@@ -7,16 +7,7 @@ from functools import partial
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import (
-    LARGEST,
-    Effect,
-    Fitted,
-    Quantity,
-    Reading,
-    ShapeParameter,
-    Variant,
-    words_of,
-)
+from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.linear_response import (
     Law,
     LinearResponse,
@@ -131,16 +122,4 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     return Reading(text, parameters)
 
 
-EFFECT = Effect(
-    **words_of("vibration.hysteresis"),
-    parameters=(
-        ShapeParameter(
-            "slip", "unit of the motion", 0.0, 1e12, "displacement after a reversal until the element slips"
-        ),
-        ShapeParameter("force", "unit of the input", 0.0, 1e300, "largest force of the element"),
-        LARGEST,
-    ),
-    variants=_variants,
-    testable=_testable,
-    reading=_reading,
-)
+EFFECT = Effect(**words_of("vibration.hysteresis"), variants=_variants, testable=_testable, reading=_reading)
