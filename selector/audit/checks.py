@@ -24,13 +24,11 @@ from selector.audit.printed import (
     AuditLine,
     PrintedModel,
     PrintedPair,
+    checked,
     judged,
 )
 from selector.sensors.groups import LambdaStep, lambda_axis, lambda_cut, transitive_closure
 from selector.types import Vector
-
-_PAIR = "R² and adjusted R²"
-_of_pair, _of_models = partial(judged, _PAIR), partial(judged, "models")
 
 
 def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> list[AuditLine]:
@@ -42,7 +40,8 @@ def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> li
         for position, (label, printed) in enumerate((("R²", pair.r2), ("adjusted R²", pair.adjusted_r2))):
             values = {name: both[position] for name, both in found.items()}
             lines.append(
-                _of_pair(
+                judged(
+                    "R² and adjusted R²",
                     f"{label} of {sensors}",
                     f"{printed:.4f}",
                     ", ".join(f"{value:.4f} ({name})" for name, value in values.items()),
@@ -57,23 +56,20 @@ def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> li
     with_products = [fewest_samples(three, len(m.terms) - 1) for m in (Z_THREE_SENSORS, Y_THREE_SENSORS)]
     return [
         *lines,
-        _of_pair(
-            "(b) what adding ΔT5 does to adjusted R²",
-            f'it "falls" to {three.adjusted_r2}',
+        checked(
+            "adding T5",
             f"it rises from {two.adjusted_r2} to {three.adjusted_r2}",
             three.adjusted_r2 < two.adjusted_r2,
-            "the printed numbers themselves; by adjusted R² the three sensors win, and taking two is parsimony",
+            falls_to=three.adjusted_r2,
         ),
-        AuditLine(
-            _PAIR,
-            "(d) number of observations m",
-            "not printed",
+        checked(
+            "observations",
             f"m ≥ {max(smallest)}",
-            "cannot be checked",
-            f"1 − R'² = (m−1)/(m−p−1)·(1 − R²) with four decimals needs m ≥ {smallest[0]} for the pair of two sensors "
-            f"and m ≥ {smallest[1]} for that of three; there is no upper limit. If the second pair belonged to the "
-            f"models with products, m ≥ {with_products[0]} (Z, 4 terms) and {with_products[1]} (Y, 6 terms). The "
-            f"reconstruction has {len(next(iter(responses.values())))}",
+            two=smallest[0],
+            three=smallest[1],
+            z=with_products[0],
+            y=with_products[1],
+            samples=len(next(iter(responses.values()))),
         ),
         _m_is_observations(two),
     ]
@@ -96,7 +92,8 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
         for term, text, ours in zip(model.terms, model.printed, found, strict=True):
             decimals = len(text.split(".")[1])
             lines.append(
-                _of_models(
+                judged(
+                    "models",
                     f"{model.name}: {'·'.join(f'Δ{name}' for name in term) or 'constant'}",
                     text.replace("-", "−"),
                     f"{ours:.{decimals}f}".replace("-", "−"),
@@ -111,16 +108,12 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
     )
     return [
         *lines,
-        _of_models(
-            "both models of Z from the recording that gives both models of Y",
-            ", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
+        checked(
+            "models of Z",
             ", ".join(f"{value:.4f}".replace("-", "−") for value in joint),
             bool(np.abs(joint - Z_THREE_SENSORS.coefficients).max() <= ENTRY_HALF_UNIT),
-            "three-sensor fit to the same Z as the two-sensor model. A recording that starts at rest was found for R, "
-            "the pairs, both two-sensor models and either three-sensor model, but none for all four models; on this "
-            f"one the two models of Z differ by {gap.std():.1f} µm (standard deviation). The patent records anew for "
-            "its second embodiment, so the four need not share a recording; ours has a second Z for it",
-            no="in tension",
+            coefficients=", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
+            gap_um=gap.std(),
         ),
         _at_rest(),
     ]
@@ -155,14 +148,8 @@ def _coefficients(columns: NDArray[np.float64], response: Vector) -> Vector:
 def _m_is_observations(pair: PrintedPair) -> AuditLine:
     p = len(pair.sensors)
     with_sensors = 1 - (8 - 1) / (8 - p - 1) * (1 - pair.r2)
-    return _of_pair(
-        "(c) m is the number of temperature variables",
-        f"m variables x_j, j = 1…m; adjusted R² {pair.adjusted_r2}",
-        f"{with_sensors:.4f} with m = 8",
-        math.isclose(with_sensors, pair.adjusted_r2, abs_tol=ENTRY_HALF_UNIT),
-        "the text uses m for the candidate variables (2^m − 1 combinations) and in eq. 2 for the number of "
-        "observations; only the latter gives the printed values",
-    )
+    holds = math.isclose(with_sensors, pair.adjusted_r2, abs_tol=ENTRY_HALF_UNIT)
+    return checked("m variables", f"{with_sensors:.4f} with m = 8", holds, adjusted_r2=pair.adjusted_r2)
 
 
 def _at_rest() -> AuditLine:
@@ -170,22 +157,15 @@ def _at_rest() -> AuditLine:
         f"{m.name} {m.printed[0].replace('-', '−')} µm"
         for m in (Z_TWO_SENSORS, Y_TWO_SENSORS, Z_THREE_SENSORS, Y_THREE_SENSORS)
     )
-    return _of_models(
-        "displacement at rest, all rises 0",
-        "0 (gauges are set to zero at the start)",
-        constants,
-        False,
-        "the constants are the models' own error in the first sample: they are fitted, not physics",
-        no="in tension",
-    )
+    return checked("at rest", constants, False)
 
 
 def similarity_lines(rises: NDArray[np.float64]) -> list[AuditLine]:
     """R against the correlations of the reconstructed recording, `rises` of shape (n_samples, 8) [K]; P eq. 1."""
     found = np.asarray(np.corrcoef(rises, rowvar=False), dtype=np.float64)
-    told = partial(judged, "similarity matrix R")
     lines = [
-        told(
+        judged(
+            "similarity matrix R",
             f"r({a + 1},{b + 1}) and r({b + 1},{a + 1})",
             _twice(SIMILARITY, a, b),
             f"{found[a, b]:.4f}",
@@ -198,22 +178,13 @@ def similarity_lines(rises: NDArray[np.float64]) -> list[AuditLine]:
     smallest = float(np.linalg.eigvalsh(SIMILARITY)[0])
     return [
         *lines,
-        told("diagonal", "1.0000 eight times", "1", bool((np.diag(SIMILARITY) == 1).all()), "r(i,i) = 1"),
-        told(
+        checked("diagonal of R", "1", bool((np.diag(SIMILARITY) == 1).all())),
+        checked(
             "symmetry",
-            "28 pairs, each printed twice",
             f"{int((SIMILARITY != SIMILARITY.T).sum() // 2)} pairs differ",
             bool((SIMILARITY == SIMILARITY.T).all()),
-            "a correlation matrix is symmetric",
         ),
-        told(
-            "R is a correlation matrix",
-            "implied",
-            f"smallest eigenvalue {smallest:.1e}",
-            smallest > 0,
-            "positive definite, so there are recordings with exactly this matrix, and the reconstruction is one of "
-            "them; the raw table of the patent was a picture and is lost",
-        ),
+        checked("definite", f"smallest eigenvalue {smallest:.1e}", smallest > 0),
     ]
 
 
@@ -232,16 +203,7 @@ def closure_lines() -> list[AuditLine]:
         )
         for a, b in _pairs()
     ]
-    lines.append(
-        judged(
-            "closure t(R)",
-            "diagonal",
-            "1.0000 eight times",
-            "1",
-            bool((np.diag(CLOSURE) == np.diag(closure)).all()),
-            "the closure of a reflexive relation is reflexive",
-        )
-    )
+    lines.append(checked("diagonal of t(R)", "1", bool((np.diag(CLOSURE) == np.diag(closure)).all())))
     cut = ["".join("1" if entry >= LEVEL else "0" for entry in row) for row in closure]
     lines += [
         judged("cut at λ = 0.995", f"row {i + 1}", row, cut[i], row == cut[i], "t(i,j) ≥ 0.995")
@@ -252,7 +214,6 @@ def closure_lines() -> list[AuditLine]:
 
 def group_lines() -> list[AuditLine]:
     """The groups, and every other level at which they could have been cut; contradiction (a)."""
-    told = partial(judged, "groups")
     partition = lambda_cut(SIMILARITY, LEVEL, SENSORS)
     steps = list(lambda_axis(SIMILARITY, SENSORS))
     here = next(step for step in steps if step.low < LEVEL <= step.high)
@@ -260,35 +221,31 @@ def group_lines() -> list[AuditLine]:
     apart = [step for step in steps if _keeps_apart(step)]
     coarsest = apart[-1]
     return [
-        told(
-            "(a) number of groups at λ = 0.995",
-            f"{GROUPS_CLAIMED} groups",
+        checked(
+            "number of groups",
             f"{len(partition.groups)} groups: {_listed(partition.groups)}",
             len(partition.groups) == GROUPS_CLAIMED,
-            "counted in the printed cut itself: its rows have only "
-            f"{len(set(CUT_ROWS))} different patterns. Every λ in ({here.low:.4f}, {here.high:.4f}] cuts the same",
+            claimed=GROUPS_CLAIMED,
+            patterns=len(set(CUT_ROWS)),
+            low=here.low,
+            high=here.high,
         ),
-        told(
-            "(a) three groups with 1, 3 and 5 apart, at any λ",
-            "one representative from each of 3 groups",
+        checked(
+            "three groups",
             "; ".join(f"({s.low:.4f}, {s.high:.4f}]: {_listed(s.partition.groups)}" for s in threes) or "no such λ",
             any(_keeps_apart(step) for step in threes),
-            "the only levels with three groups keep 3 and 5 together",
         ),
-        told(
-            "(a) λ at which 1, 3 and 5 are apart",
-            f"{LEVEL}",
+        checked(
+            "apart",
             f"λ > {coarsest.low:.4f}; first in ({coarsest.low:.4f}, {coarsest.high:.4f}] with "
             f"{len(coarsest.partition.groups)} groups {_listed(coarsest.partition.groups)}",
             _keeps_apart(here),
-            f"r(3,5) = {SIMILARITY[2, 4]:.4f} links 3 and 5 directly up to that level",
+            level=LEVEL,
+            r35=SIMILARITY[2, 4],
         ),
-        told(
-            "combinations left after screening",
-            "2^p − 1",
+        checked(
+            "combinations",
             f"{2 ** len(REPRESENTATIVES) - 1} instead of {2 ** len(SENSORS) - 1} (of 37 sensors: {2**37 - 1:,})",
-            True,
-            "non-empty subsets of p = 3 representatives; counts are exact",
         ),
     ]
 
@@ -350,7 +307,7 @@ CLAIMED_PERCENT = (80.0, 90.0)
 
 def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
     """The claim "80–90 % less" against the printed micrometres, and the other printed effects; rises [K]."""
-    told, open_line = partial(judged, "effects"), partial(AuditLine, "effects")
+    told = partial(judged, "effects")
     low, high = CLAIMED_PERCENT
     lines = []
     for item, before, after in (
@@ -384,44 +341,17 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
     return [
         *lines,
         *_reach_lines(),
-        open_line(
-            "Y, largest",
-            "56 µm",
-            f"at most {_reach(Y_TWO_SENSORS):.1f} µm for the mean of both gauges",
-            "cannot be checked",
-            "the printed model is for the mean; one gauge may reach 56 µm, and the patent speaks of 25–56 µm",
-        ),
-        told(
-            "error after compensation against R² 0.9989",
-            "6–8 µm on average",
-            f"R² 0.9989 leaves at most {residual:.1f} µm rms",
-            residual >= 6.0,
-            "values between 0 and 100 µm have a standard deviation of at most 50 µm, and R² leaves √(1 − R²) of it. "
-            "R² speaks of the data that it was fitted to; on the next run the error is several times larger",
-            no="in tension",
-        ),
-        told(
-            "Y, mean of the warm phase, against both gauges",
-            "41 µm; Y reaches 25–56 µm",
-            "at most 40.5 µm for the mean of gauges that reach 25 and 56 µm",
-            False,
-            "if 25 and 56 µm are what the lower and the upper gauge reach (figure 7), the mean over the warm phase is "
-            "at the largest value; 41 is printed as 0.041 mm, so up to rounding both can hold",
-            no="in tension",
-        ),
-        open_line(
-            "protocol",
-            "1500 → 3000 r/min in steps, feed 2000 mm/min, 6–8 h; bearings rise 6–10 K",
-            f"bearings of the reconstruction rise {rises['T1'].max():.1f} and {rises['T3'].max():.1f} K",
-            "cannot be checked",
-            "the reconstruction follows it with four steps in 8 h; the steps and the sampling period are not printed",
+        checked("largest Y", f"at most {_reach(Y_TWO_SENSORS):.1f} µm for the mean of both gauges"),
+        checked("error after", f"R² 0.9989 leaves at most {residual:.1f} µm rms", residual >= 6.0),
+        checked("mean Y", "at most 40.5 µm for the mean of gauges that reach 25 and 56 µm", False),
+        checked(
+            "protocol", f"bearings of the reconstruction rise {rises['T1'].max():.1f} and {rises['T3'].max():.1f} K"
         ),
     ]
 
 
 def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
     """Symbols that are used for other things than they are defined as, contradiction (c); rises [K], z [µm]."""
-    told = partial(judged, "symbols")
     columns = np.column_stack([np.ones(len(z)), rises["T1"], rises["T3"]])
     fitted = columns @ np.linalg.lstsq(columns, z, rcond=None)[0]
     sst, ssr, sse = (float(v @ v) for v in (z - z.mean(), fitted - z.mean(), z - fitted))
@@ -431,37 +361,14 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
     gradient = float(np.abs(columns.T @ (z - fitted)).max())
     two_ways = 1 - penalty * sse / sst, 1 - penalty * (1 - ssr / sst)
     return [
-        told(
-            "SSE = SST − SSR",
-            "an identity",
-            f"{sse:.4f} = {sst:.4f} − {ssr:.4f}",
-            bool(np.isclose(sse, sst - ssr, rtol=1e-8)),
-            "two-sensor fit of Z on the reconstruction; without an intercept the identity fails, and adjusted R² "
-            "needs another definition",
-        ),
-        told(
-            "eq. 2: 1 − (m−1)/(m−p−1)·SSE/SST = 1 − (m−1)/(m−p−1)·(1 − R²)",
-            "an identity",
-            f"{two_ways[0]:.10f} and {two_ways[1]:.10f}",
-            bool(np.isclose(*two_ways, rtol=0, atol=1e-10)),
-            "the same fit, with m observations and p regressors beside the intercept",
-        ),
-        told(
-            "(c) eq. 7: ∂θ/∂b, sums over i of terms in t",
-            "Σ over i = 1…N of (y_t − b0 − …)·x_ij",
+        checked("sums", f"{sse:.4f} = {sst:.4f} − {ssr:.4f}", bool(np.isclose(sse, sst - ssr, rtol=1e-8))),
+        checked("eq. 2", f"{two_ways[0]:.10f} and {two_ways[1]:.10f}", bool(np.isclose(*two_ways, rtol=0, atol=1e-10))),
+        checked(
+            "eq. 7",
             f"∂Q/∂b_j = −2 Σ over t of (y_t − b0 − …)·x_tj, {'0' if gradient < 1e-6 else f'{gradient:.0e}'} at the fit",
             False,
-            "Q of eq. 6 is called θ and its index of samples t is called i; with t the equations are the normal "
-            "equations, which the fit of Z on the reconstruction solves",
         ),
-        told(
-            "(c) eq. 10: x_ii, x_ij",
-            "l_ij = Σ (x_ii − x̄_i)(x_ij − x̄_j)",
-            f"l_ij = Σ over t of (x_ti − x̄_i)(x_tj − x̄_j); b = {solved[0]:.4f}, {solved[1]:.4f}",
-            False,
-            "the first index is that of the samples, as in its own last member; with it eq. 11 gives the two-sensor "
-            "model of Z on the reconstruction",
-        ),
+        checked("eq. 10", f"l_ij = Σ over t of (x_ti − x̄_i)(x_tj − x̄_j); b = {solved[0]:.4f}, {solved[1]:.4f}", False),
     ]
 
 

@@ -1,11 +1,13 @@
 """What patent CN1868666 prints, and one printed number against ours."""
 
+import csv
 import math
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +117,23 @@ def judged(
 ) -> AuditLine:
     """A line whose verdict is one of two."""
     return AuditLine(section, item, printed, ours, yes if holds else no, why)
+
+
+@cache
+def _statements() -> dict[str, dict[str, str]]:
+    with Path(__file__).with_name("statements.csv").open(encoding="utf-8", newline="") as stream:
+        return {row.pop("key"): row for row in csv.DictReader(stream)}
+
+
+def checked(statement: str, ours: str, holds: bool = True, **values: object) -> AuditLine:
+    """The line of a row of ``statements.csv``; `values` are what its braces stand for.
+
+    The verdict is its first one if it `holds`, else the second; what cannot be checked has one verdict only.
+    """
+    said = _statements()[statement]
+    verdict = cast(Verdict, said["yes" if holds else "no"])
+    printed, why = (said[key].format(**values) for key in ("printed", "why"))
+    return AuditLine(said["section"], said["item"], printed, ours, verdict, why)
 
 
 def audit_table_text(lines: Iterable[AuditLine], *, width: int = 118) -> str:
