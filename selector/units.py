@@ -2,6 +2,7 @@
 
 import functools
 import unicodedata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,40 +34,17 @@ CANONICAL_UNITS: dict[str, str] = {
 
 ROLES: tuple[str, ...] = tuple(CANONICAL_UNITS)
 
-# Spellings seen in recordings, after NFKC folding, lower case and removal of blanks.
-_SPELLINGS: dict[str, str] = {
-    "°c": "degC", "c": "degC", "degc": "degC", "celsius": "degC", "degreec": "degC", "deg.c": "degC", "grdc": "degC",
-    "gradc": "degC", "oc": "degC", "摄氏度": "degC", "度": "degC", "град.c": "degC", "°с": "degC", "с": "degC",
-    "градc": "degC", "degreescelsius": "degC", "grad": "degC", "degrees_c": "degC", "deg_c": "degC",
-    "mdegc": "millidegC", "m°c": "millidegC", "milli°c": "millidegC", "millidegc": "millidegC",
-    "°f": "degF", "f": "degF", "degf": "degF", "fahrenheit": "degF", "deg_f": "degF", "deg.f": "degF",
-    "k": "kelvin", "kelvin": "kelvin",
-    "um": "um", "μm": "um", "micron": "um", "microns": "um", "мкм": "um", "微米": "um", "micrometer": "um",
-    "micrometre": "um", "mkm": "um", "ミクロン": "um", "my": "um", "mu": "um",
-    "mm": "mm", "мм": "mm", "毫米": "mm", "millimeter": "mm", "millimetre": "mm",
-    "nm": "nm", "m": "m", "м": "m", "cm": "cm", "0.1um": "decimicron",
-    "mil": "thou", "mils": "thou", "thou": "thou", "in": "inch", "inch": "inch", "inches": "inch", '"': "inch",
-    "rpm": "rpm", "r/min": "rpm", "1/min": "rpm", "u/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "rev/min": "rpm",
-    "об/мин": "rpm", "转/分": "rpm", "/min": "rpm", "upm": "rpm", "r.p.m.": "rpm",
-    "rad/s": "rad/s", "hz": "Hz", "1/s": "Hz", "rps": "revolution/s", "гц": "Hz",
-    "mm/min": "mm/min", "m/min": "m/min", "mm/s": "mm/s", "m/s": "m/s", "мм/мин": "mm/min", "in/min": "inch/min",
-    "ipm": "inch/min",
-    "n": "N", "kn": "kN", "н": "N", "a": "A", "ma": "mA", "v": "V", "mv": "mV", "в": "V",
-    "m/s^2": "m/s^2", "m/s2": "m/s^2", "g": "g_0", "mm/s^2": "mm/s^2", "mm/s2": "mm/s^2", "in/s": "inch/s",
-    "in/s^2": "inch/s^2", "in/s2": "inch/s^2", "lbf": "lbf",
-    "l/min": "liter/min", "l/h": "liter/hour", "m3/h": "m^3/hour", "m^3/h": "m^3/hour", "m^3/s": "m^3/s",
-    "m3/s": "m^3/s", "л/мин": "liter/min",
-    "hpa": "hPa", "mbar": "mbar", "kpa": "kPa", "pa": "Pa", "bar": "bar",
-    "1": "1", "-": "1", "": "1", "bool": "1", "on/off": "1", "0/1": "1", "%": "percent",
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "с.": "s", "сек": "s", "秒": "s",
-    "ms": "ms", "msec": "ms", "millisecond": "ms", "milliseconds": "ms", "мс": "ms", "毫秒": "ms", "us": "us",
-    "μs": "us", "ns": "ns", "millis": "ms",
-    "min": "min", "mins": "min", "minute": "min", "minutes": "min", "мин": "min", "分": "min", "分钟": "min",
-    "minuten": "min", "h": "hour", "hr": "hour", "hrs": "hour", "hour": "hour", "hours": "hour", "std": "hour",
-    "stunden": "hour", "ч": "hour", "час": "hour", "小时": "hour", "時間": "hour", "d": "day", "day": "day",
-    "days": "day",
-}  # fmt: skip
 
+def _spellings() -> dict[str, str]:
+    """Spelling → unit as pint calls it; nothing at all is a number without a unit."""
+    found = {"": "1"}
+    for line in Path(__file__).with_name("unit_spellings.txt").read_text(encoding="utf-8").splitlines()[1:]:
+        unit, *spelled = line.split()
+        found |= dict.fromkeys(spelled, unit)
+    return found
+
+
+_SPELLINGS = _spellings()
 _PINT_NAMES = frozenset(_SPELLINGS.values())
 
 
