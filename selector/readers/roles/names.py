@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,62 +147,16 @@ def printable_name(text: str) -> str:
     return " ".join(marked.split())[:_LONGEST_NAME].strip() or "run"
 
 
-#: Role and a regular expression; where it is found in the name it speaks for the role.
-_WORDS: tuple[tuple[str, str], ...] = (
-    (
-        "state",
-        r"(coolant|k[üu]hlmittel|kss|mist|air|pump|pumpe)[ _-]?(on|off|state|status|open|ein|an|aktiv|active)\b|"
-        r"(door|t[üu]r|valve|ventil|fan|l[üu]fter|chiller|heater)[ _-]?(on|off|state|status|open|ein|an|active)\b",
-    ),
-    (
-        "state",
-        r"(^|[ _-])(on|off|state|status|flag|mode|enable[d]?|alarm|program|prog|m0?[789])$|状态|狀態|状態|開關|开关|"
-        r"冷却液开|состояние",
-    ),
-    (
-        "ambient",
-        r"amb(ient)?(?![a-z])|ambient|hall|umgeb|raum|room|workshop|environ|surround|shop|outdoor|luft|"
-        r"^t_?(inf|env|air|room|u)\b|\bair\b|环境|環境|室温|周囲|外気|车间|车間|气温|окруж|цех|воздух|помещен|okol|"
-        r"prost[řr]ed|otoczen|ambi(ante|ente)|környezet",
-    ),
-    (
-        "position_command",
-        r"(cmd|command|soll|setpoint|set_?pos|target|reference|demand|指令|目标|目標|задан).*|"
-        r".*(?:^|[ _-])(cmd|soll|ref|set)$",
-    ),
-    (
-        "temperature",
-        r"temp|^(t|pt|tc|rtd|th|tk|ntc|ni|pt100|pt1000|tmp|ts|theta|θ|ϑ)[ _.#-]?\d+[a-z]?$|"
-        r"^(t|tc|pt|temp|tmp)[ _.-][a-z].*|^t$|^[Δδd]t[ _]?\d*$|thermo|温|темп|teplot|hőm|^°c$|"
-        r"^ch(annel)?[ _]?\d+[ _]?°c",
-    ),
-    (
-        "spindle_speed",
-        r"rpm|spindle[ _-]*(speed|rev|n\b)|speed|drehzahl|spindeldreh|^n([ _-]?(ist|soll|act|sp|spindle|s))?$|"
-        r"^s$|^s[ _-]?(act|ist|cmd|actual|speed)$|转速|轉速|回転|оборот|част.*вращ|^об|ot[áa][čc]k|obrot|"
-        r"vitesse.*(broche|rotation)|velocidad.*husillo|r/min|^u/min$",
-    ),
-    ("feed_rate", r"feed|vorschub|进给|進給|送り|подач|avance|posuv"),
-    ("velocity", r"^v$|veloc|geschw|скорост|速度|^v[ _]?[xyz]$|vel[ _.]?[xyz]?$"),
-    (
-        "displacement",
-        r"disp|drift|err(or)?(?![a-z])|error|verlag|verschieb|abweich|deform|growth|dehnung|ausdehn|expansion|"
-        r"deviation|gap|probe|gauge|dial|tool[ _-]?(point|centre|center|tip)|tcp|位移|变形|變形|変位|误差|誤差|热伸长|"
-        r"смещ|перемещ|деформ|погреш|удлин|d[ée]placement|posun|przemieszcz|elmozd|"
-        r"^(d|delta|Δ|δ|Δ ?l|e|eps|u)[ _]?[xyz]\d?$|^[xyz]\d?$|^l?vdt|^eddy|^cap(acitive)?[ _]?\d|^laser",
-    ),
-    ("acceleration", r"^acc|accel|beschl|ускор|加速度|vibration|振动"),
-    ("force", r"force|kraft|сила|усили|^f[ _]?[xyz]?$|切削力|力$"),
-    ("current", r"current|strom|^i([ _]?[quvwdxyz0-9]?)$|ток|电流|電流|^amp(ere)?s?$"),
-    ("voltage", r"volt|spannung|^u[ _]?\d*$|^v[ _]?\d+$|напряж|电压|電圧"),
-    ("flow", r"flow|durchfluss|volumenstrom|расход|流量"),
-    ("frequency", r"freq|частота|频率|周波数|^f[ _]?hz"),
-    ("position", r"pos(ition)?(?![a-z])|position|actual|^ist|位置|координ|coord|stroke|travel|行程"),
-    ("amplitude", r"ampl|振幅|амплит"),
-    ("size", r"^(size|ma[ßs]s?|diameter|durchmesser|dia|直径|尺寸|размер|диаметр)"),
-)
+def _patterns() -> dict[str, re.Pattern[str]]:
+    """Role → what speaks for it in a name; the role that comes first counts most."""
+    words: dict[str, list[str]] = {}
+    for line in Path(__file__).with_name("role_words.txt").read_text(encoding="utf-8").splitlines()[2:]:
+        role, _, spoken = line.partition(" ")
+        words.setdefault(role, []).append(spoken)
+    return {role: re.compile("|".join(of), re.IGNORECASE) for role, of in words.items()}
 
-_PATTERNS = tuple((role, re.compile(words, re.IGNORECASE)) for role, words in _WORDS)
+
+_PATTERNS = _patterns()
 _PLACES = re.compile(
     r"spindle|spindel|bearing|lager|column|st[äa]nder|s[äa]ule|bed|bett|table|tisch|motor|coolant|k[üu]hl|oil|[öo]l\b|nut|mutter|"
     r"screw|housing|geh[äa]use|head(stock)?|nose|front|rear|vorn|hinten|wall|gear|getriebe|tank|hydraul|chiller|guide|"
@@ -246,7 +201,7 @@ def role_guess(name: str, unit: str | None, values: NDArray[np.float64], role: s
     folded = re.sub(r"(?<=\w)\.\d{1,3}$", "", unicodedata.normalize("NFKC", name).strip())
     if role is not None:
         return _with_unit(role, folded, unit, None, ())
-    named = [r for r, pattern in _PATTERNS if pattern.search(folded)]
+    named = [r for r, pattern in _PATTERNS.items() if pattern.search(folded)]
     if unit is not None and unit != "1":
         return _by_unit(named, folded, unit, values)
     if not named:

@@ -5,6 +5,7 @@ import itertools
 import re
 import unicodedata
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from selector.errors import ReadError
 from selector.findings import Finding
@@ -20,20 +21,7 @@ _BOMS = (
 _CANDIDATES = ("gb18030", "cp932", "cp1252", "cp1251", "cp1250", "cp850", "big5", "euc_kr", "koi8_r", "cp866")
 
 # Words that head the columns of recordings, in the languages of those encodings. Only non-ASCII ones are evidence.
-_WORDS = (
-    "温度 时间 時間 位移 主轴 主軸 转速 回転 环境 環境 室温 冷却 轴承 軸受 变形 変位 前 后 上 下 左 右 测点 测量 日期 "
-    "時刻 日時 日付 周囲 電流 电流 电机 電機 序号 备注 误差 誤差 床身 立柱 立柱 油 进给 送り 位置 温 時 溫度 時間 轉速 "
-    "时 间 热 度 センサ モータ ベッド コラム 온도 시간 변위 주축 회전 "
-    "время температура темп шпиндель шпинделя подшипник подшипника датчик смещение перемещение обороты частота "
-    "окружающая среда среды масло станина стойка дата час мин сек мкм мм об перед зад ось погрешность цех двигатель "
-    "передний задний опора передняя задняя воздух корпус номер "
-    "zeit größe länge öl ölkühler kühlmittel kühler spindellager übertemperatur säule ständer höhe raumtemperatur "
-    "gehäuse führung vorschub umgebung wärme stütze täglich ausdehnung prüf für ä ö ü maß "
-    "température déplacement vitesse réfrigérant durée écart arrière "
-    "teplota čas vřeteno ložisko prostředí posunutí přední zadní otáčky chladicí wrzeciono łożysko środowisko prędkość "
-    "przesunięcie temperatura obudowa czas olej hőmérséklet idő elmozdulás orsó csapágy környezet "
-    "temperatură poziție posición velocidad husillo año máquina"
-)
+_WORDS = Path(__file__).with_name("header_words.txt").read_text(encoding="utf-8")
 _WORD_SET = frozenset(word for word in _WORDS.split() if not word.isascii())
 _UNIT_SIGN = re.compile(
     r"(?:(?<![^\W\d_])|(?<=[\[(/ ]))(?:[°º]\s?[CFK](?![a-z])|[µμ](?:m|s|A|V)(?![a-z])|℃|㎛|°С(?![а-я]))"
