@@ -3,32 +3,13 @@
 import math
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 from selector.errors import OptionError
 
+_TITLES = Path(__file__).with_name("field_titles.txt").read_text(encoding="utf-8").splitlines()
 #: Option of the command line → title of the field that does the same.
-FIELDS = {
-    "--encoding": "Encoding", "--separator": "Separator", "--decimal": "Decimal mark", "--header-row": "Row of names",
-    "--sheet": "Sheet", "--time-column": "Time column", "--time-unit": "Unit of time", "--date-order": "Order of dates",
-    "--period-s": "Period [s]", "--unit": "unit", "--role": "role",
-    "--response": "Displacements to predict", "--lambda": "λ", "--max-sensors": "Most sensors in a set",
-    "--target": "Error to reach [µm]", "--rounds": "Rounds of screening", "--grouping": "Groups by",
-    "--degree": "Highest power", "--reference": "Readings",
-    "--interactions": "Products of sensors", "--memory": "Memory: lagged temperatures and speed",
-    "--ridge": "Shrink coefficients as far as unseen runs profit",
-    "--absolute-similarity": "Group a sensor with its mirror image",
-    "--must": "must be kept", "--never": "never", "--cost": "cost",
-    "--method": "Method", "--operations": "Operations", "--tolerance": "Allowed drift",
-    "--warm-up": "Find a warm-up", "--order": "Find the order that needs the fewest corrections",
-    "--nc": "As NC program", "--readings": "The day as it went", "--observe": "Thermometers to go by",
-    "--radius": "Radius", "--feed": "Feed", "--axes": "Axes", "--lead": "Leads of the screws",
-    "--reset-time": "Reset times of the velocity controllers",
-    "--point": "Where nodes are", "--axis": "Direction",
-    "--holdout": "Held out", "--false-alarm": "Allowed false alarms",
-    "--replay": "the recordings to run through the program",
-    "--clamp": "largest correction", "--slew": "fastest change", "--invert": "turned round",
-    "--sign-verified": "The sign test was passed", "--tested": "Target and SHA-256 of the tested program",
-}  # fmt: skip
+FIELDS: dict[str, str] = {option: title for option, _, title in (line.partition(" ") for line in _TITLES)}
 
 _LEAST = 1e-6
 _AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"
