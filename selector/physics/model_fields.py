@@ -10,10 +10,10 @@ import math
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, Field, StrictBool, create_model
 from pydantic.fields import FieldInfo
@@ -344,6 +344,21 @@ def entry_of(kind: type, *, called: str | None = None, **more: Any) -> type[Entr
             default = _default(hints[one.name], one.default_factory())
         keys[one.name] = (_key_type(hints[one.name]), default)
     return create_model(f"{kind.__name__}Section", __base__=Entry, __doc__=kind.__doc__, **keys, **more)
+
+
+if TYPE_CHECKING:
+
+    class SectionOf(Entry, Generic[Value]):
+        """``SectionOf[Kind]``, as the type of a field, is ``entry_of(Kind)``."""
+else:
+
+    class SectionOf:
+        """``SectionOf[Kind]``, as the type of a field, is ``entry_of(Kind)``."""
+
+        @classmethod
+        @cache
+        def __class_getitem__(cls, kind):
+            return entry_of(kind)
 
 
 def value_of(kind: type[Value], section: Entry, **more: Any) -> Value:

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from selector.physics.gauging import model_file as schema
+from selector.physics.gauging import process
+from selector.physics.gauging.gauge import transducer
 from selector.physics.gauging.grinding.gauged_grinding import MOST_STEPS
-from selector.physics.model_fields import said_of, unit_in
+from selector.physics.model_fields import SectionOf, said_of, unit_in
 from selector.physics.model_text import Entry
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "gauging-model.md"
@@ -24,20 +26,20 @@ def inside(section, key):
 SECTIONS = {
     "`[model]`": schema.ModelSection,
     "`[run]`": schema.RunSection,
-    "`[transducer]`": schema.TransducerSection,
+    "`[transducer]`": SectionOf[transducer.Transducer],
     **{
-        f"`[transducer.{key}]`": inside(schema.TransducerSection, key)
+        f"`[transducer.{key}]`": inside(SectionOf[transducer.Transducer], key)
         for key in ("electromagnet", "probe", "contact", "generator", "smoothing", "relay")
     },
-    "`[linear]`": schema.LinearSection,
-    "`[relay]`": schema.RelaySection,
-    "`[grinding]`": schema.GrindingSection,
-    "`[[grinding.stages]]`": inside(schema.GrindingSection, "stages"),
-    "`[surface]`": schema.SurfaceSection,
-    "`[noise]`": schema.NoiseSection,
-    "`[tolerance]`": schema.ToleranceSection,
+    "`[linear]`": SectionOf[transducer.LinearGauge],
+    "`[relay]`": SectionOf[transducer.Relay],
+    "`[grinding]`": SectionOf[process.Grinding],
+    "`[[grinding.stages]]`": inside(SectionOf[process.Grinding], "stages"),
+    "`[surface]`": SectionOf[process.Surface],
+    "`[noise]`": SectionOf[process.Noise],
+    "`[tolerance]`": SectionOf[process.Tolerance],
     "`[thresholds]`": schema.ThresholdsSection,
-    "`[correction]`": schema.CorrectionSection,
+    "`[correction]`": SectionOf[process.Correction],
     "`[recorded]`": schema.RecordedSection,
     "`[bounds]`": None,
 }

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -16,8 +16,8 @@ from selector.physics.model_fields import (
     Fit,
     Number,
     Parameter,
+    SectionOf,
     Unit,
-    entry_of,
     given,
     numbers_of,
     parameters_of,
@@ -44,20 +44,6 @@ MOST_STAGES = 20
 
 MOST_PARTS = 1_000_000  #: Parts of one file.
 MOST_WAVEFORM_S = 10.0  #: Of it thousands of samples a second are kept.
-
-if TYPE_CHECKING:
-    TransducerSection: TypeAlias = Entry
-    LinearSection: TypeAlias = Entry
-    RelaySection: TypeAlias = Entry
-    GrindingSection: TypeAlias = Entry
-    SurfaceSection: TypeAlias = Entry
-    NoiseSection: TypeAlias = Entry
-    ToleranceSection: TypeAlias = Entry
-    CorrectionSection: TypeAlias = Entry
-else:
-    TransducerSection, LinearSection, RelaySection = entry_of(Transducer), entry_of(LinearGauge), entry_of(Relay)
-    GrindingSection, SurfaceSection = entry_of(Grinding), entry_of(Surface)
-    NoiseSection, ToleranceSection, CorrectionSection = entry_of(Noise), entry_of(Tolerance), entry_of(Correction)
 
 
 class ModelSection(Entry):
@@ -97,15 +83,15 @@ class GaugingFile(Entry):
 
     model: ModelSection
     run: RunSection = RunSection()
-    transducer: TransducerSection | None = None
-    linear: LinearSection | None = None
-    relay: RelaySection | None = None
-    grinding: GrindingSection
-    surface: SurfaceSection = SurfaceSection()
-    noise: NoiseSection = NoiseSection()
-    tolerance: ToleranceSection | None = None
+    transducer: SectionOf[Transducer] | None = None
+    linear: SectionOf[LinearGauge] | None = None
+    relay: SectionOf[Relay] | None = None
+    grinding: SectionOf[Grinding]
+    surface: SectionOf[Surface] = SectionOf[Surface]()
+    noise: SectionOf[Noise] = SectionOf[Noise]()
+    tolerance: SectionOf[Tolerance] | None = None
     thresholds: ThresholdsSection | None = None
-    correction: CorrectionSection | None = None
+    correction: SectionOf[Correction] | None = None
     recorded: RecordedSection = RecordedSection()
     bounds: Bounds = Field(default_factory=dict)
 

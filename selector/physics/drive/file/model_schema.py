@@ -40,7 +40,7 @@ from selector.physics.drive.parts.stiffness import (
     three_mass_mechanics,
 )
 from selector.physics.drive.trajectory import ParameterCourse, Reference
-from selector.physics.model_fields import Unit, Usual, entry_of, given, refusals, value_of
+from selector.physics.model_fields import SectionOf, Unit, Usual, entry_of, given, refusals, value_of
 from selector.physics.model_text import (
     Bounds,
     Column,
@@ -62,30 +62,13 @@ MOST_STEPS = 20_000_000  #: Steps of the calculation in one run of one axis; som
 MOST_AXES = 6
 
 if TYPE_CHECKING:
-    FrictionSection: TypeAlias = Entry
-    RippleSection: TypeAlias = Entry
-    TransmissionSection: TypeAlias = Entry
-    ServoSection: TypeAlias = Entry
-    SensingSection: TypeAlias = Entry
     RigidSection: TypeAlias = Entry
     RotarySection: TypeAlias = Entry
     ThreeMassSection: TypeAlias = Entry
-    MotorSection: TypeAlias = Entry
-    CouplingSection: TypeAlias = Entry
-    ScrewSection: TypeAlias = Entry
-    NutSection: TypeAlias = Entry
-    BearingsSection: TypeAlias = Entry
-    GuideSection: TypeAlias = Entry
-    TableSection: TypeAlias = Entry
     BallBarSection: TypeAlias = Entry
 else:
-    FrictionSection, RippleSection, TransmissionSection = entry_of(Friction), entry_of(Ripple), entry_of(Transmission)
-    ServoSection, SensingSection = entry_of(Servo), entry_of(Sensing)
     RigidSection, RotarySection = entry_of(RigidMechanics, called="rigid"), entry_of(RigidMechanics, called="rotary")
     ThreeMassSection = entry_of(ThreeMassMechanics, called="three-mass")
-    MotorSection, CouplingSection, ScrewSection = entry_of(Motor), entry_of(Coupling), entry_of(Screw)
-    NutSection, BearingsSection = entry_of(Nut), entry_of(Bearings)
-    GuideSection, TableSection = entry_of(Guide), entry_of(Table)
     BallBarSection = entry_of(PairGeometry, noise_um=(Annotated[float, limited(0, 1e4), Unit("µm")], 0.0))
 
 AxisName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,15}$")]
@@ -212,13 +195,13 @@ class PartsSection(Entry):
     """``[axes.NAME.parts]``: what the axis is built from, all of it said here, or where it differs from `like`."""
 
     like: Literal["thc6350-x"] | None = None
-    motor: MotorSection = MotorSection.model_construct()
-    coupling: CouplingSection = CouplingSection.model_construct()
-    screw: ScrewSection = ScrewSection.model_construct()
-    nut: NutSection = NutSection.model_construct()
-    bearings: BearingsSection = BearingsSection.model_construct()
-    guide: GuideSection = GuideSection.model_construct()
-    table: TableSection = TableSection.model_construct()
+    motor: SectionOf[Motor] = SectionOf[Motor].model_construct()
+    coupling: SectionOf[Coupling] = SectionOf[Coupling].model_construct()
+    screw: SectionOf[Screw] = SectionOf[Screw].model_construct()
+    nut: SectionOf[Nut] = SectionOf[Nut].model_construct()
+    bearings: SectionOf[Bearings] = SectionOf[Bearings].model_construct()
+    guide: SectionOf[Guide] = SectionOf[Guide].model_construct()
+    table: SectionOf[Table] = SectionOf[Table].model_construct()
 
 
 def _short_for(key: str) -> BeforeValidator:
@@ -261,12 +244,12 @@ class AxisSection(Entry):
     parts: Annotated[PartsSection | None, _short_for("like")] = None
     varying: Literal["constant", "command", "state"] | None = None
     course: CourseSection = CourseSection()
-    friction: FrictionSection = FrictionSection()
-    transmission: TransmissionSection = TransmissionSection()
-    ripple: Annotated[tuple[RippleSection, ...], Field(max_length=50)] = ()
+    friction: SectionOf[Friction] = SectionOf[Friction]()
+    transmission: SectionOf[Transmission] = SectionOf[Transmission]()
+    ripple: Annotated[tuple[SectionOf[Ripple], ...], Field(max_length=50)] = ()
     ripple_period: Above | None = None
-    servo: ServoSection
-    sensing: SensingSection = SensingSection()
+    servo: SectionOf[Servo]
+    sensing: SectionOf[Sensing] = SectionOf[Sensing]()
     output: Literal["current", "voltage", "force", "number"] = "current"
     recorded: RecordedSection = RecordedSection()
 
