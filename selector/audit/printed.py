@@ -1,13 +1,13 @@
 """What patent CN1868666 prints, and one printed number against ours."""
 
-import csv
 import math
 import textwrap
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,19 +121,13 @@ def judged(
 
 @cache
 def _statements() -> dict[str, dict[str, str]]:
-    with Path(__file__).with_name("statements.csv").open(encoding="utf-8", newline="") as stream:
-        return {row.pop("key"): row for row in csv.DictReader(stream)}
+    return tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 
 
 def checked(statement: str, ours: str, holds: bool = True, **values: object) -> AuditLine:
-    """The line of a row of ``statements.csv``; `values` are what its braces stand for.
-
-    The verdict is its first one if it `holds`, else the second; what cannot be checked has one verdict only.
-    """
-    said = _statements()[statement]
-    verdict = cast(Verdict, said["yes" if holds else "no"])
-    printed, why = (said[key].format(**values) for key in ("printed", "why"))
-    return AuditLine(said["section"], said["item"], printed, ours, verdict, why)
+    """The line of a table of ``statements.toml``; `values` are what its braces stand for."""
+    said: dict[str, Any] = {key: text.format(**values) for key, text in _statements()[statement].items()}
+    return judged(ours=ours, holds=holds, **said)
 
 
 def audit_table_text(lines: Iterable[AuditLine], *, width: int = 118) -> str:
