@@ -293,16 +293,9 @@ def surfaces(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:
 
 def heated_parts() -> dict[str, tuple[str, ...]]:
     """Source → parts over whose volume its heat is spread."""
-    axes = {f"{axis} {part}": (f"{axis} {part}",) for axis in "XYZ" for part in ("nut", "screw bearing", "guideways")}
-    return {
-        "lower bearing": ("lower bearing",),
-        "upper bearing": ("upper bearing",),
-        "gearbox": ("gearbox",),
-        "motor": ("motor",),
-        "motor flange": ("motor flange",),
-        "spindle": ("spindle",),
-        **axes,
-    }
+    moved = [f"{axis} {part}" for axis in "XYZ" for part in ("nut", "screw bearing", "guideways")]
+    alone = ("lower bearing", "upper bearing", "gearbox", "motor", "motor flange", "spindle", *moved)
+    return {name: (name,) for name in alone}
 
 
 def heated_surfaces(body: SolidMesh, geometry: MachineGeometry) -> dict[str, Indices]:

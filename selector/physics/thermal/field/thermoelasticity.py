@@ -1,7 +1,9 @@
 """Heat conduction and static linear thermoelasticity on a mesh as matrices, solvers, and constants of materials."""
 
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -161,25 +163,9 @@ class Material:
         return np.asarray(np.linalg.inv(compliance) * self.young_pa)
 
 
-_GREY_IRON = Material(48.0, 500.0, 7200.0, 10.5e-6, 110e9, 0.26)
-_STEEL = Material(46.0, 470.0, 7850.0, 11.7e-6, 210e9, 0.30)
-
+_MATERIALS = tomllib.loads(Path(__file__).with_name("materials.toml").read_text(encoding="utf-8"))
 #: The materials that `machine_blocks` names.
-MATERIALS: Mapping[str, Material] = MappingProxyType(
-    {
-        # grey iron of 250 MPa and structural steel, rounded within what tables of materials give at room temperature
-        "cast iron": _GREY_IRON,
-        "steel": _STEEL,
-        # a motor is half copper and laminations, half gaps
-        "motor": Material(20.0, 450.0, 5000.0, 13e-6, 30e9, 0.30),
-        # rings and rolling elements: contacts conduct badly, see docs/explanation/thermal-field.md
-        "bearing": Material(8.0, 470.0, 7000.0, 11.7e-6, 40e9, 0.30),
-        "bearing, floating": Material(8.0, 470.0, 7000.0, 11.7e-6, 40e9, 0.30, slides="z"),
-        "guideway x": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="x"),
-        "guideway y": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="y"),
-        "guideway z": Material(6.0, 470.0, 6000.0, 11.0e-6, 40e9, 0.30, slides="z"),
-    }
-)
+MATERIALS: Mapping[str, Material] = MappingProxyType({name: Material(**told) for name, told in _MATERIALS.items()})
 
 #: Largest number of nodes whose elastic system is factorised, more takes more than 6 GB; half of it in quadratic cells.
 DIRECT_NODES = 60_000
