@@ -36,7 +36,8 @@ from selector.controllers.replay.compiled import (
 )
 from selector.controllers.replay.klipper_executed import klipper_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
-from selector.controllers.replay.structured_text_executed import scl_answers, st_answers
+from selector.controllers.replay.structured_text_executed import st_answers
+from selector.controllers.writers.sinumerik import scl_text
 from tests.controllers import hostile
 from tests.controllers.plain_guard import plain_answers
 
@@ -52,7 +53,7 @@ def others(n: int, *, is_adapted: bool) -> None:
         rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
         rows = hostile.touched(rows, 2000 + seed) if is_adapted else rows
         double, single = reference_answers(model, rows), reference_answers(model, rows, np.float32)
-        given = {"ST": st_answers(model, rows), "SCL": scl_answers(model, rows)}
+        given = {"ST": st_answers(model, rows), "SCL": st_answers(model, rows, scl_text(model))}
         given["C float"] = c_answers(model, rows, "float")
         if not is_adapted:  # Klipper takes no touch-offs
             given["Klipper"] = klipper_answers(model, rows)

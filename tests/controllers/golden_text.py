@@ -15,4 +15,4 @@ def golden(name: str) -> str:
 
 def without_version(text: str) -> str:
     """The text of an export without the version of selector, also where a control knows capital letters only."""
-    return re.sub(r"(?i)(written by selector) \d[\w.+]*", r"\1", text)
+    return re.sub(r'(?i)(written by selector|productversion="|generationtool="selector) ?\d[\w.+]*', r"\1", text)

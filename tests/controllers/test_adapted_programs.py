@@ -16,7 +16,8 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Guard, read_model
 from selector.controllers.replay.compiled import c_answers, compiler, halrun_answers, missing_program, python_answers
 from selector.controllers.replay.parts import Answers, reference_answers
-from selector.controllers.replay.structured_text_executed import parser_name, scl_answers, st_answers
+from selector.controllers.replay.structured_text_executed import parser_name, st_answers
+from selector.controllers.writers.sinumerik import scl_text
 from selector.controllers.writers.targets import TARGETS
 from selector.errors import ModelFileError, NotExecutableError
 from selector.exporting import export_model
@@ -66,7 +67,7 @@ def test_structured_text_and_scl_are_the_guard_bit_for_bit():
         pytest.skip(str(error))
     model, rows = material({}, 800)
     assert same(st_answers(model, rows), reference_answers(model, rows))
-    assert same(scl_answers(model, rows), reference_answers(model, rows, np.float32))
+    assert same(st_answers(model, rows, scl_text(model)), reference_answers(model, rows, np.float32))
 
 
 @pytest.mark.skipif(missing_program() is not None, reason="no LinuxCNC")

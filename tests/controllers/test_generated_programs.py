@@ -132,7 +132,7 @@ def test_two_outputs_on_one_axis_are_refused_alike_where_the_control_moves_it(ta
     model = hostile.model()
     outputs = tuple(one.model_copy(update={"axis": "Z", "position": None}) for one in model.outputs)
     twice = model.model_copy(update={"outputs": outputs, "fallbacks": ()})
-    if target in ("c", "st", "tcpou", "python"):
+    if target in ("c", "st", "plcopen", "tcpou", "python"):
         # two numbers for whoever wires them: two probes along one axis are a usual test
         TARGETS[target].write(twice)
         return

@@ -28,7 +28,7 @@ def _what_executes(request):
     target = request.node.callspec.params.get("target", "") if hasattr(request.node, "callspec") else ""
     if target == "c" and compiler() is None:
         pytest.skip("no C compiler; Debian: apt install gcc")
-    if target in ("st", "tcpou", "sinumerik", "beckhoff") and find_spec("tree_sitter_iec61131_3_st") is None:
+    if target in ("st", "plcopen", "tcpou", "sinumerik", "beckhoff") and find_spec("tree_sitter_iec61131_3_st") is None:
         pytest.skip('no parser of Structured Text; pip install ".[controls]"')
     if target == "linuxcnc" and missing_program() is not None:
         pytest.skip(f"no LinuxCNC here: {INSTALL}")

@@ -20,9 +20,8 @@ from selector.controllers.replay.parts import Answers, Rows, reference_answers
 from selector.controllers.replay.structured_text_executed import (
     executable,
     parser_name,
-    scl_answers,
     st_answers,
-    tcpou_answers,
+    text_of_plcopen,
     text_of_tcpou,
 )
 from selector.controllers.writers.sinumerik import scl_text, sinumerik_export
@@ -32,6 +31,7 @@ from selector.controllers.writers.structured_text import (
     StructuredText,
     guid,
     is_reserved,
+    plcopen_export,
     st_export,
     st_text,
     tcpou_export,
@@ -42,6 +42,16 @@ from tests.controllers.golden_text import golden, without_version
 from tests.controllers.model_builders import rise_model
 
 PATENT = Path(__file__).parents[2] / "fixtures" / "models" / "patent-two-sensors.json"
+
+
+def tcpou_text(model):
+    return text_of_tcpou(*tcpou_export(model).files.values())
+
+
+def plcopen_text(model):
+    return text_of_plcopen(*plcopen_export(model).files.values())
+
+
 needs_parser = pytest.mark.skipif(
     find_spec("tree_sitter") is None or find_spec("tree_sitter_iec61131_3_st") is None,
     reason='no parser of Structured Text; pip install ".[controls]"',
@@ -67,7 +77,8 @@ def test_structured_text_is_the_guard_bit_for_bit(kind):
     rows = hostile.rows(4000, 21, len(axes_of(model)))
     reference = reference_answers(model, rows)
     assert same(st_answers(model, rows), reference)
-    assert same(tcpou_answers(model, rows), reference)
+    assert same(st_answers(model, rows, tcpou_text(model)), reference)
+    assert same(st_answers(model, rows, plcopen_text(model)), reference)
 
 
 @needs_parser
@@ -75,7 +86,7 @@ def test_structured_text_is_the_guard_bit_for_bit(kind):
 def test_scl_in_real_is_the_guard_in_single_precision_bit_for_bit(kind):
     model = hostile.model(**kind)
     rows = hostile.rows(4000, 22, len(axes_of(model)))
-    assert same(scl_answers(model, rows), reference_answers(model, rows, np.float32))
+    assert same(st_answers(model, rows, scl_text(model)), reference_answers(model, rows, np.float32))
 
 
 @needs_parser
@@ -110,6 +121,7 @@ def test_the_text_is_what_is_executed(was, becomes):
 GOLDEN_FILES = (
     "thermal_correction.st",
     "FB_ThermalCorrection.TcPOU",
+    "FB_ThermalCorrection.xml",
     "thermal_correction.scl",
     "thermal_to_sd.scl",
     "sinumerik_settings.csv",
@@ -119,7 +131,8 @@ GOLDEN_FILES = (
 @pytest.mark.parametrize("name", GOLDEN_FILES)
 def test_the_files_for_the_patent_model_are_as_they_were(name):
     model = read_model(PATENT)
-    text = {**st_export(model).files, **tcpou_export(model).files, **sinumerik_export(model).files}[name]
+    exports = (st_export(model), tcpou_export(model), plcopen_export(model), sinumerik_export(model))
+    (text,) = (one.files[name] for one in exports if name in one.files)
     assert without_version(text) == golden(name)
 
 
@@ -195,15 +208,25 @@ def test_names_of_a_model_cannot_leave_their_comments(evil):
     rows = hostile.rows(300, 1, 0)
     rows = replace(rows, readings=rows.readings[:, :1], test_um=rows.test_um[:, :1])
     assert same(st_answers(model, rows), reference_answers(model, rows))
-    assert same(tcpou_answers(model, rows), reference_answers(model, rows))
-    assert same(scl_answers(model, rows), reference_answers(model, rows, np.float32))
-    for text in (*tcpou_export(model).files.values(), *sinumerik_export(model).files.values()):
+    assert same(st_answers(model, rows, tcpou_text(model)), reference_answers(model, rows))
+    assert same(st_answers(model, rows, plcopen_text(model)), reference_answers(model, rows))
+    assert same(st_answers(model, rows, scl_text(model)), reference_answers(model, rows, np.float32))
+    written = (*tcpou_export(model).files.values(), *plcopen_export(model).files.values())
+    for text in (*written, *sinumerik_export(model).files.values()):
         assert text.isascii()
     (xml,) = tcpou_export(model).files.values()
     pou = ElementTree.fromstring(xml).find("POU")
     assert [one.tag for one in pou] == ["Declaration", "Implementation"]
     both = pou.findtext("Declaration") + pou.findtext("Implementation/ST") + "END_FUNCTION_BLOCK\n"
     assert both == text_of_tcpou(xml)
+
+
+def test_what_is_to_be_kept_is_retained_in_the_xml():
+    model = hostile.model()
+    (xml,) = plcopen_export(model).files.values()
+    lists = ElementTree.fromstring(xml).findall(".//{*}localVars[@retain='true']/{*}variable")
+    assert [one.get("name") for one in lists] == [one.name for one in guarded_program(model).of("retained")]
+    assert all(plcopen_text(model).count(f"\n{one.get('name')} : ") == 1 for one in lists)
 
 
 def _many_sensors(n):

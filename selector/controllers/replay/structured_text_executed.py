@@ -6,6 +6,7 @@ text was printed from is used.
 
 import importlib
 import re
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Literal, NoReturn
@@ -17,8 +18,8 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.parts import Answers, Rows, called, places_m
 from selector.controllers.writers.beckhoff import ADS_TABLE, list_values, temp_comp_mm
 from selector.controllers.writers.rexroth import FILE, drive_parameters, rexroth_export
-from selector.controllers.writers.sinumerik import SETTING_DATA, scl_text
-from selector.controllers.writers.structured_text import st_text, tcpou_export
+from selector.controllers.writers.sinumerik import SETTING_DATA
+from selector.controllers.writers.structured_text import st_text
 from selector.errors import NotExecutableError
 from selector.types import Array
 
@@ -39,22 +40,30 @@ def st_answers(model: ModelFile, rows: Rows, text: str | None = None) -> Answers
         return called(block, block.call, model, rows, "v_", block.number)
 
 
-def scl_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
-    """What the exported SCL gives, in REAL."""
-    return st_answers(model, rows, scl_text(model) if files is None else files["thermal_correction.scl"])
-
-
-def tcpou_answers(model: ModelFile, rows: Rows, files: Mapping[str, str] | None = None) -> Answers:
-    """What the exported file for TwinCAT gives."""
-    exported = files or tcpou_export(model).files
-    (text,) = (text for name, text in exported.items() if name.endswith(".TcPOU"))
-    return st_answers(model, rows, text_of_tcpou(text))
-
-
 def text_of_tcpou(text: str) -> str:
     """Declaration and implementation of a TwinCAT file as one function block."""
     parts = re.findall(r"<(?:Declaration|ST)><!\[CDATA\[(.*?)\]\]></", text, re.S)
     return "".join([*parts, "END_FUNCTION_BLOCK\n"])
+
+
+_OPENINGS = {"inputVars": "VAR_INPUT", "outputVars": "VAR_OUTPUT", "localVars": "VAR", "tempVars": "VAR_TEMP"}
+
+
+def text_of_plcopen(text: str) -> str:
+    """Interface and body of the one block in a PLCopen XML file, as Structured Text."""
+    # our own text, in which names of the model stand escaped
+    (pou,) = ElementTree.fromstring(text).iterfind("{*}types/{*}pous/{*}pou")  # noqa: S314
+    lines = [f"FUNCTION_BLOCK {pou.get('name')}"]
+    for section in pou.iterfind("{*}interface/*"):
+        is_retained = section.get("retain") == "true"
+        lines.append(_OPENINGS[section.tag.rpartition("}")[2]] + (" RETAIN" if is_retained else ""))
+        for one in section.iterfind("{*}variable"):
+            (type_,) = one.iterfind("{*}type/*")
+            initial = "".join(f" := {of.get('value')}" for of in one.iterfind("{*}initialValue/{*}simpleValue"))
+            lines.append(f"{one.get('name')} : {type_.tag.rpartition('}')[2]}{initial};")
+        lines.append("END_VAR")
+    (body,) = pou.iterfind("{*}body/{*}ST")
+    return "\n".join([*lines, *body.itertext(), "END_FUNCTION_BLOCK\n"])
 
 
 def parser_name() -> str:

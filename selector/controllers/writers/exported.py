@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from string import Template
 
 from selector import __version__
 from selector.controllers.evaluator import formula_text
@@ -148,6 +149,15 @@ def sheet(target: str, **values: object) -> tuple[tuple[str, ...], tuple[str, ..
     told = _sheets()[target]
     install, silently = (tuple(text.format(**values) for text in told[part]) for part in ("install", "silently"))
     return install, silently
+
+
+class _Template(Template):
+    delimiter = "@"
+
+
+def filled(template: str, **values: object) -> str:
+    """A text file beside the writers, values in the places of its ``@names``."""
+    return _Template(Path(__file__).with_name(template).read_text(encoding="ascii")).substitute(values)
 
 
 UNVERIFIED = "SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet."

@@ -1,7 +1,6 @@
 """LinuxCNC 2.9: a HAL component with the generated C inside, its wiring, and what of it outlives a shutdown."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.finding_table import FINDINGS
@@ -10,11 +9,10 @@ from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_core, c_members
-from selector.controllers.writers.exported import Exported, heading, require_own_axes, sheet, sign_test
+from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, sheet, sign_test
 from selector.findings import Finding
 
 NAME = "thermcorr"
-_MEMORY = Path(__file__).with_name("linuxcnc_memory.txt")
 
 COUNTS_PER_UM = 10  #: ``axis.L.eoffset-counts`` are tenths of a micrometre; ``axis.L.eoffset-scale`` is this in mm.
 #: So many calls nothing is corrected after machine on and homed: LinuxCNC adds up differences of counts since then.
@@ -31,9 +29,7 @@ def memory_files(model: ModelFile) -> dict[str, str]:
     What was saved for another model is left alone: its first sensor may be another one.
     """
     parameters = " ".join(one.name.replace("_", "-") for one in guarded_program(model).of("retained"))
-    script = _MEMORY.read_text(encoding="ascii")
-    for place, text in (("@NAME@", NAME), ("@MODEL@", kept_sha256(model)), ("@PARAMETERS@", parameters)):
-        script = script.replace(place, text)
+    script = filled("linuxcnc_memory.txt", name=NAME, model=kept_sha256(model), parameters=parameters)
     return {f"{NAME}_memory.sh": script, f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n"}
 
 

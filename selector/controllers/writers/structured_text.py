@@ -1,18 +1,20 @@
-"""Structured Text of IEC 61131-3: one function block, in LREAL or REAL, also as a file of a TwinCAT 3 PLC project."""
+"""Structured Text of IEC 61131-3: one function block in LREAL or REAL, also for TwinCAT 3 and as PLCopen XML."""
 
 import re
 import textwrap
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Literal
 
 import numpy as np
 
+from selector import __version__
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Language, Place, Program, Variable, plain
-from selector.controllers.writers.exported import Exported, heading, sheet, sign_test_of_block
+from selector.controllers.writers.exported import Exported, filled, heading, sheet, sign_test_of_block
 from selector.errors import OptionError
 
 RealType = Literal["LREAL", "REAL"]
@@ -108,13 +110,12 @@ class StructuredText(Language):
 
 def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """``thermal_correction.st``: the function block FB_ThermalCorrection in LREAL."""
-    install, silently = sheet("st", name=NAME, block=BLOCK)
-    return Exported(
-        files={f"{NAME}.st": st_text(model, is_sign_verified=is_sign_verified)},
-        install=install,
-        sign_test=sign_test_of_block(model),
-        silently=silently,
-    )
+    return _exported("st", f"{NAME}.st", st_text(model, is_sign_verified=is_sign_verified), model)
+
+
+def _exported(target: str, file: str, text: str, model: ModelFile) -> Exported:
+    install, silently = sheet(target, name=NAME, block=BLOCK)
+    return Exported({file: text}, install, sign_test_of_block(model), silently)
 
 
 def st_text(model: ModelFile, *, is_sign_verified: bool = False) -> str:
@@ -140,15 +141,21 @@ def declaration_lines(
     program: Program, language: StructuredText, block: str, sections: Mapping[Place, str] = SECTIONS
 ) -> list[str]:
     """``FUNCTION_BLOCK`` and its variables."""
+    lines = [f"FUNCTION_BLOCK {block}"]
+    for opening, variables in _sections(program, language, sections).items():
+        lines += [opening, *(_declared(one, language) for one in variables), "END_VAR"]
+    return lines
+
+
+def _sections(program: Program, language: StructuredText, sections: Mapping[Place, str]) -> dict[str, list[Variable]]:
+    """What opens the declarations of a section → its variables; none that is empty."""
     names = [language.name(one).lower() for one in program.variables]
     if len(set(names)) < len(names) or max(map(len, names)) > LONGEST_NAME:
         raise ValueError(f"names that no control takes: {names}")
-    lines = [f"FUNCTION_BLOCK {block}"]
-    for opening in dict.fromkeys(sections.values()):
-        declared = [_declared(one, language) for one in program.variables if sections[one.place] == opening]
-        if declared:
-            lines += [opening, *declared, "END_VAR"]
-    return lines
+    found = {
+        opening: [one for one in program.variables if sections[one.place] == opening] for opening in sections.values()
+    }
+    return {opening: variables for opening, variables in found.items() if variables}
 
 
 def joined(lines: Sequence[str]) -> str:
@@ -181,20 +188,45 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     declaration = joined(
         [*head_lines(model, is_sign_verified=is_sign_verified), *declaration_lines(program, language, BLOCK, _SECTIONS)]
     )
-    text = (
-        '<?xml version="1.0" encoding="utf-8"?>\n'
-        '<TcPlcObject Version="1.1.0.1">\n'
-        f'  <POU Name="{BLOCK}" Id="{{{guid(model)}}}" SpecialFunc="None">\n'
-        f"    <Declaration>{_cdata(declaration)}</Declaration>\n"
-        "    <Implementation>\n"
-        f"      <ST>{_cdata(joined(list(language.lines(program.body))))}</ST>\n"
-        "    </Implementation>\n"
-        "  </POU>\n"
-        "</TcPlcObject>\n"
+    body = _cdata(joined(list(language.lines(program.body))))
+    text = filled("twincat_pou.txt", block=BLOCK, guid=guid(model), declaration=_cdata(declaration), body=body)
+    return _exported("tcpou", f"{BLOCK}.TcPOU", text, model)
+
+
+_LISTS: Mapping[Place, str] = {
+    "input": "<inputVars>",
+    "output": "<outputVars>",
+    "retained": '<localVars retain="true">',
+    "kept": "<localVars>",
+    "temporary": "<tempVars>",
+}
+_NO_DATE = "1970-01-01"  # the schema wants one, and the same model is written the same on any day
+
+
+def plcopen_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``FB_ThermalCorrection.xml``: the block of `st_export`, its interface as XML (PLCopen TC6, version 2.01)."""
+    program, language = guarded_program(model), StructuredText()
+    interface = []
+    for opening, variables in _sections(program, language, _LISTS).items():
+        declared = (f"  {_variable(one, language)}" for one in variables)
+        interface += [opening, *declared, f"</{opening[1:].split()[0].rstrip('>')}>"]
+    text = filled(
+        "plcopen_project.txt",
+        version=__version__,
+        date=(model.provenance and model.provenance.date) or _NO_DATE,
+        block=BLOCK,
+        interface=textwrap.indent("\n".join(interface), 10 * " "),
+        body=_cdata(joined([*head_lines(model, is_sign_verified=is_sign_verified), *language.lines(program.body)])),
     )
-    install, silently = sheet("tcpou", block=BLOCK)
-    return Exported(
-        files={f"{BLOCK}.TcPOU": text}, install=install, sign_test=sign_test_of_block(model), silently=silently
+    return _exported("plcopen", f"{BLOCK}.xml", text, model)
+
+
+def _variable(one: Variable, language: StructuredText) -> str:
+    initial = f'<initialValue><simpleValue value="{language.initial(one)}"/></initialValue>'
+    about = f"<documentation><xhtml:p>{escape(plain(one.about))}</xhtml:p></documentation>"
+    return (
+        f'<variable name="{language.name(one)}"><type><{language.type(one)}/></type>'
+        f"{initial if one.place != 'temporary' else ''}{about if one.about else ''}</variable>"
     )
 
 

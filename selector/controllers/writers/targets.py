@@ -37,11 +37,11 @@ from selector.controllers.replay.structured_text_executed import (
     drive_answers,
     parser_name,
     printed_parameters_um,
-    scl_answers,
     setting_data_answers,
     st_answers,
-    tcpou_answers,
     temp_comp_answers,
+    text_of_plcopen,
+    text_of_tcpou,
 )
 from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
@@ -56,7 +56,7 @@ from selector.controllers.writers.python_module import python_export
 from selector.controllers.writers.rexroth import FILE as DRIVE_FILE
 from selector.controllers.writers.rexroth import rexroth_export
 from selector.controllers.writers.sinumerik import SETTING_DATA, has_own_line, sinumerik_export
-from selector.controllers.writers.structured_text import BLOCK, st_export, tcpou_export
+from selector.controllers.writers.structured_text import BLOCK, plcopen_export, st_export, tcpou_export
 from selector.errors import NotExecutableError
 from selector.types import Array
 
@@ -92,12 +92,13 @@ def _cc() -> str:
     return "no compiler" if name is None else compiler_version(name)
 
 
+def _as_text(file: str, text_of: Callable[[str], str] = str) -> Execution:
+    """Runs the Structured Text in a file."""
+    return lambda model, rows, files, _main: st_answers(model, rows, text_of(files[file]))
+
+
 def _alone(execute: Callable[..., Answers]) -> Execution:
     return lambda model, rows, files, _main: execute(model, rows, files=files)
-
-
-def _st(model: ModelFile, rows: Rows, files: Mapping[str, str]) -> Answers:
-    return st_answers(model, rows, files[_ST_FILE])
 
 
 def _line(model: ModelFile, rows: Rows, _whole: Answers, main: Answers) -> Array:
@@ -110,11 +111,11 @@ def _line_of_sinumerik(model: ModelFile, rows: Rows, _whole: Answers, main: Answ
     return np.where(has_line, straight_line_um(model, rows, main), main.correction_um)
 
 
-_ST_FILE, _SCL_FILE, _BLOCK_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU"
+_ST_FILE, _SCL_FILE, _BLOCK_FILE, _XML_FILE = f"{NAME}.st", f"{NAME}.scl", f"{BLOCK}.TcPOU", f"{BLOCK}.xml"
 _SMALLER = "its guard is smaller"
 _SINGLE = "it calculates in single precision"
 _NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"
-_BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _alone(tcpou_answers), parser_name)
+_BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _as_text(_BLOCK_FILE, text_of_tcpou), parser_name)
 
 TARGETS: Mapping[str, Target] = {
     "c": Target(
@@ -133,7 +134,10 @@ TARGETS: Mapping[str, Target] = {
         # the last: of version 0.1, never left beside a newer program
         not_always=(f"{SINGLE_NAME}.[ch]", f"{NAME}_i.[ch]"),
     ),
-    "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _alone(_st), parser_name),)),
+    "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _as_text(_ST_FILE), parser_name),)),
+    "plcopen": Target(
+        "PLCopen XML", plcopen_export, (Part(_XML_FILE, _as_text(_XML_FILE, text_of_plcopen), parser_name),)
+    ),
     "tcpou": Target("Beckhoff TwinCAT 3", tcpou_export, (_BLOCK_OF_TWINCAT,)),
     "linuxcnc": Target(
         "LinuxCNC",
@@ -157,7 +161,7 @@ TARGETS: Mapping[str, Target] = {
         "Siemens SINUMERIK 840D sl",
         sinumerik_export,
         (
-            Part(_SCL_FILE, _alone(scl_answers), parser_name, in_single_um, lacks=_SINGLE),
+            Part(_SCL_FILE, _as_text(_SCL_FILE), parser_name, in_single_um, lacks=_SINGLE),
             Part(SETTING_DATA, setting_data_answers, parser_name, _line_of_sinumerik, units_in_single_um, _NO_CLAMP),
         ),
     ),
