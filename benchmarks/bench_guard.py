@@ -6,9 +6,9 @@ The guard is there as a person reads it (tests/controllers/plain_guard.py), as s
 
 The rows are those of tests/controllers/hostile.py: NaN, infinities, break codes, jumps, sensors that stand still, drop
 out and return, any time step, switches and restarts; with --adapted also touch-offs, one in ten false.
-Every correction, mode and sensor code is compared; with --all also those of Structured Text (interpreted), of Klipper's
-module, of SCL and C in single precision, with the statements in binary32, and of the component in LinuxCNC, which
-prints 10⁻⁶ µm.
+Every correction, mode and sensor code is compared; with --all also those of Structured Text (interpreted, also as
+PLCopen XML has it), of the functional mock-up unit in FMPy, of Klipper's module, of SCL and C in single precision, with
+the statements in binary32, and of the component in LinuxCNC, which prints 10⁻⁶ µm.
 """
 
 from __future__ import annotations
@@ -24,20 +24,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from selector.controllers import read_model
+from selector.controllers.c_compiler import compiler, compiler_version
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import axes_of
-from selector.controllers.replay.compiled import (
-    c_answers,
-    compiler,
-    compiler_version,
-    halrun_answers,
-    missing_program,
-    python_answers,
-)
+from selector.controllers.replay.compiled import c_answers, halrun_answers, missing_program, python_answers
+from selector.controllers.replay.fmu_executed import fmu_answers
 from selector.controllers.replay.klipper_executed import klipper_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
-from selector.controllers.replay.structured_text_executed import st_answers
+from selector.controllers.replay.structured_text_executed import st_answers, text_of_plcopen
 from selector.controllers.writers.sinumerik import scl_text
+from selector.controllers.writers.structured_text import plcopen_export
 from tests.controllers import hostile
 from tests.controllers.plain_guard import plain_answers
 
@@ -48,17 +44,19 @@ PIECE = 100_000
 def others(n: int, *, is_adapted: bool) -> None:
     """Structured Text, what is in single precision, and LinuxCNC, each beside the statements in its own numbers."""
     model = hostile.adapted(hostile.model()) if is_adapted else hostile.model()
-    unequal, off_um, modes = {"ST": 0, "SCL": 0, "C float": 0, "Klipper": 0}, 0.0, 0
+    unequal, off_um, modes = {"ST": 0, "PLCopen": 0, "FMU": 0, "SCL": 0, "C float": 0, "Klipper": 0}, 0.0, 0
     for seed in range(n // PIECE):
         rows = hostile.rows(PIECE, 1000 + seed, len(axes_of(model)))
         rows = hostile.touched(rows, 2000 + seed) if is_adapted else rows
         double, single = reference_answers(model, rows), reference_answers(model, rows, np.float32)
         given = {"ST": st_answers(model, rows), "SCL": st_answers(model, rows, scl_text(model))}
+        given["PLCopen"] = st_answers(model, rows, text_of_plcopen(*plcopen_export(model).files.values()))
+        given["FMU"] = fmu_answers(model, rows)
         given["C float"] = c_answers(model, rows, "float")
         if not is_adapted:  # Klipper takes no touch-offs
             given["Klipper"] = klipper_answers(model, rows)
         for name, answers in given.items():
-            whole = double if name in ("ST", "Klipper") else single
+            whole = double if name in ("ST", "PLCopen", "FMU", "Klipper") else single
             unequal[name] += sum(
                 int(np.sum(getattr(whole, field.name) != getattr(answers, field.name))) for field in fields(Answers)
             )

@@ -318,8 +318,8 @@ def _write(export: Export, program: Exported) -> None:
     folder = export.folder
     earlier = [path.name for pattern in TARGETS[export.target].not_always for path in folder.glob(pattern)]
     with folder_written_whole(folder, earlier) as part:
-        for name, text in program.files.items():
-            (part / name).write_text(text, encoding="utf-8", newline="\n")
+        for name, content in program.files.items():
+            (part / name).write_bytes(content if isinstance(content, bytes) else content.encode())
         if MODEL in export.files:
             write_model(export.model, part / MODEL)
         write_account(export.sheet, part / SHEET)

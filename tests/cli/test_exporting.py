@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from selector.cli import exit_status
+from selector.controllers.c_compiler import compiler
 from selector.controllers.model_file import read_model
-from selector.controllers.replay.compiled import compiler
 
 ROOT = Path(__file__).parents[2]
 PATENT = ROOT / "fixtures" / "models" / "patent-two-sensors.json"

@@ -9,12 +9,13 @@ import pytest
 
 from selector.adaptation.drift import Course, Drift, Touches, tracked
 from selector.controllers import Input, ModelFile, Output, OutputLimits, Term, model_text, parsed_model
+from selector.controllers.c_compiler import compiler
 from selector.controllers.closed_values import Adaptation, OutputAdaptation
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import Mode, TouchCode
 from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.model_file import Guard, read_model
-from selector.controllers.replay.compiled import c_answers, compiler, halrun_answers, missing_program, python_answers
+from selector.controllers.replay.compiled import c_answers, halrun_answers, missing_program, python_answers
 from selector.controllers.replay.parts import Answers, reference_answers
 from selector.controllers.replay.structured_text_executed import parser_name, st_answers
 from selector.controllers.writers.sinumerik import scl_text
@@ -22,6 +23,7 @@ from selector.controllers.writers.targets import TARGETS
 from selector.errors import ModelFileError, NotExecutableError
 from selector.exporting import export_model
 from tests.controllers import hostile
+from tests.controllers.golden_text import texts_of
 from tests.controllers.model_builders import PATENT
 
 needs_cc = pytest.mark.skipif(compiler() is None, reason="no C compiler; Debian: apt install gcc")
@@ -212,7 +214,8 @@ def test_programs_have_the_inputs_of_touch_offs(target, tmp_path):
 
     write_model(steady(), tmp_path / "m.json")
     export = export_model(tmp_path / "m.json", target, tmp_path / "out")
-    main = (tmp_path / "out" / TARGETS[target].parts[0].file).read_text(encoding="utf-8")
+    file = TARGETS[target].parts[0].file
+    main = "".join(texts_of({file: (tmp_path / "out" / file).read_bytes()}).values())
     assert "is_touch_valid" in main
     assert "touch_um_1" in main
     assert "adaptation-not-exported" not in {finding.id for finding in export.findings}

@@ -10,10 +10,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from selector.controllers.c_compiler import compiler
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.parts import Answers
 from selector.controllers.writers.c99 import NAME, c_files
 from tests.controllers import hostile

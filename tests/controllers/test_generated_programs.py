@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from selector.controllers import Input, Output, OutputLimits, Term, read_model
+from selector.controllers.c_compiler import compiler
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import decided_limits
 from selector.controllers.program.guarded_program import guarded_program
-from selector.controllers.replay.compiled import c_answers, compiler, python_answers
+from selector.controllers.replay.compiled import c_answers, python_answers
 from selector.controllers.replay.parts import Answers, Rows
 from selector.controllers.writers.c99 import c_export, c_files
 from selector.controllers.writers.exported import ExportRefusedError
@@ -132,7 +133,7 @@ def test_two_outputs_on_one_axis_are_refused_alike_where_the_control_moves_it(ta
     model = hostile.model()
     outputs = tuple(one.model_copy(update={"axis": "Z", "position": None}) for one in model.outputs)
     twice = model.model_copy(update={"outputs": outputs, "fallbacks": ()})
-    if target in ("c", "st", "plcopen", "tcpou", "python"):
+    if target in ("c", "fmu", "st", "plcopen", "tcpou", "python"):
         # two numbers for whoever wires them: two probes along one axis are a usual test
         TARGETS[target].write(twice)
         return

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from selector.controllers import PositionPart
+from selector.controllers.c_compiler import compiler
 from selector.controllers.guard.decided import Mode, SensorCode, decided_limits
 from selector.controllers.guard.guarded_model import GuardedModel
-from selector.controllers.replay.compiled import compiler
 from selector.controllers.replay.parts import Answers, reference_answers
 from selector.controllers.replay.replayed import faulty_share
 from tests.controllers import hostile

@@ -12,6 +12,7 @@ from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, 
 from selector.controllers.program.language import plain
 from selector.controllers.writers import exported
 from selector.controllers.writers.targets import TARGETS
+from tests.controllers.golden_text import texts_of
 
 
 @pytest.mark.parametrize(
@@ -39,7 +40,7 @@ def test_no_written_file_has_a_question_mark_for_an_umlaut(target):
     output = Output(name="Höhe", axis="Z", intercept=0.1, terms=(Term(powers={name: 1}, coefficient=3.0),))
     limits = (OutputLimits(output="Höhe", clamp_um=100.0, slew_um_per_s=2.0),)
     model = ModelFile(name="Fräse", inputs=(item,), outputs=(output,), guard=Guard(limits=limits))
-    files = TARGETS[target].write(model).files
+    files = texts_of(TARGETS[target].write(model).files)
     assert all(text.isascii() for text in files.values())
     whole = "\n".join(files.values())
     assert "fraese" in whole.lower()

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, ModelFile, Output, OutputLimits, PositionPart, Term
+from selector.controllers.c_compiler import compiler
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import with_decided_limits
 from selector.controllers.model_file import read_model
-from selector.controllers.replay.compiled import INSTALL, compiler, missing_program
+from selector.controllers.replay.compiled import INSTALL, missing_program
 from selector.controllers.replay.parts import places_m, reference_answers, straight_line_um
 from selector.controllers.replay.replayed import executed
 from selector.controllers.writers.targets import TARGETS
@@ -26,8 +27,10 @@ CALLS = {"every second": (1.0,), "any": (0.125, 0.5, 1.0, 7.0, 60.0, 900.0), "ra
 @pytest.fixture(autouse=True)
 def _what_executes(request):
     target = request.node.callspec.params.get("target", "") if hasattr(request.node, "callspec") else ""
-    if target == "c" and compiler() is None:
+    if target in ("c", "fmu") and compiler() is None:
         pytest.skip("no C compiler; Debian: apt install gcc")
+    if target == "fmu":
+        pytest.importorskip("fmpy", reason="FMPy is not installed (extra fmu)")
     if target in ("st", "plcopen", "tcpou", "sinumerik", "beckhoff") and find_spec("tree_sitter_iec61131_3_st") is None:
         pytest.skip('no parser of Structured Text; pip install ".[controls]"')
     if target == "linuxcnc" and missing_program() is not None:

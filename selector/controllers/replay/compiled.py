@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from selector.controllers.c_compiler import compiled, compiler
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.parts import Answers, Rows, called
@@ -25,22 +26,6 @@ from selector.controllers.writers.linuxcnc import Pin, component, input_pins, ou
 from selector.controllers.writers.python_module import CLASS, MODULE_NAME, python_files
 from selector.errors import NotExecutableError, OptionError
 from selector.types import Array
-
-OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-fPIC", "-shared")
-
-
-def compiler() -> str | None:
-    """The C compiler of this machine: $CC, cc, gcc or clang."""
-    for name in (os.environ.get("CC"), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return name
-    return None
-
-
-def compiler_version(of: str) -> str:
-    """The first line that the compiler says about itself."""
-    said = subprocess.run([of, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
-    return (said.splitlines() or [of])[0].strip()
 
 
 def c_answers(
@@ -61,49 +46,26 @@ def replayed_columns(
     files: Mapping[str, str], name: str, into: Mapping[str, NDArray[Any]], out: Sequence[str]
 ) -> dict[str, NDArray[Any]]:
     """Members of the struct ``<name>`` after its step, row by row."""
-    cc = compiler()
-    if cc is None:
-        raise NotExecutableError(
-            "no C compiler",
-            expected="cc, gcc or clang on the path, or its name in the environment variable CC",
-            where="--replay",
-            advice="install one (Debian: apt install gcc), or export without --replay",
-        )
-    driver = _driver(name, list(into), out)
+    driver = ("replay.c", _driver(name, list(into), out))
     given = np.column_stack(list(into.values())).astype(np.float64)
     found = np.zeros((len(given), len(out)))
-    call = _compiled(cc, name, files[f"{name}.h"], files[f"{name}.c"], driver).replay
+    written = ((file, files[file]) for file in (f"{name}.h", f"{name}.c"))
+    call = _library(compiler(), (driver, *written)).replay
     call.restype = None
     call(ctypes.c_long(len(given)), *(ctypes.c_void_p(table.ctypes.data) for table in (given, found)))
     return dict(zip(out, found.T, strict=True))
 
 
 @lru_cache(maxsize=8)
-def _compiled(cc: str, name: str, header: str, source: str, driver: str) -> ctypes.CDLL:
+def _library(cc: str | None, sources: tuple[tuple[str, str], ...]) -> ctypes.CDLL:
     """Once for all runs of a recording."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as path:
-        folder = Path(path)
-        texts = {f"{name}.h": header, f"{name}.c": source, "replay.c": driver}
-        for file, text in texts.items():
-            (folder / file).write_text(text, encoding="ascii")
-        library = folder / "replay.so"
-        command = [cc, *OPTIONS, "-o", str(library), str(folder / "replay.c"), str(folder / f"{name}.c")]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode != 0:
-            said = done.stderr.strip().splitlines() or ["?"]
-            raise NotExecutableError(
-                f"{cc} refuses {name}.c: {next((line for line in said if 'error' in line), said[0])}",
-                expected="a C99 compiler for this machine",
-                where="--replay",
-                advice="name another compiler in the environment variable CC",
-            )
-        return ctypes.CDLL(str(library))
+    return compiled(cc, sources, lambda path: ctypes.CDLL(str(path)))
 
 
 def _driver(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """A loop over rows; what goes into a `float` is rounded once, as a control's inputs are."""
     lines = [
-        f'#include "{name}.h"',
+        f'#include "{name}.c"',
         "void replay(long n, const double *in, double *out)",
         "{",
         f"    {name} m;",

@@ -15,6 +15,7 @@ from selector.controllers.program.language import plain
 from selector.controllers.writers.exported import (
     Exported,
     ExportRefusedError,
+    filled,
     heading,
     require_own_axes,
     sheet,
@@ -40,7 +41,7 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
         f"temp_comp_{k}.lis": "\n".join([*head, *_axis_list(output)]) + "\n"
         for k, output in enumerate(model.outputs, 1)
     }
-    files[ADS_TABLE] = "\n".join([*head, *_ads_table(model)]) + "\n"
+    files[ADS_TABLE] = _ads_table(model, head)
     files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
     install, silently = sheet(
         "beckhoff",
@@ -128,30 +129,25 @@ def _axis_list(output: Output) -> Iterator[str]:
     yield from (f"lr_param.temp_comp{name:13s} {value:>11s}  # {about}" for name, value, about in lines)
 
 
-def _ads_table(model: ModelFile) -> Iterator[str]:
-    group = f"0x{ADS_INDEX_GROUP:X}"
-    yield ""
-    yield f"ADS, GEO task, port {ADS_PORT}, index group {group} (TwinCAT 2: 0x{ADS_INDEX_GROUP & 0xFFFFF:X})"
-    yield "Index offset 0x<AID>nnnn; <AID> = axis id in hexadecimal, e.g."
-    yield f"0x{ads_offset(1, ADS_COEFFICIENT):X} for the coefficient of axis 1."
-    yield ""
-    yield "object         offset        type    unit       direction   value"
-    yield f"active         0x<AID>{ADS_ACTIVE:04X}   BOOL    -          read/write  TRUE"
-    yield f"actual_offset  0x<AID>{ADS_ACTUAL_OFFSET:04X}   SGN32   increments read        what acts at present"
-    yield f"coefficient    0x<AID>{ADS_COEFFICIENT:04X}   REAL64  um/m       read/write  slope of the function block"
-    yield "offset_0       (manual)      SGN32   0.1 um     read/write  10 * k0 of the function block, rounded"
-    yield "position_0     (manual)      SGN32   0.1 um     read/write  leave as in the axis list"
-    yield ""
-    yield "offset_0 and position_0 follow the coefficient; look up their offsets in the CNC objects of your build."
-    yield "Write the coefficient and offset_0 in the same PLC cycle."
-    yield ""
-    yield "output  axis  offset_0            coefficient"
+def _ads_table(model: ModelFile, head: list[str]) -> str:
+    outputs, statements = [], []
     for k, output in enumerate(model.outputs, 1):
-        slope = "0 (no position-dependent part)" if output.position is None else f"slope_{k}"
-        yield f"{plain(output.name)}  {plain(output.axis or '')}  10 * k0_{k}, rounded  {slope}"
-    yield ""
-    yield "In Structured Text, fb = FB_ThermalCorrection:"
-    for k, output in enumerate(model.outputs, 1):
-        slope = "0.0" if output.position is None else f"fb.slope_{k}"
-        yield f"  offset_0_{k} := LREAL_TO_DINT(10.0 * fb.k0_{k});   // axis {plain(output.axis or '')}, 0.1 um"
-        yield f"  coefficient_{k} := {slope};   // um/m"
+        axis, slope = plain(output.axis or ""), f"slope_{k}"
+        has_slope = output.position is not None
+        told = slope if has_slope else "0 (no position-dependent part)"
+        outputs.append(f"{plain(output.name)}  {axis}  10 * k0_{k}, rounded  {told}")
+        statements.append(f"  offset_0_{k} := LREAL_TO_DINT(10.0 * fb.k0_{k});   // axis {axis}, 0.1 um")
+        statements.append(f"  coefficient_{k} := {f'fb.{slope}' if has_slope else '0.0'};   // um/m")
+    return filled(
+        "beckhoff_ads",
+        head=head,
+        port=ADS_PORT,
+        group=f"0x{ADS_INDEX_GROUP:X}",
+        group_2=f"0x{ADS_INDEX_GROUP & 0xFFFFF:X}",
+        example=f"0x{ads_offset(1, ADS_COEFFICIENT):X}",
+        active=f"{ADS_ACTIVE:04X}",
+        actual=f"{ADS_ACTUAL_OFFSET:04X}",
+        coefficient=f"{ADS_COEFFICIENT:04X}",
+        outputs=outputs,
+        statements=statements,
+    )

@@ -11,13 +11,12 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import PLACES, Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
-from selector.controllers.writers.exported import Exported, heading, sheet, sign_test
+from selector.controllers.writers.exported import Exported, filled, heading, sheet, sign_test
 from selector.errors import OptionError
 
 Precision = Literal["double", "float"]
 NAME = "thermal_correction"
 SINGLE_NAME = f"{NAME}_f"
-_COMPILING = " * Compile with -std=c99 -ffp-contract=off: then it computes what the model file means, to the last bit."
 
 
 class _C(Language):
@@ -91,72 +90,37 @@ def c_files(
     program = guarded_program(model)
     bound = [plain(line) for line in single_precision_lines(model)] if precision == "float" else []
     head = [f" * {line}" for line in [*heading(model, is_sign_verified=is_sign_verified), *bound]]
+    parts = c_parts(program, precision)
+    values = {"head": head, "name": name, "guard": f"{name.upper()}_H"} | parts
+    return {f"{name}.h": filled("c_header", **values), f"{name}.c": filled("c_source", **values)}
+
+
+def c_parts(program: Program, precision: Precision) -> dict[str, list[str]]:
+    """Lines for a struct ``m``: its members, their initial values, temporaries, statements."""
+    language = _C(precision)
     return {
-        f"{name}.h": "\n".join(["/*", *head, " */", *_header(program, precision, name)]) + "\n",
-        f"{name}.c": "\n".join(["/*", *head, _COMPILING, " */", *_source(program, precision, name)]) + "\n",
+        "members": _members(program, precision),
+        "initial": [f"    m->{one.name} = {language.initial(one)};" for one in _lasting(program)],
+        "temporaries": [f"    {_type(one, precision)} {one.name};" for one in program.of("temporary")],
+        "body": list(language.lines(program.body, 1)),
     }
 
 
-def c_core(program: Program, precision: Precision) -> tuple[list[str], list[str], list[str]]:
-    """(declarations of temporaries, initial assignments, body) for a struct pointer ``m``."""
-    language = _C(precision)
-    temporaries = [f"    {_type(one, precision)} {one.name};" for one in program.of("temporary")]
-    initial = [f"    m->{one.name} = {language.initial(one)};" for one in _members(program)]
-    return temporaries, initial, list(language.lines(program.body, 1))
-
-
-def c_members(program: Program, precision: Precision) -> list[str]:
+def _members(program: Program, precision: Precision) -> list[str]:
     """Members of the struct, one a line, with what they mean."""
     lines = []
     for place, title in PLACES.items():
         lines.append(f"    /* {title} */")
-        for one in _members(program):
+        for one in _lasting(program):
             if one.place == place:
                 about = f" /* {plain(one.about)} */" if one.about else ""
                 lines.append(f"    {_type(one, precision)} {one.name};{about}")
     return lines
 
 
-def _members(program: Program) -> Sequence[Variable]:
+def _lasting(program: Program) -> Sequence[Variable]:
     return [one for one in program.variables if one.place != "temporary"]
 
 
 def _type(variable: Variable, precision: Precision) -> str:
     return precision if variable.kind == "real" else "int"
-
-
-def _header(program: Program, precision: Precision, name: str) -> list[str]:
-    guard = f"{name.upper()}_H"
-    return [
-        f"#ifndef {guard}",
-        f"#define {guard}",
-        "",
-        f"typedef struct {name} {{",
-        *c_members(program, precision),
-        f"}} {name};",
-        "",
-        "/* Once, before the first call. */",
-        f"void {name}_init({name} *m);",
-        "/* Every cycle, after the inputs are set; the outputs are in the struct. */",
-        f"void {name}_step({name} *m);",
-        "",
-        "#endif",
-    ]
-
-
-def _source(program: Program, precision: Precision, name: str) -> list[str]:
-    temporaries, initial, body = c_core(program, precision)
-    return [
-        f'#include "{name}.h"',
-        '\n#ifdef __FAST_MATH__\n#error "compile without -ffast-math: it takes the checks for NaN away"\n#endif\n',
-        f"void {name}_init({name} *m)",
-        "{",
-        *initial,
-        "}",
-        "",
-        f"void {name}_step({name} *m)",
-        "{",
-        *temporaries,
-        *body,
-        "}",
-    ]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from string import Template
+from typing import Any
 
 from selector import __version__
 from selector.controllers.evaluator import formula_text
@@ -132,7 +133,7 @@ def sign_test_of_block(model: ModelFile, *, shown: Callable[[int, float], str] |
 class Exported:
     """Files for a control, and what the person has to know who puts them there."""
 
-    files: Mapping[str, str]  #: Name → text. Programs are ASCII.
+    files: Mapping[str, Any]  #: Name → text, in ASCII for programs; of an archive its bytes
     install: tuple[str, ...]  #: Steps on the control, in order: what to copy, wire, set; with units
     sign_test: SignTest  #: How the sign is proved on this control
     silently: tuple[str, ...] = ()  #: What this control does without telling anybody: clips, spreads, forgets, jumps
@@ -156,8 +157,10 @@ class _Template(Template):
 
 
 def filled(template: str, **values: object) -> str:
-    """A text file beside the writers, values in the places of its ``@names``."""
-    return _Template(Path(__file__).with_name(template).read_text(encoding="ascii")).substitute(values)
+    """A text of the folder ``templates``, values in the places of its ``@names``; lists are lines."""
+    text = Path(__file__).with_name("templates").joinpath(f"{template}.txt").read_text(encoding="ascii")
+    lines = {name: "\n".join(value) if isinstance(value, list) else value for name, value in values.items()}
+    return _Template(text).substitute(lines)
 
 
 UNVERIFIED = "SIGN UNVERIFIED: command +10 um and read the indicator before cutting; see the commissioning sheet."

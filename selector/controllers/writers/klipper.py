@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 from selector.controllers.evaluator import axes_of
 from selector.controllers.guard.decided import Mode, decided_limits
@@ -13,6 +12,7 @@ from selector.controllers.program.statements import NO_READING
 from selector.controllers.writers.exported import (
     Exported,
     ExportRefusedError,
+    filled,
     heading,
     require_own_axes,
     sheet,
@@ -26,7 +26,6 @@ AXES = "XYZ"
 MOST_INPUTS = 100  #: Moves wait while they are looked at: 0.4 ms for so many (benchmarks/bench_klipper.py).
 
 _SECTION_NAME = re.compile(r"[A-Za-z0-9_.-]{1,48}")
-_RUNTIME = Path(__file__).with_name("klipper_extra.txt")
 
 
 def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
@@ -94,7 +93,7 @@ def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:
     lines += [f"KEPT_FILE = {NAME + '_kept.txt'!r}", f"NO_READING = {NO_READING!r}"]
     for name, about, values in lists:
         lines += [f"# {about}", f"{name} = [", *(f"    {one!r}," for one in values), "]"]
-    return "\n".join([*lines, *program_class(program)]) + "\n" + _RUNTIME.read_text(encoding="ascii")
+    return filled("klipper_extra", program=[*lines, *program_class(program)])
 
 
 def _number(axis: str) -> int:
@@ -102,24 +101,9 @@ def _number(axis: str) -> int:
 
 
 def _section(model: ModelFile, *, is_sign_verified: bool) -> str:
-    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
-    lines += [
-        f"# In printer.cfg: [include {NAME}.cfg]",
-        "",
-        f"[{NAME}]",
-        "#period: 1.0",
-        "#   Time [s] between two looks at the sensors (0.1 ... 10).",
-        "#stale_after: 30.0",
-        "#   A sensor that has said nothing for so long [s] counts as missing.",
-        "#zero_at_homing: True",
-        "#   True: homing measures the error of an axis away, its correction",
-        "#   begins at zero there. False: homing does not see this error.",
-        "#kept_file:",
-        f"#   Default: {NAME}_kept.txt beside printer.cfg.",
-    ]
-    for k, item in enumerate(model.inputs, start=1):
-        lines += _mapped(k, item)
-    return "\n".join(lines) + "\n"
+    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    sensors = [line for k, item in enumerate(model.inputs, start=1) for line in _mapped(k, item)]
+    return filled("klipper_section", head=head, name=NAME, sensors=sensors)
 
 
 def _mapped(k: int, item: Input) -> list[str]:

@@ -8,7 +8,7 @@ from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
-from selector.controllers.writers.c99 import c_core, c_members
+from selector.controllers.writers.c99 import c_parts
 from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, sheet, sign_test
 from selector.findings import Finding
 
@@ -29,7 +29,7 @@ def memory_files(model: ModelFile) -> dict[str, str]:
     What was saved for another model is left alone: its first sensor may be another one.
     """
     parameters = " ".join(one.name.replace("_", "-") for one in guarded_program(model).of("retained"))
-    script = filled("linuxcnc_memory.txt", name=NAME, model=kept_sha256(model), parameters=parameters)
+    script = filled("linuxcnc_memory", name=NAME, model=kept_sha256(model), parameters=parameters)
     return {f"{NAME}_memory.sh": script, f"{NAME}_shutdown.hal": f"loadusr -w sh {NAME}_memory.sh save\n"}
 
 
@@ -92,30 +92,31 @@ def _switched(to: int) -> str:
 def component(model: ModelFile, *, is_sign_verified: bool = False) -> str:
     """Source of the component for halcompile."""
     program = guarded_program(model)
-    head = [f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     # what has to outlive LinuxCNC; a change of `restart` takes it over
     said = "set it, with restart, before the thread starts"
     kept = [Pin(one.name, _HAL_TYPES[one.kind], f"{one.about}; {said}") for one in program.of("retained")]
-    lines = [
-        "/*",
-        *head,
-        f" * Install: sudo halcompile --install {NAME}.comp",
-        " */",
-        f'component {NAME} "Thermal correction of axes, by axis.L.eoffset-counts";',
-        *(f"pin in {_declared(one)}" for one in input_pins(model)),
-        *(f"pin out {_declared(one)}" for one in output_pins(model)),
-        f'param rw s32 ready_after = {READY_PERIODS} "so many calls nothing is corrected after machine on and homed";',
-        *(f"param rw {_declared(one)}" for one in kept),
-        "option singleton yes;",
-        "option extra_setup yes;",
-        "option no_convenience_defines yes;",
-        "function _ fp;",
-        'license "Dual MIT/GPL";',
-        'author "selector";',
-        ";;",
-        *_c_of(program, model, kept),
-    ]
-    return "\n".join(lines) + "\n"
+    at, outputs = "__comp_inst->", range(1, len(model.outputs) + 1)
+    inputs = {f"reading_{k}": "" for k in range(1, len(model.inputs) + 1)}
+    inputs |= {f"position_{k}": " / 1000.0" for k in range(1, len(axes_of(model)) + 1)}
+    inputs |= {f"test_um_{k}": "" for k in outputs} | dict.fromkeys(_of_touch_offs(program), "")
+    return filled(
+        "linuxcnc_component",
+        **c_parts(program, "double"),
+        head=[f" * {line}" for line in heading(model, is_sign_verified=is_sign_verified)],
+        name=NAME,
+        pins=[f"pin in {_declared(one)}" for one in input_pins(model)]
+        + [f"pin out {_declared(one)}" for one in output_pins(model)],
+        ready_after=READY_PERIODS,
+        parameters=[f"param rw {_declared(one)}" for one in kept],
+        counts_per_um=COUNTS_PER_UM,
+        inputs=[f"    m->{name} = *{at}{name}{factor};" for name, factor in inputs.items()],
+        restored=[f"        m->{one.name} = {at}{one.name};" for one in kept],
+        dropped=[f"        m->{one.name} = 0;" for one in kept if one.hal_type == "bit"]
+        + [f"        m->good_for_{k} = -1.0;" for k in range(1, len(model.inputs) + 1)],
+        outputs=[f"    *{at}{one.name} = m->{one.name};" for one in program.of("output")]
+        + [f"    *{at}counts_{k} = counts_of(m->correction_{k});" for k in outputs],
+        saved=[f"    {at}{one.name} = m->{one.name};" for one in kept],
+    )
 
 
 def input_pins(model: ModelFile) -> list[Pin]:
@@ -162,89 +163,6 @@ def _declared(pin: Pin) -> str:
     return f'{pin.hal_type} {pin.name}{default} "{about}";'
 
 
-def _c_of(program: Program, model: ModelFile, kept: list[Pin]) -> list[str]:
-    temporaries, initial, body = c_core(program, "double")
-    at = "__comp_inst->"
-    inputs = [f"    m->reading_{k} = *{at}reading_{k};" for k in range(1, len(model.inputs) + 1)]
-    inputs += [f"    m->position_{k} = *{at}position_{k} / 1000.0;" for k in range(1, len(axes_of(model)) + 1)]
-    inputs += [f"    m->test_um_{k} = *{at}test_um_{k};" for k in range(1, len(model.outputs) + 1)]
-    inputs += [f"    m->{name} = *{at}{name};" for name in _of_touch_offs(program)]
-    return [
-        "/* a * b + c is rounded twice: what the model file means, to the last bit */",
-        '#pragma GCC optimize ("fp-contract=off")',
-        "",
-        "struct correction {",
-        *c_members(program, "double"),
-        "};",
-        "",
-        "static struct correction memory;",
-        "static int ready_for;",
-        "static int last_restart;",
-        "",
-        "static void begin(struct correction *m)",
-        "{",
-        *initial,
-        "}",
-        "",
-        "static void step(struct correction *m)",
-        "{",
-        *temporaries,
-        *body,
-        "}",
-        "",
-        "/* to the nearest count */",
-        "static int counts_of(double correction_um)",
-        "{",
-        f"    double counts = correction_um * {COUNTS_PER_UM}.0;",
-        "    if (counts > 2.0e9) counts = 2.0e9;",
-        "    if (counts < -2.0e9) counts = -2.0e9;",
-        "    return (int)(counts < 0.0 ? counts - 0.5 : counts + 0.5);",
-        "}",
-        "",
-        "#define FUNCTION(name) static void name(struct __comp_state *__comp_inst, long period)",
-        "",
-        "static int extra_setup(struct __comp_state *inst, char *prefix, long extra_arg)",
-        "{",
-        "    (void)inst;",
-        "    (void)prefix;",
-        "    (void)extra_arg;",
-        "    begin(&memory);",
-        "    ready_for = 0;",
-        "    last_restart = 0;",
-        "    return 0;",
-        "}",
-        "",
-        "FUNCTION(_) {",
-        "    struct correction *m = &memory;",
-        f"    m->dt_s = *{at}dt;",
-        "    if (m->dt_s == 0.0) m->dt_s = period * 1e-9;",
-        *inputs,
-        "    /* LinuxCNC adds up differences of counts from machine on: they are 0 then, and some calls longer */",
-        f"    if (ready_for <= {at}ready_after) ready_for++;",
-        f"    if (!(*{at}is_enabled && *{at}is_homed)) ready_for = 0;",
-        f"    m->is_ready = ready_for > {at}ready_after;",
-        f"    m->is_wanted = *{at}is_wanted ? 1 : 0;",
-        f"    m->is_restart = *{at}restart != last_restart;",
-        f"    m->standstill_s = *{at}standstill;",
-        f"    last_restart = *{at}restart;",
-        *_given_back(kept, len(model.inputs), at),
-        "    step(m);",
-        *(f"    *{at}{one.name} = m->{one.name};" for one in program.of("output")),
-        *(f"    *{at}counts_{k} = counts_of(m->correction_{k});" for k in range(1, len(model.outputs) + 1)),
-        *(f"    {at}{one.name} = m->{one.name};" for one in kept),
-        "}",
-    ]
-
-
-def _given_back(kept: list[Pin], inputs: int, at: str) -> list[str]:
-    if not kept:
-        return []
-    lines = ["    if (m->is_restart) {", *(f"        m->{one.name} = {at}{one.name};" for one in kept), "    }"]
-    flags = [f"        m->{one.name} = 0;" for one in kept if one.hal_type == "bit"]
-    flags += [f"        m->good_for_{k} = -1.0;" for k in range(1, inputs + 1)]
-    return [*lines, f"    if (*{at}new_start) {{", *flags, "    }"]
-
-
 def _wired_axes(model: ModelFile) -> tuple[dict[int, str], tuple[Finding, ...]]:
     """Number of the output → letter of its axis in LinuxCNC; a finding for each that is not wired."""
     letters = {k: (output.axis or "").lower() for k, output in enumerate(model.outputs, start=1)}
@@ -282,50 +200,28 @@ def _is_axis(axis: str) -> bool:
 
 
 def _wiring(model: ModelFile, wired: dict[int, str], *, is_sign_verified: bool) -> str:
-    lines = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
-    lines += [
-        "",
-        "# After the HALFILE that adds motion-controller to servo-thread.",
-        f"loadrt {NAME}",
-        f"addf {NAME} servo-thread",
-        "",
-        "# Ready: machine on and all joints homed.",
-        f"net {NAME}-enabled motion.motion-enabled => {NAME}.is-enabled",
-        f"net {NAME}-homed motion.is-all-homed => {NAME}.is-homed",
-        "",
-        "# The operator's switch (default: on), e.g.",
-        f"#net {NAME}-wanted pyvcp.thermal-correction => {NAME}.is-wanted",
-    ]
+    sensors: list[str] = []
     for k, item in enumerate(model.inputs, start=1):
-        lines += [
+        sensors += [
             "",
             f"# >>>> WIRE THE SENSOR {plain(item.name)} [{plain(item.unit)}] HERE; until then it counts as missing.",
             f"#net {NAME}-reading-{k} PIN-OF-THE-SENSOR => {NAME}.reading-{k}",
         ]
-    lines += [
-        "",
-        "# >>>> True until the driver of the sensors has read them once (a signal that nobody has written is 0.0, and",
-        "# 0.0 would become the start reading); or a push button for a new start.",
-        f"#net {NAME}-new-start PIN-OF-THE-DRIVER => {NAME}.new-start",
-    ]
+    axes: list[str] = []
     for k, axis in enumerate(axes_of(model), start=1):
         mark, letter = ("", axis.lower()) if _is_axis(axis) else ("#", "L")
-        lines += [
+        axes += [
             "",
             f"# Position of axis {plain(axis)} [mm].",
             f"{mark}net {NAME}-position-{k} axis.{letter}.pos-cmd => {NAME}.position-{k}",
         ]
     for k, output in enumerate(model.outputs, start=1):
         if k in wired:
-            lines += _offset_lines(k, output, wired[k])
+            axes += _offset_lines(k, output, wired[k])
         else:
-            lines += ["", f"# >>>> NOT WIRED: correction for {plain(output.name)}, {NAME}.counts-{k} [0.1 um]"]
-    lines += [
-        "",
-        "# Start readings and memory of the last time LinuxCNC ran.",
-        f"loadusr -w sh {NAME}_memory.sh restore",
-    ]
-    return "\n".join(lines) + "\n"
+            axes += ["", f"# >>>> NOT WIRED: correction for {plain(output.name)}, {NAME}.counts-{k} [0.1 um]"]
+    head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
+    return filled("linuxcnc_wiring", head=head, name=NAME, sensors=sensors, axes=axes)
 
 
 def _offset_lines(k: int, output: Output, letter: str) -> list[str]:

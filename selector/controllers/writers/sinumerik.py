@@ -13,15 +13,7 @@ from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
 from selector.controllers.writers.exported import Exported, require_own_axes, sheet, sign_test_of_block
-from selector.controllers.writers.structured_text import (
-    BLOCK,
-    NAME,
-    SECTIONS,
-    StructuredText,
-    declaration_lines,
-    head_lines,
-    joined,
-)
+from selector.controllers.writers.structured_text import BLOCK, NAME, SECTIONS, StructuredText, block_text, head_lines
 from selector.csv_text import csv_text
 from selector.findings import Finding
 
@@ -100,15 +92,7 @@ def setting_data_program(model: ModelFile) -> Program:
 
 
 def _scl(program: Program, block: str, head: list[str]) -> str:
-    language = StructuredText(real_type="REAL")
-    lines = [
-        *head,
-        *declaration_lines(program, language, f'"{block}"', _SECTIONS),
-        "BEGIN",
-        *language.lines(program.body),
-        "END_FUNCTION_BLOCK",
-    ]
-    return joined(lines)
+    return block_text(head, program, StructuredText(real_type="REAL"), f'"{block}"', _SECTIONS, "BEGIN")
 
 
 def has_own_line(output: Output) -> bool:

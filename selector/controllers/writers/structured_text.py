@@ -120,16 +120,21 @@ def _exported(target: str, file: str, text: str, model: ModelFile) -> Exported:
 
 def st_text(model: ModelFile, *, is_sign_verified: bool = False) -> str:
     """The text of ``thermal_correction.st``."""
-    program = guarded_program(model)
-    language = StructuredText()
-    lines = [
-        *head_lines(model, is_sign_verified=is_sign_verified),
-        *declaration_lines(program, language, BLOCK),
-        "",
-        *language.lines(program.body),
-        "END_FUNCTION_BLOCK",
-    ]
-    return joined(lines)
+    head = head_lines(model, is_sign_verified=is_sign_verified)
+    return block_text(head, guarded_program(model), StructuredText(), BLOCK)
+
+
+def block_text(
+    head: list[str],
+    program: Program,
+    language: StructuredText,
+    block: str,
+    sections: Mapping[Place, str] = SECTIONS,
+    begin: str = "",
+) -> str:
+    """A whole function block; `begin` stands between declarations and statements."""
+    declared = declaration_lines(program, language, block, sections)
+    return joined([*head, *declared, begin, *language.lines(program.body), "END_FUNCTION_BLOCK"])
 
 
 def head_lines(model: ModelFile, *, is_sign_verified: bool) -> list[str]:
@@ -189,7 +194,7 @@ def tcpou_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         [*head_lines(model, is_sign_verified=is_sign_verified), *declaration_lines(program, language, BLOCK, _SECTIONS)]
     )
     body = _cdata(joined(list(language.lines(program.body))))
-    text = filled("twincat_pou.txt", block=BLOCK, guid=guid(model), declaration=_cdata(declaration), body=body)
+    text = filled("twincat_pou", block=BLOCK, guid=guid(model), declaration=_cdata(declaration), body=body)
     return _exported("tcpou", f"{BLOCK}.TcPOU", text, model)
 
 
@@ -211,7 +216,7 @@ def plcopen_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
         declared = (f"  {_variable(one, language)}" for one in variables)
         interface += [opening, *declared, f"</{opening[1:].split()[0].rstrip('>')}>"]
     text = filled(
-        "plcopen_project.txt",
+        "plcopen_project",
         version=__version__,
         date=(model.provenance and model.provenance.date) or _NO_DATE,
         block=BLOCK,

@@ -9,16 +9,16 @@ from typing import Protocol
 import numpy as np
 
 from selector import __version__
+from selector.controllers.c_compiler import compiler, compiler_version
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.compiled import (
     RESOLUTION_UM,
     c_answers,
-    compiler,
-    compiler_version,
     halrun_answers,
     linuxcnc_version,
     python_answers,
 )
+from selector.controllers.replay.fmu_executed import fmpy_version, fmu_answers
 from selector.controllers.replay.klipper_executed import klipper_answers
 from selector.controllers.replay.macro_b_executed import macro_b_answers, macro_corrections_um
 from selector.controllers.replay.parts import (
@@ -48,6 +48,8 @@ from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
 from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.fmu import FILE as UNIT
+from selector.controllers.writers.fmu import fmu_export
 from selector.controllers.writers.klipper import NAME as EXTRA_NAME
 from selector.controllers.writers.klipper import klipper_export
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
@@ -88,8 +90,7 @@ def _own(what: str) -> Callable[[], str]:
 
 
 def _cc() -> str:
-    name = compiler()
-    return "no compiler" if name is None else compiler_version(name)
+    return compiler_version(compiler())
 
 
 def _as_text(file: str, text_of: Callable[[str], str] = str) -> Execution:
@@ -134,6 +135,7 @@ TARGETS: Mapping[str, Target] = {
         # the last: of version 0.1, never left beside a newer program
         not_always=(f"{SINGLE_NAME}.[ch]", f"{NAME}_i.[ch]"),
     ),
+    "fmu": Target("Functional mock-up unit (FMI 3.0)", fmu_export, (Part(UNIT, _alone(fmu_answers), fmpy_version),)),
     "st": Target("IEC 61131-3 Structured Text", st_export, (Part(_ST_FILE, _as_text(_ST_FILE), parser_name),)),
     "plcopen": Target(
         "PLCopen XML", plcopen_export, (Part(_XML_FILE, _as_text(_XML_FILE, text_of_plcopen), parser_name),)
