@@ -35,7 +35,9 @@ _ROLES: Mapping[Place, str] = {
     "retained": 'causality="local" variability="discrete" initial="exact"',
 }
 _PARAMETER = 'causality="parameter" variability="tunable"'
-_PERIOD = Variable("period_s", "real", "input", "in a step the program is called at least so often; 0: once [s]")
+_PERIOD = Variable(
+    "period_s", "real", "input", "longest time between two calls of the program in a step; 0: one call [s]"
+)
 _SYSTEMS = {"Windows": ("windows", ".dll"), "Darwin": ("darwin", ".dylib")}
 _MACHINES = {"AMD64": "x86_64", "arm64": "aarch64", "i686": "x86"}
 

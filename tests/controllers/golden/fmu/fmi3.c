@@ -11,8 +11,10 @@
  */
 
 /* a * b + c is rounded twice: what the model file means, to the last bit */
-#if defined(__clang__) || defined(_MSC_VER)
+#if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
+#elif defined(_MSC_VER)
+#pragma fp_contract (off)
 #elif defined(__GNUC__)
 #pragma GCC optimize ("fp-contract=off")
 #endif
