@@ -15,7 +15,7 @@ import pytest
 from selector.controllers import GuardedModel, Input, Output, State, Term, read_model
 from selector.controllers.c_compiler import compiler
 from selector.controllers.evaluator import axes_of
-from selector.controllers.guard.decided import Mode
+from selector.controllers.guard.decided import Mode, decided_limits
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.replay.fmu_executed import fmpy_version, fmu_answers
 from selector.controllers.replay.parts import Answers, Rows, reference_answers
@@ -325,6 +325,7 @@ HOSTILE_CALLS = r"""
 #include <math.h>
 #include <stdio.h>
 
+static const struct { fmi3ValueReference correction; double clamp_um; } LIMITS[] = {@LIMITS};
 static int messages;
 static void say(fmi3InstanceEnvironment e, fmi3Status s, fmi3String c, fmi3String t)
 {
@@ -341,7 +342,7 @@ int main(void)
     double t, x;
     fmi3FMUState state = NULL;
     fmi3Byte bytes[sizeof(struct state)];
-    void *unit = fmi3InstantiateCoSimulation("x", "TOKEN", "", false, false, false, false, NULL, 0, NULL, say, NULL);
+    void *unit = fmi3InstantiateCoSimulation("x", "@TOKEN", "", false, false, false, false, NULL, 0, NULL, say, NULL);
     if (unit == NULL || fmi3InstantiateCoSimulation("x", NULL, "", 0, 0, 0, 0, NULL, 0, NULL, say, NULL) != NULL)
         return 1;
     if (fmi3GetFMUState(unit, &state) || fmi3SerializeFMUState(unit, state, bytes, sizeof bytes)) return 2;
@@ -362,6 +363,8 @@ int main(void)
         fmi3DoStep(unit, 0.0, strange[(seed >> 12) % n], true, &a, &b, &c, &t);
         for (r = 0; r < all; r++)
             if (fmi3GetFloat64(unit, &r, 1, &x, 1) == fmi3OK && !VARIABLES[r].may_be_set && r && !isfinite(x)) return 3;
+        for (r = 0; r < sizeof LIMITS / sizeof *LIMITS; r++)
+            if (fmi3GetFloat64(unit, &LIMITS[r].correction, 1, &x, 1) || !(fabs(x) <= LIMITS[r].clamp_um)) return 6;
         if (seed % 1000 == 0) fmi3Reset(unit);
         if (seed % 1001 == 0) fmi3SetFMUState(unit, state);
     }
@@ -376,9 +379,13 @@ int main(void)
 
 
 def test_sanitizers_have_nothing_to_say_of_hostile_calls(tmp_path):
-    """Any value in any variable at any time: nothing but finite outputs, and every refusal is told."""
-    description, _ = unpacked(hostile.adapted(hostile.model()), tmp_path)
-    (tmp_path / "calls.c").write_text(HOSTILE_CALLS.replace("TOKEN", description.guid), encoding="ascii")
+    """Any value in any variable at any time: finite outputs within the clamp, and every refusal is told."""
+    model = hostile.adapted(hostile.model())
+    description, references = unpacked(model, tmp_path)
+    clamps = [limits.clamp_um for limits in decided_limits(model)[0].values()]
+    limits = ", ".join(f"{{{references[f'correction_{k}']}, {clamp!r}}}" for k, clamp in enumerate(clamps, 1))
+    calls = HOSTILE_CALLS.replace("@TOKEN", description.guid).replace("@LIMITS", limits)
+    (tmp_path / "calls.c").write_text(calls, encoding="ascii")
     command = [compiler(), "-std=c99", *SANITIZED, "-o", "calls", "calls.c", "-lm"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     if done.returncode != 0 and "sanitize" in done.stderr:
