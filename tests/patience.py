@@ -32,10 +32,20 @@ def shared_folder(factory: pytest.TempPathFactory) -> Path:
     return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
 
 
+_held: set[Path] = set()  #: By this process
+
+
 @contextmanager
 def alone(sign: Path) -> Iterator[None]:
     """One process at a time: others that come to the same file wait; Windows has no such lock, there all go on."""
+    if sign in _held:
+        yield  # what is made needs itself: a lock of the same process would wait for ever
+        return
     with sign.open("w") as file:
         if sys.platform != "win32":
             fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        _held.add(sign)
+        try:
+            yield
+        finally:
+            _held.remove(sign)
