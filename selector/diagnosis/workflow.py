@@ -7,7 +7,7 @@ from itertools import compress
 
 import numpy as np
 
-from selector.diagnosis.answer import Diagnosis, Evidence, Fit, NamedEffect, Place, Verdict
+from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, Verdict
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
@@ -26,6 +26,7 @@ from selector.diagnosis.evidence.frozen import frozen_and_unnamed, with_frozen, 
 from selector.diagnosis.evidence.gain import fit_of, gap_closed
 from selector.diagnosis.evidence.naming import (
     as_carried,
+    evidence_rows,
     input_fault_effect,
     is_far_above_noise,
     is_recalibrated,
@@ -40,6 +41,7 @@ from selector.diagnosis.evidence.naming import (
 from selector.diagnosis.evidence.recalibration import Recalibrated, contradicted, recalibrated, whole_record_names
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, is_slow_in_one_run, numbers, search
+from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
@@ -359,6 +361,19 @@ def _doubts(state: _State) -> Sequence[Structure]:
     )
 
 
+def _named_by_transfer(state: _State) -> _State:
+    """Where structure is left without a name: what unseen rows bear out, looked at like any other name."""
+    if state.effects or not state.structures:
+        return state
+    found = borne_out(state.comparison, state.search, seed=state.asked.seed)
+    if found is state.search:
+        return state
+    named = replace(state, search=replace(found, closed=_closed(state, found)), switches={})
+    for stage in (_recalibrated, _looked_at_what_is_left, _named, _named_clearly):
+        named = stage(named)
+    return named if named.effects else state
+
+
 def _named_by_whole_record(state: _State) -> _State:
     """Where nothing else is found: faults of the recording that recalibration hides, and faults of the inputs."""
     if state.effects or state.structures:
@@ -437,7 +452,7 @@ def _answered(state: _State) -> Diagnosis:
         effects=effects,
         also_seen=state.also,
         fit=state.fit,
-        evidence=tuple(_evidence(found, state.untested)),
+        evidence=evidence_rows(found, state.untested),
         detectable=detectability(comparison, found, false_alarm=state.asked.false_alarm),
         next_runs=next_runs(comparison, found, effects),
         recalibration={name: one.quantities for name, one in state.again.items()},
@@ -446,6 +461,7 @@ def _answered(state: _State) -> Diagnosis:
             *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
             *told_of_switches(comparison, state.switches),
             *told_of_wandering(comparison, state.residuals, state.structures),
+            *told_of_carried(effects, found),
             *(() if effects else told_of_small(comparison, found, state.small)),
         ),
         seed=state.asked.seed,
@@ -460,6 +476,7 @@ _STAGES: tuple[Callable[[_State], _State], ...] = (
     _looked_at_what_is_left,
     _named,
     _named_clearly,
+    _named_by_transfer,
     _named_by_whole_record,
     _judged,
     _fitted,
@@ -578,17 +595,3 @@ def _band(structure: Structure) -> str | None:
         return None
     low, high = structure.frequency_hz
     return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"
-
-
-def _evidence(found: Search, untested: Mapping[str, Mapping[str, str]]) -> list[Evidence]:
-    rows = []
-    for id_, one in sorted(found.standing.items(), key=lambda item: -item[1].score):
-        note = "" if one.is_the_same_in_all_runs else "differs from run to run"
-        rows.append(Evidence(id_, one.responses[0], one.score, one.p_value, id_ in found.named, note))
-    for response, reasons in untested.items():
-        rows += [
-            Evidence(id_, response, 0.0, 1.0, False, f"not testable here: {why}")
-            for id_, why in reasons.items()
-            if id_ not in found.standing
-        ]
-    return rows

@@ -6,7 +6,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from selector.diagnosis.answer import NamedEffect
+from selector.diagnosis.answer import Evidence, NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
@@ -115,7 +115,9 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     fitted = _fitted(comparison, found, id_, main, courses[main])
     effect = found.benches[main].candidates[by_response[main]].effect
     reading = effect.reading(fitted, comparison)
-    confidence = sum(found.weights[id_].values()) * (1.0 - standing.p_value)
+    # beyond all that shapes at a wrong time explain is beyond one in so many
+    p_value = 1.0 / (1 + len(found.carried[id_][1])) if id_ in found.carried else standing.p_value
+    confidence = sum(found.weights[id_].values()) * (1.0 - p_value)
     share = float(np.clip(max(share for _, share in told.values()), 0.0, 1.0))
     gap = found.closed.get(id_)
     if is_structured(found, main):
@@ -142,7 +144,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         statement=reading.statement + _or_what_it_reads(comparison, id_, main, fitted.variant.sources),
         parameters=reading.parameters,
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
-        p_value=float(min(1.0, standing.p_value)),
+        p_value=float(min(1.0, p_value)),
         share=share,
         cannot_be_told_from=found.rivals[id_],
         experiment=effect.experiment,
@@ -446,3 +448,19 @@ def noise_floor(comparison: Comparison, bench: Bench, named: Sequence[int], *, i
     elif not is_noise:
         floor = float(np.nanmin([floor, bench.quick(left)]))
     return max(floor, bench.rounding)
+
+
+def evidence_rows(found: Search, untested: Mapping[str, Mapping[str, str]]) -> tuple[Evidence, ...]:
+    """How every effect stands, the clearest first, and those that could not be tested; `untested` is response → why."""
+    rows = []
+    for id_, one in sorted(found.standing.items(), key=lambda item: -item[1].score):
+        note = "" if one.is_the_same_in_all_runs else "differs from run to run"
+        note = "borne out by unseen rows" if id_ in found.carried else note
+        rows.append(Evidence(id_, one.responses[0], one.score, one.p_value, id_ in found.named, note))
+    for response, reasons in untested.items():
+        rows += [
+            Evidence(id_, response, 0.0, 1.0, False, f"not testable here: {why}")
+            for id_, why in reasons.items()
+            if id_ not in found.standing
+        ]
+    return tuple(rows)

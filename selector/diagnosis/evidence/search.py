@@ -94,6 +94,9 @@ class Search:
     ahead: Mapping[str, float] = field(default_factory=dict)
     #: Named effect → share of the unseen gap between recalibration and noise that it closes with the other names
     closed: Mapping[str, Quantity] = field(default_factory=dict)
+    #: Named effect that only unseen rows bear out → share of fitted and unseen rows that it explains, and the most that
+    #: any shape at a wrong time does
+    carried: Mapping[str, tuple[float, Vector]] = field(default_factory=dict)
     small: Named = field(default_factory=dict)  #: What is significant beside structure, but too small or not borne out
     wrong: frozenset[str] = frozenset()  #: Responses whose simulation is off as no effect is
     doubted: frozenset[str] = frozenset()  #: Named effects that a misfit of nobody's comes near, or stands beside

@@ -1,0 +1,169 @@
+"""What unseen rows bear out where the likelihood of the fitted ones names nothing.
+
+The filter of the noise takes for noise what is slow or rings: what a record repeats of itself is in it. In plain
+squares a shape counts that explains a good part of the fitted rows and, at the size that it has there, of the unseen
+ones, too. How much of both shapes explain that are certainly wrong is seen by those of the whole catalogue at another
+time, as for `misfit`.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from selector.diagnosis.answer import NamedEffect
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.evidence.noise import NoiseModel
+from selector.diagnosis.evidence.response import Bench
+from selector.diagnosis.evidence.search import Search
+from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.matching.runs import rms
+from selector.findings import Finding, Where
+from selector.types import Matrix, Vector
+
+_SHIFTS, _MOST_ROWS = 60, 8_000
+_WIDEST = 3  #: Coefficients of a shape, at most.
+_LEAST = 0.25  #: Of the mean square of fitted and of unseen rows.
+_BEYOND, _MORE = 1.25, 0.03  #: Times the most that a shape at a wrong time explains, and so much more.
+#: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
+_MATTERS = 0.12
+_AS_GOOD, _MOST_ALIKE = 0.6, 3
+
+
+def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
+    """The search with the effect that unseen rows bear out, in the response where that is most; else as it is."""
+    best: tuple[float, str, str] = (0.0, "", "")
+    told = {}
+    for name, bench in found.benches.items():
+        left = bench.target - bench.nuisance @ _least(bench.nuisance[bench.fitted], bench.target[bench.fitted])
+        size = float(np.nanstd(comparison.recorded[name][bench.fitted]))
+        if rms(left[bench.fitted]) < _MATTERS * size or not (np.isfinite(left) & ~bench.fitted).any():
+            continue
+        shares, by_chance = _shares(bench, seed=seed)
+        told[name] = (shares, by_chance, left)
+        for id_, (share, _) in shares.items():
+            if share > max(_LEAST, _BEYOND * by_chance.max() + _MORE, best[0]):
+                best = (share, id_, name)
+    share, id_, name = best
+    if not id_:
+        return found
+    shares, by_chance, left = told[name]
+    alike = [
+        one for one, (other, _) in shares.items() if one != id_ and other >= max(_AS_GOOD * share, by_chance.max())
+    ]
+    alike = sorted(alike, key=lambda one: -shares[one][0])[:_MOST_ALIKE]
+    bench = found.benches[name]
+    plain = replace(bench, pseudo_target=None, is_misfit=True)
+    plain = plain.with_noise(NoiseModel(np.zeros(0), rms(left[bench.fitted])))
+    return replace(
+        found,
+        benches={**found.benches, name: plain},
+        named={id_: {name: shares[id_][1]}},
+        rivals={id_: tuple(alike)},
+        weights={id_: dict.fromkeys((id_, *alike), 1.0 / (1 + len(alike)))},
+        misfit={**found.misfit, name: max(found.misfit[name], 2.0)},
+        ahead={id_: 1.0},
+        carried={id_: (share, by_chance)},
+        doubted=frozenset({id_}),
+    )
+
+
+def told_of_carried(effects: Sequence[NamedEffect], found: Search) -> tuple[Finding, ...]:
+    """That unseen rows have chosen a name: what the error on them falls by is then no proof."""
+    told = []
+    for effect in effects:
+        if effect.id in found.carried:
+            share, by_chance = found.carried[effect.id]
+            text = (
+                f"{effect_of(effect.id).title} is named for what it explains of {effect.channel}: {share:.0%} of the "
+                "mean square of fitted and unseen rows alike, where shapes at a wrong time explain "
+                f"{by_chance.max():.0%} at most. So these rows have chosen it: the error on them is no proof of it."
+            )
+            evidence = {"share": share, "by_chance": float(by_chance.max())}
+            told.append(FINDINGS.finding("chosen-by-unseen-rows", text, Where(channel=effect.channel), evidence))
+    return tuple(told)
+
+
+def _least(columns: Matrix, target: Vector) -> Vector:
+    return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0])
+
+
+def _shares(bench: Bench, *, seed: int) -> tuple[dict[str, tuple[float, int]], Vector]:
+    """Effect → share of fitted and of unseen rows alike that its best shape explains, and that shape.
+
+    The last is the most that any shape at a wrong time does, shape (n_shifts,).
+    """
+    shapes = _Shapes(bench)
+    best: dict[str, tuple[float, int]] = {}
+    for v, share in zip(shapes.numbers, shapes.shares(np.arange(len(shapes.runs))), strict=True):
+        id_ = bench.candidates[v].effect.id
+        best[id_] = max(best.get(id_, (0.0, v)), (float(share), v))
+    draw = np.random.default_rng(seed)
+    by_chance = [float(np.max(shapes.shares(_elsewhere(shapes.runs, draw)), initial=0.0)) for _ in range(_SHIFTS)]
+    return best, np.array(by_chance)
+
+
+def _elsewhere(runs: NDArray[np.intp], draw: np.random.Generator) -> NDArray[np.intp]:
+    """Rows of which every run is shifted by a quarter to three quarters of it, round its end."""
+    rows = np.arange(len(runs))
+    for run in np.unique(runs):
+        here = np.flatnonzero(runs == run)
+        rows[here] = np.roll(here, int(draw.integers(len(here) // 4, 3 * len(here) // 4 + 1)))
+    return rows
+
+
+class _Shapes:
+    """All shapes of physics, and what is to be explained, of which any row can lie beside any row of the shapes."""
+
+    def __init__(self, bench: Bench) -> None:
+        some = slice(None, None, -(-len(bench.target) // _MOST_ROWS))
+        self.runs = bench.runs[some]
+        sizes = {v: len(one.variant.names) for v, one in enumerate(bench.candidates) if one.effect.family != "data"}
+        self.numbers = [v for v, size in sizes.items() if size <= _WIDEST]
+        ends = np.cumsum([0, *(sizes[v] for v in self.numbers)])
+        self._parts = [slice(a, b) for a, b in itertools.pairwise(ends.tolist())]
+        self._x = np.column_stack([np.empty((len(self.runs), 0)), *(bench.raw(v)[some] for v in self.numbers)])
+        squares = [self._x[:, of, None] * self._x[:, None, of] for of in self._parts]
+        self._squares = np.column_stack(
+            [np.empty((len(self.runs), 0)), *(one.reshape(len(one), -1) for one in squares)]
+        )
+        seen = np.isfinite(bench.target[some])
+        fitted = bench.fitted[some]
+        target = np.where(seen, bench.target[some], 0.0)
+        own = bench.nuisance[some] @ np.linalg.pinv(np.linalg.qr(bench.nuisance[some][fitted])[1])
+        left = target - own @ (own[fitted].T @ target[fitted])
+        self._rows = np.column_stack([fitted, seen & ~fitted]).astype(np.float64)
+        here, there = self._rows.T
+        #: what recalibration is made of, and what it leaves, in fitted and in unseen rows
+        self._of_fitted = np.column_stack([own, left]) * here[:, None]
+        self._of_unseen = np.column_stack([own, left]) * there[:, None]
+        self._own_unseen = self._of_unseen.T @ self._of_unseen
+        self._before = float(here @ left**2)
+        # as it was given, or recalibrated, whichever is nearer
+        self._before_unseen = min(float(there @ left**2), float(there @ target**2))
+
+    def shares(self, rows: NDArray[np.intp]) -> Vector:
+        """Of every shape, the smaller of the shares of the fitted and of the unseen mean square that it explains.
+
+        Row `rows`[k] of what is to be explained lies beside row k of the shapes.
+        """
+        here, there = self._x.T @ self._of_fitted[rows], self._x.T @ self._of_unseen[rows]
+        squares = self._squares.T @ self._rows[rows]
+        slope, along = here[:, :-1], here[:, -1]
+        own, with_left = self._own_unseen[:-1, :-1], self._own_unseen[:-1, -1]
+        found = np.empty(len(self._parts))
+        first = 0
+        for k, of in enumerate(self._parts):
+            size = of.stop - of.start
+            gram, gram_unseen = squares[first : first + size**2].T.reshape(2, size, size)
+            first += size**2
+            z, cross = slope[of], there[of, :-1] @ slope[of].T
+            beta = np.linalg.pinv(gram - z @ z.T, rcond=1e-8, hermitian=True) @ along[of]
+            gram_unseen = gram_unseen - cross - cross.T + z @ own @ z.T
+            unseen = there[of, -1] - z @ with_left
+            after = self._own_unseen[-1, -1] - 2.0 * float(beta @ unseen) + float(beta @ gram_unseen @ beta)
+            found[k] = min(float(beta @ along[of]) / self._before, 1.0 - after / self._before_unseen)
+        return found

@@ -1,0 +1,118 @@
+"""What unseen rows bear out is named where the likelihood names nothing; shapes at a wrong time tell how much it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from selector.diagnosis.comparison import Comparison
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.evidence.search import Search, search
+from selector.diagnosis.evidence.transfer import _elsewhere, _Shapes, borne_out
+from selector.diagnosis.workflow import diagnosis
+from selector.recording import Channel
+from tests.diagnosis.made import coloured, comparison
+
+N = 600
+
+
+def missing_memory(seed: int, size: float) -> Comparison:
+    """Three runs of which a slow part of the heat is missing, under noise that wanders."""
+    random = np.random.default_rng(seed)
+    plain = comparison({"Z": coloured("ar", 3 * N, random)})
+    slow = np.zeros(3 * N)
+    for k, warm in enumerate(plain.simulated["Z"]):
+        slow[k] = 0.0 if k % N == 0 else slow[k - 1] + 0.004 * (warm - slow[k - 1])
+    recorded = plain.recorded | {"Z": plain.recorded["Z"] + size * slow / slow.std()}
+    return replace(plain, recorded=recorded)
+
+
+@pytest.mark.parametrize("is_shifted", [False, True])
+def test_shares_are_those_of_least_squares(is_shifted):
+    bench, _ = bench_of(missing_memory(0, 3.0), "Z", catalogue())
+    shapes = _Shapes(bench)
+    rows = _elsewhere(bench.runs, np.random.default_rng(3)) if is_shifted else np.arange(3 * N)
+    shares = shapes.shares(rows)
+    fitted, held, target = bench.fitted, ~bench.fitted, bench.target
+    assert len(shares) > 20
+    assert set(np.diff(np.sort(rows))) == {1}
+
+    def left(columns):
+        return target - columns @ np.linalg.lstsq(columns[fitted], target[fitted], rcond=None)[0]
+
+    plain = left(bench.nuisance)
+    for v, share in list(zip(shapes.numbers, shares, strict=True))[::7]:
+        after = left(np.column_stack([bench.nuisance, bench.raw(v)[np.argsort(rows)]]))
+        here = 1.0 - np.mean(after[fitted] ** 2) / np.mean(plain[fitted] ** 2)
+        there = 1.0 - np.mean(after[held] ** 2) / min(np.mean(plain[held] ** 2), np.mean(target[held] ** 2))
+        assert share == pytest.approx(min(here, there), abs=1e-6)
+
+
+def unnamed(asked: Comparison) -> Search:
+    benches = {name: bench_of(asked, name, catalogue())[0] for name in asked.responses}
+    return replace(search(benches, false_alarm=0.02, seed=0), named={})
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_wanders_bears_nothing_out(seed):
+    asked = comparison({"Z": 3.0 * coloured("ar", 3 * N, np.random.default_rng(seed))})
+    found = unnamed(asked)
+    assert borne_out(asked, found, seed=0) is found
+
+
+def test_without_unseen_rows_nothing_is_borne_out():
+    asked = missing_memory(0, 3.0)
+    everything = replace(asked, held_out=np.zeros(3 * N, dtype=bool))
+    found = unnamed(everything)
+    assert borne_out(everything, found, seed=0) is found
+
+
+def tap() -> Comparison:
+    """A free decay of two modes, of which one is simulated."""
+    t = np.arange(512) / 512.0
+
+    def rings(hz, damping, size):
+        return size * np.exp(-2.0 * np.pi * hz * damping * t) * np.sin(2.0 * np.pi * hz * t)
+
+    simulated = rings(8.0, 0.01, 20.0)
+    recorded = simulated + rings(50.0, 0.008, 12.0) + 0.3 * np.random.default_rng(5).standard_normal(512)
+    return Comparison(
+        runs=("tap",),
+        starts=(0, 512),
+        time_s=t,
+        channels=(Channel("a", "acceleration", "m/s^2"),),
+        recorded={"a": recorded},
+        simulated={"a": simulated},
+        responses=("a",),
+        held_out=np.arange(512) >= 360,
+    )
+
+
+def test_what_carries_is_told_with_how_sure_it_can_be():
+    told = borne_out(tap(), unnamed(tap()), seed=0)
+    assert set(told.named) == {"vibration.mode"} == told.doubted
+    assert told.rivals["vibration.mode"] == ()
+    assert told.weights["vibration.mode"] == {"vibration.mode": 1.0}
+    share, by_chance = told.carried["vibration.mode"]
+    assert share > 1.25 * by_chance.max()
+
+
+def test_where_the_likelihood_names_nothing_the_answer_names_what_carries(monkeypatch):
+    """A free decay is what a filter of noise makes, too: of a measured one the likelihood may say nothing."""
+
+    def nothing(benches, **options):
+        return replace(search(benches, **options), named={})
+
+    monkeypatch.setattr("selector.diagnosis.workflow.search", nothing)
+    answer = diagnosis(tap())
+    (effect,) = answer.effects
+    assert answer.verdict == "missing-physics"
+    assert effect.id == "vibration.mode"
+    assert effect.parameters["frequency_hz"].value == pytest.approx(50.0, rel=0.01)
+    assert effect.confidence <= 0.5
+    assert effect.p_value == pytest.approx(1.0 / 61.0)
+    assert "chosen-by-unseen-rows" in {one.id for one in answer.findings}
+    assert answer.fit["a"].heldout.rmse_after < 0.8 * answer.fit["a"].heldout.rmse_before
