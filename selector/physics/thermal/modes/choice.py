@@ -3,8 +3,9 @@
 Beside it what a user should know about the fitted modes, as findings.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.stats import chi2
@@ -248,13 +249,14 @@ def choose_modes(tests: Sequence[ThermalTest], responses: Sequence[str]) -> Moda
 
 def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     data = mode_data(tests)
-    spec = ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data))
-    tried, best = _swept(spec, data)
+    plain = _plain_fits(data)
+    spec = ModeSpec(1, _sweep_law(data, plain), free_starts=_idle_runs(data))
+    tried, best = _swept(spec, data, plain)
     # a start that is not at rest hides behind slow modes and films: it is looked for before these are there too
-    warm = {*_warm_runs(_plain(spec, data), data), *_warm_runs(best, data)}
+    warm = {*_warm_runs(plain(replace(spec, n_modes=3)), data), *_warm_runs(best, data)}
     if warm:
         freed = replace(spec, free_starts=tuple(sorted({*spec.free_starts, *warm})))
-        freed_tried, freed_best = _swept(freed, data)
+        freed_tried, freed_best = _swept(freed, data, plain)
         if float(np.log(_scores(freed_best, data) / _scores(best, data)).mean()) < -WARM_GAIN:
             spec, tried, best = freed, freed_tried, freed_best
     final = searched(best.spec, data, best.theta, block_weights(data, best))
@@ -263,17 +265,19 @@ def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
     return _finished(tests, responses, data, final, tried)
 
 
-def _plain(spec: ModeSpec, data: ModeData) -> Fit:
-    """Three modes without a film: a first look."""
+def _plain_fits(data: ModeData) -> Callable[[ModeSpec], Fit]:
+    """Fits without a film, each grown from that of one mode less; several steps look at the same ones."""
     weights = block_weights(data)
-    fit: Fit | None = None
-    for k in (1, 2, 3):
-        fit = grown(fit, replace(spec, n_modes=k), data, weights)
-    assert fit is not None
-    return fit
+
+    @cache
+    def plain(spec: ModeSpec) -> Fit:
+        smaller = plain(replace(spec, n_modes=spec.n_modes - 1)) if spec.n_modes > 1 else None
+        return grown(smaller, spec, data, weights)
+
+    return plain
 
 
-def _sweep_law(data: ModeData) -> Law:
+def _sweep_law(data: ModeData, plain: Callable[[ModeSpec], Fit]) -> Law:
     """Two powers, or with them what runs while the spindle turns, where they describe the levels as free gains do.
 
     Laws are compared by their error at left-out speeds, each without or with a film, whichever is better: a film that
@@ -281,7 +285,7 @@ def _sweep_law(data: ModeData) -> Law:
     """
     if len(data.levels_rpm) < 2:
         return "power"
-    fit = _plain(ModeSpec(1, "powers", free_starts=_idle_runs(data)), data)
+    fit = plain(ModeSpec(3, "powers", free_starts=_idle_runs(data)))
     free = with_law(fit, data, "levels")
     folds = speed_folds(data)
     if not folds:
@@ -298,14 +302,12 @@ def _sweep_law(data: ModeData) -> Law:
     return "levels" if better or costs[law] > 3.0 * free.cost else law
 
 
-def _swept(spec: ModeSpec, data: ModeData) -> tuple[list[tuple[Fit, Vector]], Fit]:
+def _swept(spec: ModeSpec, data: ModeData, plain_of: Callable[[ModeSpec], Fit]) -> tuple[list[tuple[Fit, Vector]], Fit]:
     """All numbers of modes without and with a film, each with its held-out errors; and the simplest good one."""
-    weights = block_weights(data)
     tried: list[tuple[Fit, Vector]] = []
-    plain: Fit | None = None
     film: Fit | None = None
     for k in range(1, MOST_MODES + 1):
-        plain = grown(plain, replace(spec, n_modes=k), data, weights)
+        plain = plain_of(replace(spec, n_modes=k))
         tried.append((plain, _scores(plain, data)))
         # before a film is believed in, gains that follow no simple law must have had their chance
         for other in _OTHER_LAWS if _laws_open(tried, data, spec) else ():
@@ -421,7 +423,8 @@ def _warm_runs(fit: Fit, data: ModeData) -> tuple[int, ...]:
 def hall_drives(data: ModeData) -> bool:
     """Whether the hall temperatures, as further inputs, lower the error on left-out stretches."""
     with threadpool_limits(1, "blas"):
-        fit = _plain(ModeSpec(1, _sweep_law(data), free_starts=_idle_runs(data)), data)
+        plain = _plain_fits(data)
+        fit = plain(ModeSpec(3, _sweep_law(data, plain), free_starts=_idle_runs(data)))
         driven = searched(replace(fit.spec, with_hall=True), data, fit.theta, fit.weights)
         difference = 2.0 * np.log(_scores(driven, data) / _scores(fit, data)).mean(axis=1)
     return float(difference.mean()) < -max(NO_WORSE, 2.0 * float(difference.std(ddof=1)) / np.sqrt(len(difference)))

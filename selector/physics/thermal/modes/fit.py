@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -99,17 +100,23 @@ class Solution:
     shrinkage: Vector  #: (n_responses,): What coefficients are multiplied with to be counted as residuals
 
 
+@lru_cache(maxsize=4)
+def _of_speeds(data: ModeData, law: SpeedLaw, exponent: float) -> tuple[Vector, Vector]:
+    """Terms of the law and growth of the film in every block. The last are kept: most steps move no exponent."""
+    share = np.where(data.speed_rpm > 0, (data.speed_rpm / data.fastest_rpm) ** exponent, 0.0)
+    return law.terms(data.speed_rpm), share
+
+
 def columns(spec: ModeSpec, data: ModeData, theta: Vector) -> tuple[Vector, Vector]:
     """Columns of the gains (n_blocks, n_modes, n_terms [+ 1]), and what is left of a start (n_blocks, n_modes)."""
     modes = spec.n_modes
-    inputs = spec.speed_law(theta, data).terms(data.speed_rpm)
     film, drive, exponent = spec.films(theta)
+    inputs, share = _of_speeds(data, spec.speed_law(theta, data), exponent)
     rate = np.exp(-theta[:modes])
     drives = np.eye(modes) if spec.law_kind == "mode-powers" else np.tile(drive, (inputs.shape[1], 1))
     if spec.with_hall and data.ambient_k is not None:
         halls = np.tile(drive, (data.ambient_k.shape[1], 1))
         inputs, drives = np.column_stack([inputs, data.ambient_k]), np.vstack([drives, halls])
-    share = np.where(data.speed_rpm > 0, (data.speed_rpm / data.fastest_rpm) ** exponent, 0.0)
     return _filtered(
         data.before_s, data.after_s, data.speed_rpm, share, rate, film, np.ascontiguousarray(drives * rate),
         np.ascontiguousarray(inputs), data.first, 0.01 * data.fastest_rpm,
@@ -289,24 +296,27 @@ def searched(
         theta[free] = part
         return theta
 
+    @lru_cache(maxsize=1)  # a derivative is asked for where the residual was
+    def solution(theta: bytes) -> Solution:
+        return solved(spec, data, np.frombuffer(theta), weights)
+
     def residual(part: Vector) -> Vector:
         theta = at(part)
-        found = solved(spec, data, theta, weights)
+        found = solution(theta.tobytes())
         shrunk = -found.shrinkage * found.coefficients
         return np.r_[found.residual.ravel(), shrunk.ravel(), expectations(spec, theta)]
 
     def derivative(part: Vector) -> Vector:
         theta = at(part)
         known = slopes(lambda moved: expectations(spec, moved), theta, free)
-        return np.vstack([derivative_of(spec, data, theta, weights, free), np.column_stack(known)])
+        slope = derivative_of(spec, data, theta, weights, free, solution(theta.tobytes()).coefficients)
+        return np.vstack([slope, np.column_stack(known)])
 
     result = least_squares(
         residual, start[free], jac=derivative, bounds=(low[free], high[free]), x_scale=1.0, ftol=1e-6, xtol=1e-5,
         gtol=1e-9, max_nfev=max_steps,
     )  # fmt: skip
-    theta = start.copy()
-    theta[free] = result.x
-    return fit_at(spec, data, theta, weights)
+    return Fit(spec, at(result.x), weights, solution(at(result.x).tobytes()))
 
 
 def slopes(function: Callable[[Vector], Vector], theta: Vector, free: Iterable[int]) -> list[Vector]:
@@ -382,14 +392,16 @@ def _one_more(fit: Fit, spec: ModeSpec, data: ModeData) -> list[Vector]:
     return [starts[i] for i in np.argsort(costs)[:1]]
 
 
-def derivative_of(spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector, free: Vector) -> Vector:
+def derivative_of(
+    spec: ModeSpec, data: ModeData, theta: Vector, weights: Vector, free: Vector, solution: Vector
+) -> Vector:
     """Derivative of weighted residuals and shrunk coefficients, (n_rows·n_responses, n_free), with gains that follow.
 
-    Kaufman's form of variable projection: the part of the derivative that the columns cannot describe.
+    Kaufman's form of variable projection: the part of the derivative that the columns cannot describe. `solution` are
+    the coefficients at `theta`.
     """
     states, left = columns(spec, data, theta)
     design = states.reshape(len(states), -1)
-    solution = solved(spec, data, theta, weights).coefficients
     changes = []
     for i in free:
         moved = theta.copy()

@@ -90,7 +90,7 @@ MOST_JITTER = 0.1
 SHORTEST_LEVEL = 0.02  #: A speed that ran for less than this share of the turning time is part of a ramp, not a level.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ModeData:
     """Blocks of all runs, one after the other; within a block the speed is constant up to jitter."""
 
