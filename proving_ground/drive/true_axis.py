@@ -250,7 +250,7 @@ def _given_motion(step, into, loop, on_scale, command, speed):  # type: ignore[n
             for column in range(5):
                 total += step[row, column] * x[column]
             new[row] = total
-        x[:] = new
+        x, new = new, x
     return v_motor, x_table, amps
 
 

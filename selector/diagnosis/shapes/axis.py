@@ -455,4 +455,4 @@ def _stepped(  # type: ignore[no-untyped-def]
             v = 2.0 * middle - v
         way[k], speed[k], countered[k] = x + yields * (push[k] - dry * bent), v, given
         acceleration[k] = push[k] - given - viscous * v - dry * bent
-    state[:] = x, v, integral, bent, given
+    state[0], state[1], state[2], state[3], state[4] = x, v, integral, bent, given

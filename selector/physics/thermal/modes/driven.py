@@ -405,7 +405,8 @@ def _whitened_loop(
             c -= other * bc
             logs += 0.5 * np.log(total)
         else:
-            zero[:] = values[i]
+            for j in range(columns):  # as a slice it would take two seconds more to compile
+                zero[j] = values[i, j]
             a, b, known = c + variance[i], -c, True
     return out, logs
 
