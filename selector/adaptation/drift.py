@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from selector.types import Array, Indices, Mask
 
@@ -110,41 +111,50 @@ class Touches(NamedTuple):
 def tracked(drift: Drift, touches: Touches) -> Tracked:
     """The Kalman filter with its gate, over courses beside each other."""
     n_courses, n = touches.error_um.shape
-    since_s, offsets, gains, of_offsets, both, of_gains = np.zeros((6, n_courses, n + 1))
-    is_believed = np.ones((n_courses, n + 1), dtype=np.bool_)
-    found = Tracked(since_s, offsets, gains, of_offsets, both, of_gains, is_believed)
-    found.since_s[:, 0] = since = touches.start_s
-    found.offset_variance[:, 0] = v = np.full(n_courses, drift.offset_start_um2)
-    found.gain_variance[:, 0] = u = np.full(n_courses, drift.gain_start)
-    offset, gain, c = np.zeros((3, n_courses))
-    doubted, doubts = np.full(n_courses, np.nan), np.zeros(n_courses)
-    for k in range(n):
-        e, m = touches.error_um[:, k], touches.modelled_um[:, k]
-        is_read = np.isfinite(e)
-        e, m = np.where(is_read, e, 0.0), np.where(is_read, m, 0.0)
-        passed = np.where(is_read, touches.time_s[:, k] - since, 0.0)
-        since = since + passed
-        v, u = v + drift.offset_um2_per_s * passed, u + drift.gain_per_s * passed
-        surprise = e - (offset + gain * m)
-        of_offset, of_gain = v + c * m, c + u * m
-        variance = of_offset + of_gain * m + drift.noise_um2
-        square = surprise * surprise
-        is_far = square > GATE * GATE * variance
-        # NaN, nothing doubted, agrees with nothing
-        agrees = is_far & ((e - doubted) ** 2 <= AGREEING * AGREEING * square)
-        enough = agrees & (doubts >= np.where(e * e <= drift.offset_limit_um**2, 1.0, 2.0))
-        believed = is_read & (~is_far | enough)
-        more = np.where(enough, square, 0.0)
-        v, of_offset, variance = v + more, of_offset + more, variance + more
-        doubted = np.where(is_read, np.where(believed, np.nan, e), doubted)
-        doubts = np.where(is_read, np.where(believed, 0.0, np.where(agrees, 2.0, 1.0)), doubts)
-        share, of = np.where(believed, of_offset / variance, 0.0), np.where(believed, of_gain / variance, 0.0)
-        offset = np.clip(offset + share * surprise, -drift.offset_limit_um, drift.offset_limit_um)
-        gain = np.clip(gain + of * surprise, -drift.gain_limit, drift.gain_limit)
-        v, c, u = v - share * of_offset, c - share * of_gain, u - of * of_gain
-        for table, column in zip(found, (since, offset, gain, v, c, u, believed), strict=True):
-            table[:, k + 1] = column
-    return found
+    known, is_believed = np.zeros((6, n_courses, n + 1)), np.ones((n_courses, n + 1), dtype=np.bool_)
+    _filter(touches, tuple(map(float, vars(drift).values())), known, is_believed)
+    return Tracked._make([*known, is_believed])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _filter(touches: Touches, drift: tuple[float, ...], known: Array, is_believed: Mask) -> None:
+    """Fills the tables of `Tracked`, the first six in `known`; `drift` are the fields of a `Drift`."""
+    offset_um2_per_s, gain_per_s, offset_start_um2, gain_start, noise_um2, offset_limit_um, gain_limit = drift
+    time_s, error_um, modelled_um, start_s = touches
+    n_courses, n = error_um.shape
+    for i in range(n_courses):
+        since, offset, gain, v, c, u = start_s[i], 0.0, 0.0, offset_start_um2, 0.0, gain_start
+        doubted, doubts = np.nan, 0
+        for k in range(n + 1):
+            for row, value in enumerate((since, offset, gain, v, c, u)):
+                known[row, i, k] = value
+            if k == n:
+                break
+            e, m, believed = error_um[i, k], modelled_um[i, k], False
+            if np.isfinite(e):
+                passed = time_s[i, k] - since
+                since += passed
+                v, u = v + offset_um2_per_s * passed, u + gain_per_s * passed
+                surprise = e - (offset + gain * m)
+                of_offset, of_gain = v + c * m, c + u * m
+                variance = of_offset + of_gain * m + noise_um2
+                square = surprise * surprise
+                is_far = square > GATE * GATE * variance
+                # NaN, nothing doubted, agrees with nothing
+                agrees = is_far and (e - doubted) * (e - doubted) <= AGREEING * AGREEING * square
+                enough = agrees and doubts >= (1 if e * e <= offset_limit_um * offset_limit_um else 2)
+                believed = not is_far or enough
+                if enough:
+                    v, of_offset, variance = v + square, of_offset + square, variance + square
+                if believed:
+                    doubted, doubts = np.nan, 0
+                    share, of = of_offset / variance, of_gain / variance
+                    offset = min(max(offset + share * surprise, -offset_limit_um), offset_limit_um)
+                    gain = min(max(gain + of * surprise, -gain_limit), gain_limit)
+                    v, c, u = v - share * of_offset, c - share * of_gain, u - of * of_gain
+                else:
+                    doubted, doubts = e, 2 if agrees else 1
+            is_believed[i, k + 1] = believed
 
 
 def probed_again(drift: Drift, course: Course) -> Course:

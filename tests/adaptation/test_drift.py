@@ -98,6 +98,16 @@ def test_one_false_reading_is_not_believed_and_two_that_agree_are():
     assert apart.is_believed[0].tolist() == [True, True, True, False, False, True, True]
 
 
+def test_a_touch_off_without_a_prediction_changes_nothing():
+    drift = Drift(1e-6, 0.0, 400.0, 0.0, 0.1)
+    # the reading before it was refused, and lies nearer to 0 than to the offset
+    one = course(np.arange(6) * 600.0, [20.0, 20.0, 20.0, 0.3, 7.0, 20.0], [0.0, 0.0, 0.0, 0.0, np.nan, 0.0])
+    found = tracked(drift, Touches.of([one]))
+    assert found.is_believed[0].tolist() == [True, True, True, True, False, False, True]
+    for table in found[:6]:
+        assert table[0, 5] == table[0, 4]
+
+
 def test_offset_and_gain_stay_within_their_limits():
     drift = Drift(1.0, 1e-3, 100.0, 1.0, 0.1, offset_limit_um=3.0, gain_limit=0.1)
     far = course(np.arange(5) * 60.0, [9.0, 9.0, 12.0, 15.0, 9.0], [5.0, 9.0, 2.0, 8.0, 3.0])
