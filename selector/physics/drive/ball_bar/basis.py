@@ -235,23 +235,22 @@ def spike_columns(pair: CirclePair, axis: int, spike: tuple[float, float]) -> Ma
     damped loop does, ((s/τ + …)·exp(−s/τ) with T/τ = k⁻² − 1: of T = 0 the shape of k = 1, of a long T a sawtooth.
     Positive towards the end.
     """
-    columns = []
+    columns = np.zeros((len(pair.angle_rad), 2))
     stuck = spike[1] ** -2 - 1.0
     # beyond it a spike is 0
     end = (101.0 + stuck) / (stuck + 2.0 / (2.0 + stuck)) if spike[1] < 1.0 else 100.0 / spike[1] + 10.0
-    for arc, sign in zip(pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
+    for column, arc, sign in zip(columns.T, pair.courses[axis].since_reversal_rad, (1.0, -1.0), strict=True):
         times = arc * pair.radius_um / pair.speed_um_per_s / spike[0]
         near = np.flatnonzero(times < end)
         reached = np.maximum(times[near], 1e-300)
-        height = np.zeros(len(times))
         if spike[1] < 1.0:
-            height[near] = _let_go(reached, stuck)
+            height = _let_go(reached, stuck)
         else:
             power = spike[1] * (np.log(reached) + 1.0 - reached)
             # no more than 1e-43, and its square would be too small for a normal number: a hundred times slower
-            height[near] = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
-        columns.append(sign * pair.along[axis] * height)
-    return np.column_stack(columns)
+            height = np.where(power > -100.0, np.exp(np.maximum(power, -100.0)), 0.0)
+        column[near] = sign * pair.along[axis][near] * height
+    return columns
 
 
 def _let_go(reached: Vector, stuck: float) -> Vector:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import fft, optimize, stats
 
 from selector.physics.drive.ball_bar.basis import CirclePair, backlash_columns, cyclic_columns, spike_columns
-from selector.types import Indices, Matrix, Vector
+from selector.types import Matrix, Vector
 
 Two = tuple[float, float]
 
@@ -45,8 +45,9 @@ def _gain(pair: CirclePair, rest: Matrix) -> Callable[[Matrix], float]:
     def gain(columns: Matrix) -> float:
         # spikes are 0 nearly everywhere
         near = np.flatnonzero(np.logical_or(*columns.T))
-        there: Indices | slice = near if len(near) < len(columns) else slice(None)
-        shared, score = rest[there].T @ columns[there], columns[there].T @ left[there]
+        is_narrow = len(near) < len(columns)
+        beside, own, aim = (one.take(near, axis=0) if is_narrow else one for one in (rest, columns, left))
+        shared, score = beside.T @ own, own.T @ aim
         gram = columns.T @ columns - shared.T @ inverse @ shared
         return float(score @ np.linalg.lstsq(gram, score, rcond=1e-9)[0])
 
@@ -126,7 +127,11 @@ def likeliest_wavelength(pair: CirclePair, axis: int, residual: Vector) -> tuple
 
     spacing = 1.0 / (8.0 * half_um)
     asked = np.arange(1.0 / longest, 1.0 / shortest, spacing)
-    rough = np.abs(np.exp(2j * np.pi * np.outer(asked, place)) @ (size * mean))
+    # each wave along the places from the one before: an exponential costs far more than a product
+    wave, step, rough = size * mean * np.exp(2j * np.pi * asked[0] * place), np.exp(2j * np.pi * spacing * place), []
+    for _ in asked:
+        rough.append(abs(wave.sum()))
+        wave = wave * step
     best = asked[int(np.argmax(rough))]
     found = optimize.minimize_scalar(
         lambda one: -power(one),
