@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import signal
+import threading
 
 import numpy as np
 import pytest
@@ -57,9 +59,11 @@ def test_criteria_without_degrees_of_freedom_are_not_numbers():
     assert bic(0.0, 6, 2) == -math.inf
 
 
+@pytest.mark.parametrize("look", [0, subsets.EARLY_LOOK], ids=["raised from the first node", "as it is"])
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["warm", "independent"])
-def test_same_optimum_as_all_65535_subsets(kind, seed):
+def test_same_optimum_as_all_65535_subsets(kind, seed, look, monkeypatch):
+    monkeypatch.setattr(subsets, "EARLY_LOOK", look)
     rng = np.random.default_rng(seed)
     columns, response = warm_machine(80, 16, seed)
     if kind == "independent":
@@ -128,11 +132,15 @@ def test_fewer_samples_than_columns_end_with_proof():
         assert found.by_size[size][0].rss == pytest.approx(least, rel=1e-7, abs=CLOSE * (about @ about))
 
 
-def test_stopped_search_brackets_the_optimum():
+@pytest.mark.parametrize("looks", [0.0, 60.0])
+def test_stopped_search_brackets_the_optimum(monkeypatch, looks):
     columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
     cross = cross_products(columns, response)
     proved = best_subsets(cross, 200)
-    stopped = best_subsets(cross, 200, time_limit_s=0.0)
+    clock = itertools.count()
+    monkeypatch.setattr(subsets.time, "perf_counter", lambda: float(next(clock)))
+    stopped = best_subsets(cross, 200, time_limit_s=looks)
+    assert (stopped.nodes > 45) == (looks > 0.0)
     assert proved.proved
     assert not stopped.proved
     assert max(stopped.gap.values()) > 0.0
@@ -168,11 +176,66 @@ def test_keyboard_interrupt_passes_through(monkeypatch):
         best_subsets(cross_products(columns, response), 100)
 
 
+def test_an_interrupt_ends_the_threads():
+    columns, response = warm_machine(400, 120, seed=2, noise_um=3.0)  # some minutes
+    cross = cross_products(columns, response)
+    before = threading.active_count()
+
+    def stop(number, frame):
+        raise KeyboardInterrupt
+
+    usual = signal.signal(signal.SIGALRM, stop)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 2.0)
+        with pytest.raises(KeyboardInterrupt):
+            best_subsets(cross, 400)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, usual)
+    assert threading.active_count() == before
+
+
+def test_number_of_cores_changes_nothing(monkeypatch):
+    columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
+    cross = cross_products(columns, response)
+    found = []
+    for cores in (1, 3):
+        monkeypatch.setattr(subsets.os, "cpu_count", lambda cores=cores: cores)
+        found.append(best_subsets(cross, 200))
+    assert found[0].by_size == found[1].by_size
+    assert found[0].nodes == found[1].nodes
+    assert found[0].lower_bound == found[1].lower_bound
+
+
+def test_raised_diagonals_of_open_nodes_are_valid_and_no_node_needs_more_room():
+    columns, response = warm_machine(200, 70, seed=2, noise_um=3.0)
+    problem = Problem.of(cross_products(columns, response), 200, (), True, 1, None)
+    diagonal, _ = valid_diagonal(problem)
+    part = subsets._SizeSearch(problem, 20, diagonal)
+    part.most = 300
+    best_rss, best_state = np.ones(1), np.zeros((1, 70), np.int8)
+    while not part.ended and part.visited < 800:
+        part.run(problem, problem.scratch(), best_rss, best_state, 1_000_000)
+    assert not part.ended
+    assert part.tree.bound.size <= 300
+    assert part.tree.counters[1] > 0  # depth first, because there is no room
+    heap, stack = (part.tree.slots[k, : part.tree.counters[k]] for k in range(2))
+    raised = 0
+    for slot in [*heap, *stack]:
+        kept, free = (np.flatnonzero(part.tree.state[slot] == state) for state in (1, 0))
+        link = problem.gram[np.ix_(free, kept)]
+        given = problem.gram[np.ix_(free, free)] - link @ np.linalg.solve(problem.gram[np.ix_(kept, kept)], link.T)
+        stored = part.tree.diagonal[slot, free].astype(float)
+        assert np.linalg.eigvalsh(given - np.diag(stored))[0] > -1e-13  # rounding of the eigenvalues
+        raised += bool(np.any(stored > 1.5 * diagonal[free]))
+    assert raised > 50
+
+
 def test_depth_first_when_memory_is_short_finds_the_same(monkeypatch):
     columns, response = warm_machine(200, 50, seed=2, noise_um=3.0)
     cross = cross_products(columns, response)
     plain = best_subsets(cross, 200, max_size=20)
-    monkeypatch.setattr(subsets, "MAX_OPEN_NODES", 0)
+    monkeypatch.setattr(subsets, "MAX_OPEN_BYTES", 0)
     short = best_subsets(cross, 200, max_size=20)
     assert short.proved
     assert short.nodes != plain.nodes  # otherwise the heap was never full and this test shows nothing

@@ -303,23 +303,89 @@ def largest_scale(pm: Any, stride: int, t: int, diagonal: Any, m: Any, x: Any, y
 
 
 @kernel
+def inverse_after_elimination(m: Any, stride: int, t: int, out: Any) -> None:
+    """Inverse of the symmetric matrix that `eliminate` left as `m`, both triangles, row by row from the last."""
+    for i in range(t - 1, -1, -1):
+        d = 1.0 / m[i * stride + i]
+        target = out[i * stride + i + 1 : i * stride + t]
+        for e in range(target.size):
+            target[e] = 0.0
+        k = i + 1
+        while k < t:
+            f0 = -d * m[i * stride + k]
+            r0 = out[k * stride + i + 1 : k * stride + t]
+            if t - k < 4:
+                for e in range(target.size):
+                    target[e] += f0 * r0[e]
+                k += 1
+                continue
+            f1 = -d * m[i * stride + k + 1]
+            f2 = -d * m[i * stride + k + 2]
+            f3 = -d * m[i * stride + k + 3]
+            r1 = out[(k + 1) * stride + i + 1 : (k + 1) * stride + t]
+            r2 = out[(k + 2) * stride + i + 1 : (k + 2) * stride + t]
+            r3 = out[(k + 3) * stride + i + 1 : (k + 3) * stride + t]
+            for e in range(target.size):
+                target[e] += f0 * r0[e] + f1 * r1[e] + f2 * r2[e] + f3 * r3[e]
+            k += 4
+        corner = d
+        for e in range(i + 1, t):
+            corner -= m[i * stride + e] * d * out[i * stride + e]
+            out[e * stride + i] = out[i * stride + e]
+        out[i * stride + i] = corner
+
+
+@kernel
 def inverse(pm: Any, stride: int, t: int, m: Any, x: Any, out: Any) -> bool:
-    """Inverse of P into the upper triangle of `out`, coefficients P⁻¹c into its column t; False when P is singular."""
+    """Inverse of P into `out`, coefficients P⁻¹c into its column t; False when P is singular."""
     for i in range(t):
         for e in range(i, t + 1):
             m[i * stride + e] = pm[i * stride + e]
     if eliminate(m, stride, t, t + 1, t, PIVOT_TOLERANCE) > 0:
         return False
     back_substitute(m, stride, t, x)
+    inverse_after_elimination(m, stride, t, out)
     for j in range(t):
         out[j * stride + t] = x[j]
-    for k in range(t):
+    return True
+
+
+@kernel
+def raised(
+    pm: Any, stride: int, t: int, diagonal: Any, z: Any, u: Any, barrier: float, m: Any, e: Any, q: Any, x: Any, y: Any
+) -> bool:
+    """One Newton step of D > 0 towards the largest bound; False, and nothing is changed, if P - D is singular.
+
+    To be called after `relax`, whose elimination it finds in `m` and spoils. With w = 1/z - 1 and E = (P - D)⁻¹, the
+    slope of bound + barrier · (log det(P - D) + sum of log D) is w u² - barrier · (diag E - 1/D).
+    """
+    if not _shifted(pm, stride, t, diagonal, 1.0, e):
+        return False
+    inverse_after_elimination(m, stride, t, q)
+    inverse_after_elimination(e, stride, t, m)
+    for j in range(t):
+        x[j] = u[j] * (1.0 / z[j] - 1.0)
+    for i in range(t):
+        f = 2.0 * x[i]
+        for k in range(i, t):
+            q[i * stride + k] = f * x[k] * q[i * stride + k] + barrier * m[i * stride + k] * m[i * stride + k]
+        d = 1.0 / diagonal[i]
+        q[i * stride + i] += barrier * d * d
+        q[i * stride + t] = x[i] * u[i] - barrier * (m[i * stride + i] - d)
+    eliminate(q, stride, t, t + 1, t, 0.0)
+    back_substitute(q, stride, t, y)
+    step = 1.0
+    for j in range(t):
+        if y[j] < 0.0:
+            step = min(step, -0.9 * diagonal[j] / y[j])
+    for _ in range(5):
         for j in range(t):
-            x[j] = 0.0
-        x[k] = 1.0
-        _solve(m, stride, t, x)
-        for j in range(k + 1):
-            out[j * stride + k] = x[j]
+            x[j] = diagonal[j] + step * y[j]
+        if _shifted(pm, stride, t, x, 1.0 + 1e-7, e):
+            for j in range(t):
+                diagonal[j] = x[j]
+            break
+        step *= 0.5
     return True
 
 
@@ -331,55 +397,10 @@ def inverse_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: 
     for j in range(t):
         # the correlations of P⁻¹ have no root above t
         diagonal[j] = 0.999 / (out[j * stride + j] * t)
-    _rescale(pm, stride, t, diagonal, m, x, y)
-    return True
-
-
-@kernel
-def root_diagonal(pm: Any, stride: int, t: int, m: Any, x: Any, y: Any, out: Any, diagonal: Any) -> bool:
-    """`inverse_diagonal`, then raised column by column and scaled again; False when P is singular.
-
-    With E the inverse of P - D, column j may rise by any share of 1/E_jj below 1.
-    """
-    if not inverse_diagonal(pm, stride, t, m, x, y, out, diagonal):
-        return False
-    full = np.empty((t, t))
-    for _sweep in range(2):
-        for j in range(t):
-            diagonal[j] *= 0.9
-        if not _shifted(pm, stride, t, diagonal, 1.0, m):
-            break
-        for k in range(t):
-            for j in range(t):
-                x[j] = 0.0
-            x[k] = 1.0
-            _solve(m, stride, t, x)
-            for j in range(t):
-                full[k, j] = x[j]
-        for j in range(t):
-            step = 0.3 / full[j, j]
-            diagonal[j] += step
-            f = step / (1.0 - step * full[j, j])
-            for i in range(t):
-                x[i] = full[i, j] * f
-                y[i] = full[i, j]
-            for i in range(t):
-                for e in range(t):
-                    full[i, e] += x[i] * y[e]
-        shrink = 1.0
-        while not _shifted(pm, stride, t, diagonal, shrink, m) and shrink > 1e-3:
-            shrink *= 0.97
-        for j in range(t):
-            diagonal[j] *= shrink
-    _rescale(pm, stride, t, diagonal, m, x, y)
-    return True
-
-
-@kernel
-def _rescale(pm: Any, stride: int, t: int, diagonal: Any, m: Any, x: Any, y: Any) -> None:
     for _ in range(20):
         scale = largest_scale(pm, stride, t, diagonal, m, x, y)
         for j in range(t):
             diagonal[j] *= scale
         if scale < 1.02:
             break
+    return True

@@ -14,9 +14,11 @@ from selector.models.best_subsets._algebra import (
     gather,
     insert,
     inverse,
+    inverse_after_elimination,
     inverse_diagonal,
     kernel,
     largest_scale,
+    raised,
     relax,
     set_rss,
     spread_shares,
@@ -32,28 +34,29 @@ class Tree(NamedTuple):
     counters: Any  # int64 (5,)
     slots: Any  # int64 (3, capacity): the heap, the stack, and the slots that are free again
     bound: Any  # float64 (capacity,)
-    scale: Any  # float64 (capacity,): valid factor on the diagonal
     state: Any  # int8 (capacity, p)
     share: Any  # float32 (capacity, p): z of the parent, where the next solve starts
+    diagonal: Any  # float32 (capacity, p): a valid D of the parent
 
 
 class Scratch(NamedTuple):
     """Work space of one search, by rows: few arrays, because every one of them costs compile time in every kernel."""
 
     matrices: Any  # float64 (4, (p + 1) · (p + 2)): all columns of the node, its free ones (P), work, inverse
-    vectors: Any  # float64 (7, p + 3)
+    vectors: Any  # float64 (8, p + 3)
     integers: Any  # int64 (4, p + 1)
     states: Any  # int8 (2, p): the node, a set to try
 
 
 WHOLE, PM, M, INV = 0, 1, 2, 3
-DIAGONAL, Z, U, H, X, Y, OUTCOME = 0, 1, 2, 3, 4, 5, 6
+ROUNDED = 1.0 - 1e-7  #: Keeps a D valid that is stored in single precision.
+DIAGONAL, Z, U, H, X, Y, OUTCOME, HANDED = 0, 1, 2, 3, 4, 5, 6, 7
 RANKING, ORDER, FREE_COLUMNS, CHOSEN = 0, 1, 2, 3
 CURRENT, TRIAL = 0, 1
 
 
 @kernel
-def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first: bool) -> None:
+def push(tree: Any, state: Any, z: Any, diagonal: Any, bound: float, depth_first: bool) -> None:
     """Open a node."""
     heap = tree.slots[0]
     stack = tree.slots[1]
@@ -65,10 +68,10 @@ def push(tree: Any, state: Any, z: Any, bound: float, scale: float, depth_first:
         slot = n[HELD]
         n[HELD] += 1
     tree.bound[slot] = bound
-    tree.scale[slot] = scale
     for j in range(state.size):
         tree.state[slot, j] = state[j]
         tree.share[slot, j] = z[j]
+        tree.diagonal[slot, j] = diagonal[j] * ROUNDED
     if depth_first:
         stack[n[STACK]] = slot
         n[STACK] += 1
@@ -194,15 +197,17 @@ CLOSED, AGAIN = -1, -2
 
 #: A node is closed when its bound reaches the best RSS less this share of it (or 1e-14 of the total).
 PROOF_TOLERANCE = 1e-9
-MAX_SOLVES = 15
-MIN_PROGRESS = 0.05  #: Solves of one node stop when the last one closed less than this share of what was left.
+MAX_SOLVES = 60
+MIN_PROGRESS = 0.02  #: The shares have settled when the last solve closed less than this share of what was left.
+MIN_RAISE = 0.2  #: D is raised again when raising it closed this share of what was left.
+BARRIER = 1.5  #: Of what is left to close, for each column: it keeps room for the children to raise D.
 
 
 @kernel
-def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, best_rss: Any, best_state: Any) -> int:
+def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, best_state: Any, look: int) -> int:
     """Bound the next node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
 
-    What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds and scale in OUTCOME.
+    What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds in OUTCOME.
     """
     big = w.matrices[WHOLE]
     pm = w.matrices[PM]
@@ -226,7 +231,6 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
     threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
     if bound0 >= threshold:
         return CLOSED
-    scale = tree.scale[slot]
     for j in range(p):
         current[j] = tree.state[slot, j]
     n[NODES] += 1
@@ -267,7 +271,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
                 null = order[i]
     if nulls > 0 and a > 0:
         if best_rss.size > 1:
-            return _carried(tree, w, slot, null, bound0, scale)
+            return _carried(tree, w, slot, null, bound0)
         spare = max(0, a - t)
         for i in range(kept, total):
             if big[i * stride + i] <= PIVOT_TOLERANCE:
@@ -301,7 +305,7 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
         return CLOSED
     missing = False
     for j in range(t):
-        diagonal[j] = root_d[free[j]] * scale
+        diagonal[j] = tree.diagonal[slot, free[j]]
         wz[j] = max(tree.share[slot, free[j]], 1e-4)
         ranking[j] = j
         missing = missing or diagonal[j] <= 0.0
@@ -312,12 +316,14 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
         n[WORK] -= 10 * t * t * t
         if not fresh:
             for j in range(t):
-                diagonal[j] = root_d[free[j]] * scale
+                diagonal[j] = tree.diagonal[slot, free[j]]
                 if wm[j * sp + j] <= 0.0 and dependent < 0:
                     dependent = free[j]
     bound = bound0
     now = bound0
     last = -np.inf
+    settled = -np.inf
+    simple = n[NODES] * t * t * t < look or (missing and not fresh)
     fixed = COUNT(0)
     for solve in range(MAX_SOLVES):
         spread_shares(wz, t, a)
@@ -338,42 +344,54 @@ def expand(gram: Any, cross: Any, size: int, root_d: Any, tree: Any, w: Any, bes
                 elif now + h[j] - most_out >= threshold:
                     current[column] = KEPT
                     fixed += 1
-        if solve == 0 and not fresh:
-            s = largest_scale(pm, sp, t, diagonal, wm, wx, wy)
+        if 5 * fixed > t or solve == MAX_SOLVES - 1:
+            break
+        if solve == 0 and simple and not missing:
+            scale = largest_scale(pm, sp, t, diagonal, inv, wx, wy)
             n[WORK] -= t * t * (t + 12) // 3
-            if s > 1.0:
-                scale *= s
-                for j in range(t):
-                    diagonal[j] *= s
-                last = -np.inf
-        elif now - last < MIN_PROGRESS * (threshold - now):
-            break
-        if 5 * fixed > t:
-            break
+            for j in range(t):
+                diagonal[j] *= scale
+            last = -np.inf
+        elif now - last < (2.5 * MIN_PROGRESS if simple else MIN_PROGRESS) * (threshold - now):
+            if now - settled < MIN_RAISE * (threshold - now) or simple:
+                break
+            settled = now
+            n[WORK] -= t * t * (t + 12)
+            if not raised(pm, sp, t, diagonal, wz, u, BARRIER * (threshold - now) / t, wm, big, inv, wx, wy):
+                break
+            last = -np.inf
         last = max(last, now)
         for j in range(t):
-            wz[j] = max(wz[j] * np.sqrt(h[j]), 1e-150)
+            wz[j] = max(wz[j] * np.sqrt(h[j] * np.sqrt(h[j])), 1e-150)
     if dependent >= 0 and current[dependent] == FREE:
-        return _carried(tree, w, slot, dependent, bound, scale)
-    return _chosen(w, t, a, bound, now, scale, fixed)
+        return _carried(tree, w, slot, dependent, bound)
+    if not simple:
+        n[WORK] -= t * t * t // 3
+        inverse_after_elimination(wm, sp, t, inv)
+    return _chosen(w, t, a, bound, now, fixed, simple)
 
 
 @kernel
-def _carried(tree: Any, w: Any, slot: int, column: int, bound: float, scale: float) -> int:
+def _carried(tree: Any, w: Any, slot: int, column: int, bound: float) -> int:
     """Branch on a given column; the children start where this node did."""
     shares = w.vectors[Y]
     outcome = w.vectors[OUTCOME]
+    handed = w.vectors[HANDED]
     for j in range(tree.share.shape[1]):
         shares[j] = tree.share[slot, j]
+        handed[j] = tree.diagonal[slot, j]
     outcome[0] = bound
     outcome[1] = bound
-    outcome[2] = scale
     return column
 
 
 @kernel
-def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixed: int) -> int:
-    """The free column with the largest share to branch on, or AGAIN after many columns were fixed."""
+def _chosen(w: Any, t: int, a: int, bound: float, now: float, fixed: int, simple: bool) -> int:
+    """The free column to branch on, or AGAIN after many columns were fixed.
+
+    By what the relaxed RSS rises at fixed shares when the column is dropped, plus what it rises when it is kept, each
+    less what the others gain or lose by the change of its share; `simple` by the largest share alone.
+    """
     z = w.vectors[Z]
     h = w.vectors[H]
     shares = w.vectors[Y]
@@ -381,8 +399,12 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
     ranking = w.integers[RANKING]
     free = w.integers[FREE_COLUMNS]
     current = w.states[CURRENT]
+    diagonal = w.vectors[DIAGONAL]
+    handed = w.vectors[HANDED]
+    inv = w.matrices[INV]
     for j in range(current.size):
         shares[j] = 1.0
+        handed[j] = 0.0
     largest = 1e-300
     for j in range(t):
         largest = max(largest, z[j])
@@ -391,11 +413,16 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
     for j in range(t):
         share = z[j] / largest
         shares[free[j]] = share
-        v = 1.0 + h[j] if share > 0.999 else share
+        handed[free[j]] = diagonal[j]
+        if simple:
+            v = z[j] + h[j]
+        else:
+            rest = 1.0 - z[j]
+            own = min(max(diagonal[j] * inv[j * (t + 1) + j] / z[j], 1e-12), 1.0)
+            v = z[j] * (h[j] / own - h[ranking[a]]) + h[j] * rest * rest * (1.0 - own) / (1.0 - rest * own)
         if current[free[j]] == FREE and v > best:
             best = v
             at = j
-    outcome[2] = scale
     outcome[0] = bound
     outcome[1] = bound
     if at < 0 or 5 * fixed > t:
@@ -407,16 +434,7 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, scale: float, fixe
 
 @kernel
 def search(
-    gram: Any,
-    cross: Any,
-    size: int,
-    root_d: Any,
-    tree: Any,
-    w: Any,
-    best_rss: Any,
-    best_state: Any,
-    capacity: int,
-    work: int,
+    gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, best_state: Any, most: int, look: int, work: int
 ) -> int:
     """Expand nodes until none is open (DONE), the work is used up (PAUSED) or more room is needed (FULL)."""
     heap = tree.slots[0]
@@ -428,16 +446,16 @@ def search(
     while n[HEAP] + n[STACK] > 0:
         if n[WORK] < 0:
             return PAUSED
-        if room < capacity and n[HEAP] + n[STACK] + 2 > room:
+        if room < most and n[HEAP] + n[STACK] + 2 > room:
             return FULL
         if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
             n[HEAP] = 0
             break
-        column = expand(gram, cross, size, root_d, tree, w, best_rss, best_state)
-        depth_first = n[HEAP] >= capacity - 2 * gram.shape[0] - 8
+        column = expand(gram, cross, size, tree, w, best_rss, best_state, look)
+        depth_first = n[HEAP] >= most - 2 * gram.shape[0] - 8
         # the child that keeps the column comes last: a stack takes it first
         for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):
             if column >= 0:
                 current[column] = DROPPED if child == 0 else KEPT
-            push(tree, current, w.vectors[Y], outcome[1 - child], outcome[2], depth_first)
+            push(tree, current, w.vectors[Y], w.vectors[HANDED], outcome[1 - child], depth_first)
     return DONE

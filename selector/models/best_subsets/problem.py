@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
 from selector.findings import Finding
-from selector.models.best_subsets._algebra import FREE, KEPT, PIVOT_TOLERANCE, eliminate, root_diagonal
+from selector.models.best_subsets._algebra import FREE, KEPT, PIVOT_TOLERANCE, eliminate, inverse_diagonal
 from selector.models.best_subsets._tree import PROOF_TOLERANCE, Scratch, Tree
 from selector.models.best_subsets.results import Statistics
 from selector.models.finding_table import FINDINGS
@@ -130,10 +130,15 @@ class Problem:
         p = self.n_columns
         return Scratch(
             np.zeros((4, (p + 1) * (p + 2))),
-            np.zeros((7, p + 3)),
+            np.zeros((8, p + 3)),
             np.zeros((4, p + 1), np.int64),
             np.zeros((2, p), np.int8),
         )
+
+    @property
+    def node_bytes(self) -> int:
+        """Memory of one open node."""
+        return 9 * self.n_columns + 32
 
     def tree(self, room: int) -> Tree:
         """An empty store of open nodes."""
@@ -142,18 +147,18 @@ class Problem:
             np.zeros(5, np.int64),
             np.zeros((3, room), np.int64),
             np.zeros(room),
-            np.zeros(room),
             np.zeros((room, p), np.int8),
+            np.zeros((room, p), np.float32),
             np.zeros((room, p), np.float32),
         )
 
-    def larger(self, tree: Tree) -> Tree:
-        """The same open nodes with twice the room."""
+    def larger(self, tree: Tree, most: int) -> Tree:
+        """The same open nodes with twice the room, or the most there may be."""
         room = tree.bound.size
-        grown = self.tree(2 * room)
+        grown = self.tree(min(2 * room, most))
         grown.counters[:] = tree.counters
         grown.slots[:, :room] = tree.slots
-        for name in ("bound", "scale", "state", "share"):
+        for name in ("bound", "state", "share", "diagonal"):
             getattr(grown, name)[:room] = getattr(tree, name)
         return grown
 
@@ -200,7 +205,7 @@ def _diagonal(gram: Matrix) -> Matrix | None:
     pm[:, :t] = gram
     diagonal = np.zeros(t + 1)
     work, out = np.zeros(t * (t + 1)), np.zeros(t * (t + 1))
-    done = root_diagonal(pm.ravel(), t + 1, t, work, np.zeros(t + 1), np.zeros(t + 1), out, diagonal)
+    done = inverse_diagonal(pm.ravel(), t + 1, t, work, np.zeros(t + 1), np.zeros(t + 1), out, diagonal)
     return diagonal[:t] if done else None
 
 

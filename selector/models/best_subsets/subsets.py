@@ -5,9 +5,13 @@ Only the cross-products are used, so the cost does not depend on the number of s
 columns each.
 """
 
+import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from queue import SimpleQueue
 from types import MappingProxyType
 from typing import Any
 
@@ -32,7 +36,8 @@ from selector.models.best_subsets.results import Coverage, SensorSet, SensorSetS
 from selector.types import Array
 
 States = NDArray[np.int8]
-MAX_OPEN_NODES = 200_000  #: Open nodes of one size held in memory; beyond it the search goes depth first.
+MAX_OPEN_BYTES = 2**30  #: Memory for the open nodes of all sizes together; beyond it the search goes depth first.
+EARLY_LOOK = 1_000_000  #: Nodes of a size, times their columns cubed, before a larger D and better branching pay.
 
 
 def compile_search() -> None:
@@ -69,8 +74,8 @@ def best_subsets(
     factor : array of shape (p + 1, p + 1), optional
         `factor_from_rows` of the same samples: the reported RSS are then computed from it, to more digits.
     time_limit_s : float, optional
-        After it the best so far is returned with its gap. The clock is looked at about every 0.02 s; between, no Python
-        runs. KeyboardInterrupt passes through.
+        After it the best so far is returned with its gap. Every core has its own sizes to search and looks at the clock
+        about every 0.02 s; between, no Python runs. KeyboardInterrupt passes through.
 
     Raises InputError: the matrix or a column number cannot be used.
     """
@@ -82,43 +87,59 @@ def best_subsets(
     state, swept, pace = np.zeros(p, np.int8), np.zeros((p + 1, p + 1)), np.zeros(4, np.int64)
     start = (problem.gram, problem.cross, problem.root, top, best_rss, best_state, state, swept, pace)
 
-    def out_of_time() -> bool:
-        return time.perf_counter() - started >= (np.inf if time_limit_s is None else time_limit_s)
+    late = threading.Event()
 
-    stopped = False
-    while not stopped and not starting_sets(*start, CHUNK_WORK):
-        stopped = out_of_time()
+    def out_of_time() -> bool:
+        if time.perf_counter() - started >= (np.inf if time_limit_s is None else time_limit_s):
+            late.set()
+        return late.is_set()
+
+    while not starting_sets(*start, CHUNK_WORK) and not out_of_time():
+        pass
     diagonal, findings = valid_diagonal(problem)
-    scratch = problem.scratch()
     floor = max(1, problem.n_must)
-    open_sizes = {size: _SizeSearch(problem, size) for size in range(floor, top + 1)}
+    parts = {size: _SizeSearch(problem, size, diagonal) for size in range(floor, top + 1)}
     statistics, full_rss = problem.statistics()
-    bound = dict.fromkeys(open_sizes, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
-    visited = dict.fromkeys(open_sizes, 0)
-    chunks = 0  # a short look at every size comes first
-    while open_sizes and not stopped:
-        for size in list(open_sizes):
-            part = open_sizes[size]
-            for _ in range(max(chunks, 1)):
-                work = CHUNK_WORK if chunks else CHUNK_WORK // 20
-                ended = part.run(problem, diagonal, scratch, best_rss[size], best_state[size], work)
-                visited[size] = part.visited
-                bound[size] = np.inf if ended else max(bound[size], open_bound(part.tree))
-                if ended:
-                    del open_sizes[size]
-                stopped = out_of_time()
-                if ended or stopped:
-                    break
-            if stopped:
-                break
-        chunks = max(2 * chunks, 1)
+    bound = dict.fromkeys(parts, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
+    spare: SimpleQueue[Scratch] = SimpleQueue()
+
+    def searched(size: int, chunks: int, work: int) -> None:
+        part, scratch = parts[size], spare.get()
+        try:
+            while chunks > 0 and not part.ended and not late.is_set():
+                part.run(problem, scratch, best_rss[size], best_state[size], work)
+                bound[size] = np.inf if part.ended else max(bound[size], open_bound(part.tree))
+                chunks -= 1
+                out_of_time()
+        finally:
+            spare.put(scratch)
+
+    spare.put(problem.scratch())
+    for size in parts:  # a short look at every size comes first
+        searched(size, 1, CHUNK_WORK // 20)
+    open_sizes = [size for size, part in parts.items() if not part.ended]
+    if open_sizes and not late.is_set():
+        for size in open_sizes:
+            parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * problem.node_bytes))
+        n_threads = min(os.cpu_count() or 1, len(open_sizes))
+        for _ in range(n_threads - 1):
+            spare.put(problem.scratch())
+        with ThreadPoolExecutor(n_threads) as threads:
+            try:
+                chunks = 1
+                while open_sizes and not late.is_set():
+                    list(threads.map(partial(searched, chunks=chunks, work=CHUNK_WORK), open_sizes))
+                    open_sizes = [size for size in open_sizes if not parts[size].ended]
+                    chunks *= 2
+            finally:
+                late.set()
     # adding a column never raises the RSS
     for size in sorted(bound)[-2::-1]:
         bound[size] = max(bound[size], min(bound[size + 1], float(best_rss[size + 1, 0])))
     return SubsetSearch(
         **_of_sizes(problem, bound, best_rss, best_state, partial(_subset, problem, statistics, factor)),
         proved=not open_sizes,
-        nodes=sum(visited.values()),
+        nodes=sum(part.visited for part in parts.values()),
         seconds=time.perf_counter() - started,
         findings=findings,
     )
@@ -127,35 +148,25 @@ def best_subsets(
 class _SizeSearch:
     """The open nodes of one size."""
 
-    def __init__(self, problem: Problem, size: int) -> None:
-        self.size = size
-        self.tree = problem.tree(64)
-        push(self.tree, problem.root, np.ones(problem.n_columns + 1), 0.0, 1.0, False)
+    def __init__(self, problem: Problem, size: int, diagonal: Array) -> None:
+        self.size, self.ended = size, False
+        self.most = 2 * problem.n_columns + 40  #: Open nodes there may be
+        self.tree = problem.tree(min(64, self.most))
+        push(self.tree, problem.root, np.ones(problem.n_columns), diagonal, 0.0, False)
 
     @property
     def visited(self) -> int:
         return int(self.tree.counters[NODES])
 
-    def run(
-        self, problem: Problem, diagonal: Array, scratch: Scratch, best_rss: Array, best_state: States, work: int
-    ) -> bool:
-        """Work for one chunk; whether no node is open any more."""
-        while True:
-            outcome = search(
-                problem.gram,
-                problem.cross,
-                self.size,
-                diagonal,
-                self.tree,
-                scratch,
-                best_rss,
-                best_state,
-                max(MAX_OPEN_NODES, 2 * problem.n_columns + 40),
-                work,
-            )
-            if outcome != FULL:
-                return bool(outcome == DONE)
-            self.tree = problem.larger(self.tree)
+    def run(self, problem: Problem, scratch: Scratch, best_rss: Array, best_state: States, work: int) -> None:
+        """Work for one chunk; it has ended when no node is open any more."""
+        outcome = FULL
+        while outcome == FULL:
+            best = best_rss, best_state, self.most, EARLY_LOOK, work
+            outcome = search(problem.gram, problem.cross, self.size, self.tree, scratch, *best)
+            if outcome == FULL:
+                self.tree = problem.larger(self.tree, self.most)
+        self.ended = bool(outcome == DONE)
 
 
 def _of_sizes(
