@@ -1,11 +1,14 @@
-"""Exact best subsets and sensor sets: our seconds, the goals, and R's leaps side by side on the same data.
+"""Exact best subsets and sensor sets: our seconds, the goals, and R's leaps and lmSubsets on the same data.
 
-    OMP_NUM_THREADS=1 python benchmarks/bench_subsets.py [--data subset_data.py] [--leaps 37 40] [--quick]
+    OMP_NUM_THREADS=1 python benchmarks/bench_subsets.py [--data subset_data.py] [--leaps 37 40] [--many] [--quick]
+
+`--many` adds the gap against time with 60, 100 and 1000 columns: some minutes.
 
 The problems come from a module with ``easy(n, p, seed)`` and ``thermal(n, p, seed)``, each returning (X, y): the file
 given by ``--data``, or by the environment variable SELECTOR_BENCH_DATA, or ../shared/bench/subset_data.py beside this
 repository. Without it our own generator of the same kind is used, and the printed goals do not apply. leaps is run
-when Rscript is found (Debian: r-base-core, r-cran-leaps); its time at 40 columns is half a minute.
+when Rscript is found (Debian: r-base-core, r-cran-leaps); its time at 40 columns is half a minute. lmSubsets is run
+where R finds it (built from its sources).
 """
 
 from __future__ import annotations
@@ -77,15 +80,17 @@ def timed(repeat: int, work: Callable[[], object]) -> tuple[float, float, object
     return min(seconds), statistics.median(seconds), result
 
 
-def leaps(columns: np.ndarray, response: np.ndarray, repeat: int) -> tuple[float, dict[int, tuple[float, tuple]]]:
-    """Seconds of leaps, and for each size its RSS and columns."""
+def of_r(
+    program: str, columns: np.ndarray, response: np.ndarray, repeat: int
+) -> tuple[float, dict[int, tuple[float, tuple]]]:
+    """Seconds of leaps or lmSubsets, and for each size its RSS and columns."""
     with tempfile.TemporaryDirectory() as folder:
         data, result = Path(folder, "data.csv"), Path(folder, "result.csv")
         table = np.column_stack([columns, response])
         header = ",".join(f"x{j}" for j in range(table.shape[1]))
         np.savetxt(data, table, delimiter=",", header=header, comments="", fmt="%.17g")
         script = str(HERE / "leaps.R")
-        subprocess.run(["Rscript", script, str(data), str(repeat), str(result)], check=True)
+        subprocess.run(["Rscript", script, str(data), str(repeat), str(result), program], check=True)
         with result.open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     found = {int(row["size"]): (float(row["rss"]), tuple(map(int, row["columns"].split()))) for row in rows}
@@ -93,7 +98,7 @@ def leaps(columns: np.ndarray, response: np.ndarray, repeat: int) -> tuple[float
 
 
 def compared(ours: SubsetSearch, theirs: dict[int, tuple[float, tuple]], x: np.ndarray, y: np.ndarray) -> str:
-    """Agreement with the sets of leaps; its printed RSS carry its own rounding, so they are recomputed by QR."""
+    """Agreement with the sets of R; its printed RSS carry its own rounding, so they are recomputed by QR."""
     apart, printed, same = 0.0, 0.0, 0
     for size, (rss, columns) in theirs.items():
         basis = np.linalg.qr(x[:, columns] - x[:, columns].mean(axis=0))[0]
@@ -117,21 +122,33 @@ def run_columns(source: object, repeat: int, with_leaps: list[int]) -> None:
         best, median, found = timed(repeat, lambda c=columns, y=response: best_subsets(cross_products(c, y), N_SAMPLES))
         print(f"{name:>8} {p:3d} {best:9.4f} {median:9.4f} {goal:7.2f} {found.nodes:7d}  {found.proved}", flush=True)
         if name == "thermal" and p in with_leaps:
-            seconds, theirs = leaps(columns, response, 1 if p > 37 else 3)
-            verdict = compared(found, theirs, columns, response)
-            print(f"{'':13}leaps {seconds:.2f} s = {seconds / best:.0f} times ours; {verdict}", flush=True)
+            for program in installed():
+                seconds, theirs = of_r(program, columns, response, 1 if p > 37 else 3)
+                verdict = compared(found, theirs, columns, response)
+                print(f"{'':13}{program} {seconds:.2f} s = {seconds / best:.0f} times ours; {verdict}", flush=True)
 
 
-def run_trajectory(source: object) -> None:
-    columns, response = source.thermal(N_SAMPLES, 60, 0)
+def installed() -> list[str]:
+    """The programs that R has."""
+    asked = "for (p in c('leaps', 'lmSubsets')) if (requireNamespace(p, quietly = TRUE)) cat(p, '')"
+    return subprocess.run(["Rscript", "-e", asked], check=True, capture_output=True, text=True).stdout.split()
+
+
+def run_trajectory(
+    source: object, p: int, limits: tuple[float | None, ...], n_samples: int = N_SAMPLES, max_size: int | None = None
+) -> None:
+    """The gap against time; a limit of None is the end."""
+    columns, response = source.thermal(n_samples, p, 0)
     cross = cross_products(columns, response)
-    for limit in (0.05, 0.1, 0.2, 0.4, 0.8, None):
-        found = best_subsets(cross, N_SAMPLES, time_limit_s=limit)
+    for limit in limits:
+        started = time.process_time()
+        found = best_subsets(cross, n_samples, time_limit_s=limit, max_size=max_size)
+        spent = time.process_time() - started
         gaps = list(found.gap.values())
-        open_sizes = sum(gap > 0 for gap in gaps)
         print(
-            f" thermal  60 after {found.seconds:6.3f} s: {60 - open_sizes} of 60 sizes proved, largest gap "
-            f"{max(gaps):.2%} of the RSS, {found.nodes} nodes{'' if limit else ' (to the end)'}",
+            f" thermal {p} columns, {n_samples} samples, after {found.seconds:6.3f} s ({spent:.3f} s of CPU): "
+            f"{sum(gap == 0.0 for gap in gaps)} of {len(gaps)} sizes proved, largest gap {max(gaps):.2%} of the RSS, "
+            f"that of the last size {gaps[-1]:.2%}, {found.nodes} nodes{'' if limit else ' (to the end)'}",
             flush=True,
         )
 
@@ -165,6 +182,7 @@ def main() -> None:
     sibling = HERE.parent.parent / "shared" / "bench" / "subset_data.py"
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SELECTOR_BENCH_DATA", sibling)))
     parser.add_argument("--leaps", type=int, nargs="*", default=[37], help="numbers of thermal columns to run leaps on")
+    parser.add_argument("--many", action="store_true", help="the gap against time with 100 and 1000 columns")
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--quick", action="store_true", help="one repetition, no leaps")
     options = parser.parse_args()
@@ -179,7 +197,10 @@ def main() -> None:
     best_subsets(cross_products(*easy(50, 8, 0)), 50)
     print(f"first call, compilation or its cache included: {time.perf_counter() - started:.1f} s")
     run_columns(source, repeat, [] if options.quick or shutil.which("Rscript") is None else options.leaps)
-    run_trajectory(source)
+    run_trajectory(source, 60, (0.05, 0.1, 0.2, 0.4, 0.8, None))
+    if options.many:
+        run_trajectory(source, 100, (1.0, 3.0, 10.0, 30.0, None))
+        run_trajectory(source, 1000, (10.0, 60.0), 10_000, 10)
     run_sensors(source, min(repeat, 3))
 
 
