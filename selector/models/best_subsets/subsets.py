@@ -116,10 +116,9 @@ def best_subsets(
 
     spare.put(problem.scratch())
     # a short look at every size first: closed forms, then from the largest, whose bound holds for the smaller ones, too
-    order = sorted(parts, key=lambda size: (size > problem.n_must + 2, -size))
-    for size in order:
+    for size in sorted(parts, key=lambda size: (size > problem.n_must + 2, -size)):
         searched(size, 1, CHUNK_WORK // 20)
-    open_sizes = [size for size in order if not parts[size].ended]
+    open_sizes = [size for size, part in parts.items() if not part.ended]
     if open_sizes and not late.is_set():
         for size in open_sizes:
             parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * problem.node_bytes))
