@@ -23,11 +23,16 @@ def missing_memory(seed: int, size: float) -> Comparison:
     """Three runs of which a slow part of the heat is missing, under noise that wanders."""
     random = np.random.default_rng(seed)
     plain = comparison({"Z": coloured("ar", 3 * N, random)})
+    recorded = plain.recorded | {"Z": plain.recorded["Z"] + size * missing_course(plain)}
+    return replace(plain, recorded=recorded)
+
+
+def missing_course(plain: Comparison) -> np.ndarray:
+    """A slow part of the heat in every run, of spread 1."""
     slow = np.zeros(3 * N)
     for k, warm in enumerate(plain.simulated["Z"]):
         slow[k] = 0.0 if k % N == 0 else slow[k - 1] + 0.004 * (warm - slow[k - 1])
-    recorded = plain.recorded | {"Z": plain.recorded["Z"] + size * slow / slow.std()}
-    return replace(plain, recorded=recorded)
+    return slow / slow.std()
 
 
 @pytest.mark.parametrize("is_shifted", [False, True])
@@ -116,3 +121,16 @@ def test_where_the_likelihood_names_nothing_the_answer_names_what_carries(monkey
     assert effect.p_value == pytest.approx(1.0 / 61.0)
     assert "chosen-by-unseen-rows" in {one.id for one in answer.findings}
     assert answer.fit["a"].heldout.rmse_after < 0.8 * answer.fit["a"].heldout.rmse_before
+
+
+@pytest.mark.parametrize("is_one_run", [False, True])
+def test_a_little_part_of_a_record_of_one_run_is_no_name(is_one_run):
+    random = np.random.default_rng(2)
+    plain = comparison({"Z": random.standard_normal(3 * N)})
+    asked = replace(plain, recorded=plain.recorded | {"Z": plain.recorded["Z"] + 0.25 * missing_course(plain)})
+    if is_one_run:
+        asked = replace(asked, runs=("r1",), starts=(0, 3 * N), time_s=np.arange(3 * N) * 30.0)
+    answer = diagnosis(asked)
+    named, seen = ({effect.id for effect in of} for of in (answer.effects, answer.also_seen))
+    assert "thermal.memory" in (seen if is_one_run else named)
+    assert "thermal.memory" not in (named if is_one_run else seen)

@@ -7,8 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.frozen import frozen_responses
 from selector.diagnosis.workflow import diagnosis
+from selector.recording import Channel
 from tests.diagnosis.made import RUNS, STEP_S, coloured, comparison
 
 N = 360
@@ -85,3 +87,39 @@ def test_what_moves_on_from_where_it_rested_was_not_frozen(leap):
     stood = dataclasses.replace(given, recorded={**given.recorded, "Z": course})
     found = [(fault.run, fault.from_s, fault.to_s) for fault in frozen_responses(stood)]
     assert found == ([(run, 100 * STEP_S, 299 * STEP_S) for run in RUNS] if leap else [])
+
+
+def test_equal_readings_while_the_simulation_hardly_moves_prove_no_frozen_sensor():
+    """Means of readings on a coarse grid stand still now and then."""
+    living = clean()
+    course = living.simulated["Z"].copy()
+    for k in range(3):
+        rest = slice(k * N + 200, k * N + 215)
+        course[rest] = np.linspace(course[rest.start], course[rest.start] + 0.02 * np.ptp(course), 15)
+    slow = dataclasses.replace(living, simulated={**living.simulated, "Z": course})
+    short = frozen_from(slow, (200, None, None), to=215)
+    assert frozen_responses(short) == ()
+    steep = course.copy()
+    steep[200:215] = np.linspace(0.0, 0.4 * np.ptp(course), 15)
+    (fault,) = frozen_responses(dataclasses.replace(short, simulated={**short.simulated, "Z": steep}))
+    assert fault.id == "data.stuck"
+
+
+@pytest.mark.parametrize(("reading", "is_frozen"), [(0.02, False), (0.4, True)])
+def test_a_speed_that_stands_near_zero_is_at_rest(reading, is_frozen):
+    random = np.random.default_rng(1)
+    t = np.arange(400) * 1.0
+    simulated = np.sin(2.0 * np.pi * t / 100.0)
+    recorded = simulated + 0.01 * random.standard_normal(400)
+    recorded[145:155] = reading
+    asked = Comparison(
+        runs=("r1",),
+        starts=(0, 400),
+        time_s=t,
+        channels=(Channel("v", "velocity", "m/s"),),
+        recorded={"v": recorded},
+        simulated={"v": simulated},
+        responses=("v",),
+        held_out=t >= 300.0,
+    )
+    assert bool(frozen_responses(asked)) == is_frozen

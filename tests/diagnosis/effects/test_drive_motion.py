@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.drive._forces import held_back
+from selector.diagnosis.effects.drive.backlash import _widths
 from selector.diagnosis.effects.drive.coulomb import EFFECT as COULOMB
 from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
 from selector.diagnosis.effects.drive.saturation import EFFECT as SATURATION
@@ -96,6 +97,19 @@ def test_the_speed_of_another_axis_says_nothing_of_a_position():
     channels = (Channel("q", "position", "m", axis="X"), Channel("v", "velocity", "m/s", axis="Y"))
     found = motion(comparison_with(channels, {"q": np.round(COMMAND, 2), "v": SPEED}))
     assert found.sources == ("q",)
+
+
+def test_play_is_crossed_within_a_quarter_of_the_usual_stroke():
+    """However far the axis comes by many of them."""
+    t = np.arange(4000) * PERIOD_S
+    place = 0.05 * t + 0.02 * np.sin(2.0 * np.pi * t / 0.4)
+    found = motion(comparison_with((Channel("r", "position_command", "m"),), {"r": place}))
+    assert np.ptp(place) > 0.4
+    forth = place[np.flatnonzero(np.diff(np.sign(np.gradient(place))))]
+    stroke_m = float(np.median(np.abs(np.diff(forth))))
+    wider = [width for width in _widths(found) if width > 100.0]
+    assert wider
+    assert 1e-6 * max(wider) < 0.27 * stroke_m
 
 
 def test_the_channel_of_the_own_axis_is_taken():

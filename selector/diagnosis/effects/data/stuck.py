@@ -55,11 +55,11 @@ def _level_beside(comparison: Comparison, response: str, first: int, last: int) 
 def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = False) -> list[tuple[str, int, int]]:
     """(run, first row, last row) of equal readings that are no chance, longest first.
 
-    `surely`: only where noise that is always there is gone, whatever the simulation says.
+    `surely`: only where noise that is always there is gone, and the simulation goes on.
 
     Either noise that is always there is gone, or the simulation goes on by more than the resolution explains. Readings
-    that come back to the same end of the range are a limit, not a frozen sensor; of a channel that stands more than
-    twice a run, dwells are the nature.
+    that come back to the same end of the range are a limit, not a frozen sensor; a speed near 0 is rest; of a channel
+    that stands more than twice a run, dwells are the nature.
     """
     recorded, simulated = comparison.recorded[response], comparison.simulated[response]
     resolution = comparison.resolution.get(response, 0.0)
@@ -76,13 +76,14 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     found = []
     for run, first, last in still:
         length = last - first + 1
-        if at_ends.count(recorded[first]) > 1:
+        rests = comparison.channel(response).role == "velocity" and abs(recorded[first]) < _OF_SPAN * span
+        if at_ends.count(recorded[first]) > 1 or rests:
             continue
         part = simulated[first : last + 1]
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
         silent = len(recorded) * chance ** (length - 1) < _SURE
         silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
-        if surely and not (silent and moved > _STEPS * resolution):
+        if surely and not (silent and moved > max(_STEPS * resolution, _OF_SPAN * span)):
             continue
         if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
             found.append((length, run, first, last))

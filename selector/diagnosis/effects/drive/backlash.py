@@ -17,7 +17,7 @@ from selector.types import Vector
 #: Way on which the lost motion is crossed; the finest stands for all that the sampling shows as a step.
 _CROSSED_UM = (1.0, 10.0, 100.0)
 _WIDER = 10.0**0.5
-_OF_WAY = 0.25  #: Of the way that was gone: what a machine says nothing of may have play that wide.
+_OF_WAY = 0.25  #: Of the usual way between reversals: what a machine says nothing of may have play that wide.
 #: Of the moving mass, behind the play: where inertia exceeds friction, flanks change while the axis slows down.
 _INERTIA_SHARES = (1.0, 0.6)
 _STARTS = (1.0, 0.0, -1.0)  #: Flank before a run's first motion: that which it touches then, in between, the other one.
@@ -50,9 +50,17 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
 def _widths(moving: Motion) -> Iterator[float]:
     yield from _CROSSED_UM
     wider_um = _CROSSED_UM[-1] * _WIDER
-    while 1e-6 * wider_um < _OF_WAY * float(np.ptp(moving.position_m)):
+    while 1e-6 * wider_um < _OF_WAY * _stroke_m(moving):
         yield wider_um
         wider_um *= _WIDER
+
+
+def _stroke_m(moving: Motion) -> float:
+    """Usual way from one reversal to the next, or to the end of the run."""
+    goes = np.flatnonzero(moving.sense)
+    turns = goes[np.flatnonzero(np.diff(moving.sense[goes]))]
+    at = np.unique([*moving.starts[:-1], *turns, *(stop - 1 for stop in moving.starts[1:])])
+    return float(np.median(np.abs(np.diff(moving.position_m[at])))) if len(at) > 1 else 0.0
 
 
 def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: float, start: float) -> Vector:
