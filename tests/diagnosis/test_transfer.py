@@ -134,3 +134,9 @@ def test_a_little_part_of_a_record_of_one_run_is_no_name(is_one_run):
     named, seen = ({effect.id for effect in of} for of in (answer.effects, answer.also_seen))
     assert "thermal.memory" in (seen if is_one_run else named)
     assert "thermal.memory" not in (named if is_one_run else seen)
+
+
+def test_what_recalibration_takes_is_not_borne_out():
+    found = unnamed(tap())
+    owned = {name: replace(bench, own={"vibration.mode": slice(0, 0)}) for name, bench in found.benches.items()}
+    assert borne_out(tap(), replace(found, benches=owned), seed=0).named == {}
