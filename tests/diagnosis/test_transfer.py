@@ -75,6 +75,14 @@ def test_without_unseen_rows_nothing_is_borne_out():
     assert borne_out(everything, found, seed=0) is found
 
 
+def test_unseen_rows_that_are_simulated_exactly_bear_nothing_out():
+    plain = tap()
+    exact = np.where(plain.held_out, plain.simulated["a"], plain.recorded["a"])
+    asked = replace(plain, recorded={"a": exact})
+    found = unnamed(asked)
+    assert borne_out(asked, found, seed=0) is found
+
+
 def tap() -> Comparison:
     """A free decay of two modes, of which one is simulated."""
     t = np.arange(512) / 512.0

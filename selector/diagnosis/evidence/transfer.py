@@ -40,7 +40,8 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
     for name, bench in found.benches.items():
         left = bench.target - bench.nuisance @ _least(bench.nuisance[bench.fitted], bench.target[bench.fitted])
         size = float(np.nanstd(comparison.recorded[name][bench.fitted]))
-        if rms(left[bench.fitted]) < _MATTERS * size or not (np.isfinite(left) & ~bench.fitted).any():
+        # unseen rows that are simulated exactly, or are none, bear nothing out
+        if rms(left[bench.fitted]) < _MATTERS * size or not bench.target[np.isfinite(left) & ~bench.fitted].any():
             continue
         shares, by_chance = _shares(bench, seed=seed)
         # what recalibration takes, as viscous friction, is not tested
