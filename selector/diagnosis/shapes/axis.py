@@ -118,7 +118,8 @@ def _placed(comparison: Comparison, position: str, velocity: str | None) -> tupl
     way = _summed(comparison, _values(comparison, velocity))
     inside = np.diff(comparison.run_index) == 0
     gone, said = np.diff(place)[inside], np.diff(way)[inside]
-    if float(gone @ said) >= _AGREES * float(np.linalg.norm(gone) * np.linalg.norm(said)):
+    # counted the other way round, it still goes that way
+    if abs(float(gone @ said)) >= _AGREES * float(np.linalg.norm(gone) * np.linalg.norm(said)):
         return place, (position,)
     for _, rows in comparison.rows_of_runs():
         way[rows] += np.mean(place[rows] - way[rows])

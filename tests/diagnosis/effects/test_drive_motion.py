@@ -93,6 +93,13 @@ def test_a_recorded_speed_is_believed_before_a_position_that_goes_another_way(re
     assert fine.sources == ("q",)
 
 
+def test_a_speed_that_counts_the_other_way_round_turns_no_position():
+    channels = (Channel("q", "position", "m"), Channel("v", "velocity", "m/s"))
+    found = motion(comparison_with(channels, {"q": COMMAND, "v": -SPEED}))
+    assert found.sources == ("q",)
+    np.testing.assert_allclose(found.position_m, COMMAND)
+
+
 def test_the_speed_of_another_axis_says_nothing_of_a_position():
     channels = (Channel("q", "position", "m", axis="X"), Channel("v", "velocity", "m/s", axis="Y"))
     found = motion(comparison_with(channels, {"q": np.round(COMMAND, 2), "v": SPEED}))
