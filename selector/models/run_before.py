@@ -55,7 +55,10 @@ class Begun:
         self._source, self._begins_s = source, begins_s
         self.runs, self.channels = source.runs, source.channels
         self.provenance = getattr(source, "provenance", {})
-        self.follows: dict[str, Before] = {run: (f"{run}{UNGAUGED}", 0.0) for run in begins_s}
+        ending = UNGAUGED
+        while any(f"{run}{ending}" in source.runs for run in begins_s):
+            ending += "'"
+        self.follows: dict[str, Before] = {run: (f"{run}{ending}", 0.0) for run in begins_s}
         self._whole = {before: run for run, (before, _) in self.follows.items()}
 
     def chunks(self, run: str, names: Iterable[str]) -> Iterator[tuple[Array, Array]]:

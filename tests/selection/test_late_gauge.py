@@ -149,6 +149,21 @@ def test_memory_knows_what_the_machine_did_before_its_gauge_began(monkeypatch, m
     assert known.known.in_a_row == 0
 
 
+def test_a_run_that_is_called_like_what_was_read_before_a_gauge_is_read_itself():
+    plain = forgetful(200)[0]
+    names = ("day2 before its gauge", *plain.runs[1:])
+    called = recording({
+        name: (plain.time_s(run), dict(zip(plain.names, plain.values(run, plain.names).T, strict=True)))
+        for name, run in zip(names, plain.runs, strict=True)
+    })  # fmt: skip
+    source = begun(called, ("Z",))
+    times = np.concatenate([time_s for time_s, _ in source.chunks(names[0], ("T1",))])
+    np.testing.assert_array_equal(times, plain.time_s(plain.runs[0])[200:])
+    before, _ = runs_before(source, source.runs)["day2"]
+    times = np.concatenate([time_s for time_s, _ in source.chunks(before, ("T1",))])
+    np.testing.assert_array_equal(times, plain.time_s(plain.runs[1])[:200])
+
+
 def test_memory_goes_on_from_the_run_before_through_what_was_not_gauged():
     source = begun(forgetful(200)[0], ("Z",))
     day, morning = source.runs[:2]
