@@ -304,8 +304,9 @@ def _few_runs(selection: Selection) -> Iterator[Finding]:
     spans = {name: (proof.rmse_um(name) / one.factor, proof.rmse_um(name) * one.factor) for name in selection.models}
     said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
     begin = f" that do not begin alike (sensors {one.starts_apart_k:.2g} K apart from run to run)" * one.is_warm
-    begin += f", {one.in_a_row} of which begin where another ended," if one.in_a_row else ""
-    begin += ", which is little for memory," if selection.recipe.design.lags else ""
+    asides = [f"{one.in_a_row} of which begin where another ended"] if one.in_a_row else []
+    asides += ["which is little for memory"] if selection.recipe.design.lags else []
+    begin += "".join(f", {aside}" for aside in asides) + "," * bool(asides)
     kind = "conditions" if proof.left_out == "condition" else "runs"
     yield FINDINGS.finding(
         FEW_RUNS,
