@@ -27,14 +27,17 @@ def compiler_version(of: str | None) -> str:
     """The first line that the compiler says about itself."""
     if of is None:
         return "no compiler"
-    said = subprocess.run([of, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+    try:
+        said = subprocess.run([of, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+    except OSError:
+        said = ""
     return (said.splitlines() or [of])[0].strip()
 
 
 def compiled(cc: str | None, sources: tuple[tuple[str, str], ...], take: Callable[[Path], _Taken]) -> _Taken:
     """What `take` makes of the library of C sources, (file, text); the first is compiled, it includes the others.
 
-    Raises NotExecutableError: there is no compiler, or it refuses them.
+    Raises NotExecutableError: there is no compiler, it does not run, or it refuses them.
     """
     if cc is None:
         raise NotExecutableError(
@@ -47,14 +50,20 @@ def compiled(cc: str | None, sources: tuple[tuple[str, str], ...], take: Callabl
         folder = Path(path)
         for file, text in sources:
             (folder / file).write_text(text, encoding="ascii")
-        command = [cc, *OPTIONS, "-o", "library", sources[0][0]]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode != 0:
-            said = done.stderr.strip().splitlines() or ["?"]
+        # with an ending: compilers and loaders of Windows would add one of their own
+        library = folder / "library.so"
+        # it runs in another folder
+        command = [str(Path(shutil.which(cc) or cc).absolute()), *OPTIONS, "-o", library.name, sources[0][0]]
+        try:
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603
+            said = done.stderr.strip().splitlines() or ["no library, and no reason"]
+        except OSError as error:
+            said = [str(error)]
+        if not library.exists():
             raise NotExecutableError(
                 f"{cc} refuses {sources[-1][0]}: {next((line for line in said if 'error' in line), said[0])}",
                 expected="a C99 compiler for this machine",
                 where="--replay",
                 advice="name another compiler in the environment variable CC",
             )
-        return take(folder / "library")
+        return take(library)

@@ -301,6 +301,24 @@ def test_without_a_compiler_the_unit_has_sources_only_and_says_so(monkeypatch):
         fmu_answers(hostile.model(), hostile.rows(5, 0), export.files)
 
 
+@pytest.mark.parametrize("text", ["#!/bin/sh\nexit 0\n", "\x7fELF, of another machine"], ids=["silent", "not-ours"])
+def test_a_compiler_that_makes_nothing_leaves_sources_only_and_is_named(tmp_path, monkeypatch, text):
+    cc = tmp_path / "cc"
+    cc.write_text(text)
+    cc.chmod(0o755)
+    monkeypatch.setenv("CC", str(cc))
+    export = fmu_export(hostile.model())
+    assert [finding.id for finding in export.findings] == ["fmu-without-binary"]
+    assert f"{cc} refuses" in export.findings[0].statement
+
+
+def test_a_compiler_may_be_named_from_the_folder_that_one_is_in(tmp_path, monkeypatch):
+    (tmp_path / "own-cc").symlink_to(shutil.which(str(compiler())))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CC", "./own-cc")
+    assert fmu_export(hostile.model()).findings == ()
+
+
 def test_without_fmpy_the_advice_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "fmpy", None)
     with pytest.raises(NotExecutableError, match=r"pip install '\.\[fmu\]'"):
