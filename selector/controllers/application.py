@@ -187,7 +187,10 @@ def _of_comparison(finding: Finding, outputs: list[str], of_memory: list[str]) -
     if finding.id == GAUGE_BEGINS_LATE and finding.where.channel in of_memory:
         told = f"{finding.where.channel} begins late in run {finding.where.run} and is not compared there: the model "
         told += "remembers what the machine did before."
-        return dataclasses.replace(finding, statement=told, action="leave-out-channel")
+        mend = "Start the gauge with the thermometers; then the run is compared."
+        return dataclasses.replace(
+            finding, level="warning", statement=told, suggestion=mend, action="leave-out-channel"
+        )
     if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
         return finding
     suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)
@@ -482,7 +485,7 @@ def _without_displacement(runs: tuple[str, ...], recorded: Mapping[str, list[Arr
             said = "No run has" if len(lacking) == len(runs) else f"{', '.join(lacking)}: no"
             yield FINDINGS.finding(
                 "no-displacement",
-                f"{said} recorded displacement {name}; there are predictions, but no errors.",
+                f"{said} recorded displacement {name} to compare with; there are predictions, but no errors.",
                 Where(channel=name, run=lacking[0] if len(lacking) == 1 else None),
                 {"runs": lacking},
             )

@@ -126,7 +126,7 @@ def late_gauges(survey: Survey) -> Iterator[Finding]:
                 told = f"{name} has no value in the first {duration(begin - start)} of run {run}; a model of its rise "
                 told += "counts the run from its first value on."
                 where = Where(name, run, start, begin)
-                yield FINDINGS.finding(GAUGE_BEGINS_LATE, told, where, {"begins_s": begin})
+                yield FINDINGS.finding(GAUGE_BEGINS_LATE, told, where, {"begins_s": begin}, level="info")
 
 
 def _start(survey: Survey, run: str, column: int) -> float:

@@ -114,7 +114,8 @@ def test_a_model_with_memory_is_not_compared_with_a_late_gauge():
         assert compared.time_s(source.runs[0]).size == 400
         late_in = [one for one in told if one.id == "gauge-begins-late"]
         assert len(late_in) == (0 if is_compared else 5)
-        assert all("is not compared there" in one.statement for one in late_in)
+        assert all("is not compared there" in one.statement and one.level == "warning" for one in late_in)
+        assert all("then the run is compared" in one.suggestion for one in late_in)
         assert (apply_model(model, compared).overall["Z"].rmse_um is not None) == is_compared
 
 
