@@ -6,10 +6,12 @@ import dataclasses
 import json
 
 import pytest
+from dash import html
 from typer.testing import CliRunner
 
 from selector.cli import app
 from selector.controllers import read_model
+from selector.controllers.writers.targets import TARGETS
 from selector.readers import Overrides
 from selector.shipped import shipped
 from selector.workbench.bench import Bench
@@ -63,3 +65,17 @@ def test_the_number_in_grey_is_the_one_that_counts(study):
         assert (limits["clamp_um"], limits["slew_um_per_s"]) == ("40", "1")
     finally:
         place.write_bytes(before)
+
+
+@pytest.mark.parametrize(("target", "shown"), [("fmu", []), ("st", ["thermal_correction.st"])])
+def test_programs_are_shown_as_text_but_no_archive(study, target, shown):
+    asked = Export(ASKED.model, target=target)
+    command = [*export_command(study, asked, None, Overrides())]
+    command[1], command[command.index("--out") + 1] = str(study / asked.model), str(study / asked.folder)
+    assert CliRunner().invoke(app, command).exit_code == 0
+    bench = Bench(study)
+    bench.export = asked
+    section = export._answered(bench, "now", None)
+    assert [one.children for one in section._traverse() if isinstance(one, html.Summary)] == shown
+    files = [one.children for one in section._traverse() if isinstance(one, html.A)]
+    assert TARGETS[target].parts[0].file in files

@@ -228,7 +228,7 @@ def _answered(bench: Bench, stamp: str, said: Mapping[str, Any] | None) -> Compo
     if not (folder / SHEET).is_file():
         return None
     files = [path for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
-    texts = [path for path in files if path.suffix not in (".html", ".json")]
+    texts = [path for path in files if path.suffix not in (".html", ".json", ".fmu")]
     rows = [
         [parts.download(f"{name}/{path.name}", path.name), _WHAT.get(path.name, "program"), path.stat().st_size]
         for path in files
