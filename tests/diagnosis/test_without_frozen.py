@@ -105,13 +105,17 @@ def test_equal_readings_while_the_simulation_hardly_moves_prove_no_frozen_sensor
     assert fault.id == "data.stuck"
 
 
-@pytest.mark.parametrize(("reading", "is_frozen"), [(0.02, False), (0.4, True)])
-def test_a_speed_that_stands_near_zero_is_at_rest(reading, is_frozen):
+@pytest.mark.parametrize(
+    ("reading", "until", "is_frozen"),
+    [(0.02, 155, False), (0.4, 155, True), (0.0, 260, True)],
+    ids=["rest", "frozen", "dead-for-a-cycle"],
+)
+def test_a_speed_that_stands_near_zero_is_at_rest_for_less_than_a_cycle(reading, until, is_frozen):
     random = np.random.default_rng(1)
     t = np.arange(400) * 1.0
     simulated = np.sin(2.0 * np.pi * t / 100.0)
     recorded = simulated + 0.01 * random.standard_normal(400)
-    recorded[145:155] = reading
+    recorded[145:until] = reading
     asked = Comparison(
         runs=("r1",),
         starts=(0, 400),

@@ -23,6 +23,7 @@ _USUAL = 2
 #: Steps of the resolution that the simulation must move while the reading stands, where noise alone proves nothing.
 _STEPS = 6.0
 _OF_SPAN = 0.05  #: And the part of all its movement.
+_AT_REST = 0.5  #: Part of all its movement that the simulation may go on by while an axis rests.
 #: Part of the movement of the simulation that a reading has to miss where every run has its silent stretch.
 _DEAD = 0.2
 _LEAST_DEAD = 40  #: Samples of such a stretch.
@@ -58,8 +59,8 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     `surely`: only where noise that is always there is gone, and the simulation goes on.
 
     Either noise that is always there is gone, or the simulation goes on by more than the resolution explains. Readings
-    that come back to the same end of the range are a limit, not a frozen sensor; a speed near 0 is rest; of a channel
-    that stands more than twice a run, dwells are the nature.
+    that come back to the same end of the range are a limit, not a frozen sensor; a speed near 0 is rest, unless the
+    simulation goes most of its range meanwhile; of a channel that stands more than twice a run, dwells are the nature.
     """
     recorded, simulated = comparison.recorded[response], comparison.simulated[response]
     resolution = comparison.resolution.get(response, 0.0)
@@ -76,11 +77,11 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
     found = []
     for run, first, last in still:
         length = last - first + 1
-        rests = comparison.channel(response).role == "velocity" and abs(recorded[first]) < _OF_SPAN * span
-        if at_ends.count(recorded[first]) > 1 or rests:
-            continue
         part = simulated[first : last + 1]
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
+        rests = comparison.channel(response).role == "velocity" and abs(recorded[first]) < _OF_SPAN * span
+        if at_ends.count(recorded[first]) > 1 or (rests and moved < _AT_REST * span):
+            continue
         silent = len(recorded) * chance ** (length - 1) < _SURE
         silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
         if surely and not (silent and moved > max(_STEPS * resolution, _OF_SPAN * span)):
