@@ -311,8 +311,7 @@ def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
     is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0
     is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
     is_trifle |= effect.share < TENTH * largest and effect.suspected and effect.id != "data.stuck"
-    is_of_one_run = len(np.unique(found.benches[effect.channel].runs)) == 1
-    is_trifle |= effect.share < TENTH and is_of_one_run and effect.acts is None
+    is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
     is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)
     is_none = is_trifle or fades(effect, found) or only_cancels(effect, found)
