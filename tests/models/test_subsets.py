@@ -6,6 +6,7 @@ import itertools
 import math
 import signal
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -205,6 +206,23 @@ def test_number_of_cores_changes_nothing(monkeypatch):
     assert found[0].by_size == found[1].by_size
     assert found[0].nodes == found[1].nodes
     assert found[0].lower_bound == found[1].lower_bound
+
+
+@pytest.mark.parametrize(("parent", "threads"), [(None, 3), (object(), 1)], ids=["alone", "worker"])
+def test_a_worker_of_a_pool_leaves_the_other_cores_to_the_others(monkeypatch, parent, threads):
+    asked = []
+
+    class Counted(ThreadPoolExecutor):
+        def __init__(self, n_threads):
+            asked.append(n_threads)
+            super().__init__(n_threads)
+
+    monkeypatch.setattr(subsets, "ThreadPoolExecutor", Counted)
+    monkeypatch.setattr(subsets.os, "cpu_count", lambda: 3)
+    monkeypatch.setattr(subsets.multiprocessing, "parent_process", lambda: parent)
+    columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
+    best_subsets(cross_products(columns, response), 200)
+    assert asked == [threads]
 
 
 def test_raised_diagonals_of_open_nodes_are_valid_and_no_node_needs_more_room():

@@ -5,6 +5,7 @@ Only the cross-products are used, so the cost does not depend on the number of s
 columns each.
 """
 
+import multiprocessing
 import os
 import threading
 import time
@@ -122,7 +123,9 @@ def best_subsets(
     if open_sizes and not late.is_set():
         for size in open_sizes:
             parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * problem.node_bytes))
-        n_threads = min(os.cpu_count() or 1, len(open_sizes))
+        # a worker of a pool has the other cores' workers beside it
+        n_cores = 1 if multiprocessing.parent_process() else os.cpu_count() or 1
+        n_threads = min(n_cores, len(open_sizes))
         for _ in range(n_threads - 1):
             spare.put(problem.scratch())
         with ThreadPoolExecutor(n_threads) as threads:
