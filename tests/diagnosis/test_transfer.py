@@ -9,9 +9,10 @@ import pytest
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.evidence.misfit import elsewhere
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import Search, search
-from selector.diagnosis.evidence.transfer import _elsewhere, _Shapes, borne_out
+from selector.diagnosis.evidence.transfer import _Shapes, borne_out
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from tests.diagnosis.made import coloured, comparison
@@ -39,7 +40,7 @@ def missing_course(plain: Comparison) -> np.ndarray:
 def test_shares_are_those_of_least_squares(is_shifted):
     bench, _ = bench_of(missing_memory(0, 3.0), "Z", catalogue())
     shapes = _Shapes(bench)
-    rows = _elsewhere(bench.runs, np.random.default_rng(3)) if is_shifted else np.arange(3 * N)
+    rows = elsewhere(bench.runs, np.random.default_rng(3)) if is_shifted else np.arange(3 * N)
     shares = shapes.shares(rows)
     fitted, held, target = bench.fitted, ~bench.fitted, bench.target
     assert len(shares) > 20

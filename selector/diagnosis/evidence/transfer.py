@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import effect_of
+from selector.diagnosis.evidence.misfit import elsewhere
 from selector.diagnosis.evidence.noise import NoiseModel
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import Search
 from selector.diagnosis.finding_table import FINDINGS
 from selector.diagnosis.matching.runs import rms
 from selector.findings import Finding, Where
-from selector.types import Matrix, Vector
+from selector.types import Vector
 
 _SHIFTS, _MOST_ROWS = 60, 8_000
 _WIDEST = 3  #: Coefficients of a shape, at most.
@@ -38,7 +39,7 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
     best: tuple[float, str, str] = (0.0, "", "")
     told = {}
     for name, bench in found.benches.items():
-        left = bench.target - bench.nuisance @ _least(bench.nuisance[bench.fitted], bench.target[bench.fitted])
+        left = bench.residual([])
         size = float(np.nanstd(comparison.recorded[name][bench.fitted]))
         # unseen rows that are simulated exactly, or are none, bear nothing out
         if rms(left[bench.fitted]) < _MATTERS * size or not bench.target[np.isfinite(left) & ~bench.fitted].any():
@@ -91,10 +92,6 @@ def told_of_carried(effects: Sequence[NamedEffect], found: Search) -> tuple[Find
     return tuple(told)
 
 
-def _least(columns: Matrix, target: Vector) -> Vector:
-    return np.asarray(np.linalg.lstsq(columns, target, rcond=None)[0])
-
-
 def _shares(bench: Bench, *, seed: int) -> tuple[dict[str, tuple[float, int]], Vector]:
     """Effect → share of fitted and of unseen rows alike that its best shape explains, and that shape.
 
@@ -106,17 +103,8 @@ def _shares(bench: Bench, *, seed: int) -> tuple[dict[str, tuple[float, int]], V
         id_ = bench.candidates[v].effect.id
         best[id_] = max(best.get(id_, (0.0, v)), (float(share), v))
     draw = np.random.default_rng(seed)
-    by_chance = [float(np.max(shapes.shares(_elsewhere(shapes.runs, draw)), initial=0.0)) for _ in range(_SHIFTS)]
+    by_chance = [float(np.max(shapes.shares(elsewhere(shapes.runs, draw)), initial=0.0)) for _ in range(_SHIFTS)]
     return best, np.array(by_chance)
-
-
-def _elsewhere(runs: NDArray[np.intp], draw: np.random.Generator) -> NDArray[np.intp]:
-    """Rows of which every run is shifted by a quarter to three quarters of it, round its end."""
-    rows = np.arange(len(runs))
-    for run in np.unique(runs):
-        here = np.flatnonzero(runs == run)
-        rows[here] = np.roll(here, int(draw.integers(len(here) // 4, 3 * len(here) // 4 + 1)))
-    return rows
 
 
 class _Shapes:
