@@ -60,7 +60,9 @@ def _stroke_m(moving: Motion) -> float:
     goes = np.flatnonzero(moving.sense)
     turns = goes[np.flatnonzero(np.diff(moving.sense[goes]))]
     at = np.unique([*moving.starts[:-1], *turns, *(stop - 1 for stop in moving.starts[1:])])
-    return float(np.median(np.abs(np.diff(moving.position_m[at])))) if len(at) > 1 else 0.0
+    # from the end of one run to the start of the next nothing moves
+    ways = np.abs(np.diff(moving.position_m[at]))[~np.isin(at[1:], moving.starts)]
+    return float(np.median(ways)) if len(ways) else 0.0
 
 
 def _begun(sides: Callable[..., Vector], course: Vector, starts: Vector, least: float, start: float) -> Vector:
