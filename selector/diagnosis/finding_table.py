@@ -6,6 +6,7 @@ from selector.quality.finding_table import FINDINGS as QUALITY
 BEYOND_MEASURE = "beyond-measure"
 NOT_COMPARED = "not-compared"
 SLOW_REMAINDER = "slow-remainder"
+SMALL_MISFIT = "small-misfit"
 UNRECORDED_SWITCH = "unrecorded-switch"
 
 FINDINGS = Kinds.beside(__file__)

@@ -8,7 +8,7 @@ from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recali
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.finding_table import SLOW_REMAINDER, UNRECORDED_SWITCH
+from selector.diagnosis.finding_table import SLOW_REMAINDER, SMALL_MISFIT, UNRECORDED_SWITCH
 from selector.diagnosis.shown_units import displayed
 from selector.number_text import listed
 
@@ -49,6 +49,11 @@ def _wandering(found: Diagnosis) -> list[str]:
     """Responses in which noise may be a slow effect."""
     names = [one.where.channel or "" for one in found.findings if one.id == SLOW_REMAINDER]
     return [f"What wanders slowly in {listed(names)} may be more than noise: see the findings."] if names else []
+
+
+def _small(found: Diagnosis) -> bool:
+    """Whether more is left than noise, but too little to matter."""
+    return any(one.id == SMALL_MISFIT for one in found.findings)
 
 
 def _turned(found: Diagnosis) -> list[str]:
@@ -269,6 +274,8 @@ def _miscalibrated(found: Diagnosis) -> str:
             needs = f"{response} needs {listed(said)}, and its error" if not model else f"the error of {response}"
             parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
     verdict = "No missing physics shows" if _wandering(found) else "No physics is missing"
+    if _small(found):
+        verdict = "No physics of a size that matters is missing"
     if not parts:
         own = "parameters" if model else "offset, gain or delay"
         return f"{verdict}: the simulation's own {own} explain the difference."
@@ -285,8 +292,10 @@ def _nothing(found: Diagnosis) -> str:
         held = fit.heldout.rmse_after
         parts.append(f"{response} ({amount(held if np.isfinite(held) else fit.train.rmse_after, fit.unit)} rms)")
     left = f"what is left{f' in {listed(parts)}' if parts else ''}"
+    if _small(found):
+        return f"Nothing of a size that matters is missing: {left} is little, but not all noise."
     if _wandering(found):
-        return f"Nothing shows to be missing: {left} may all be noise."
+        return f"Nothing shows to be missing: {left} is noise, for all that this record can tell."
     return f"Nothing is missing: {left} is noise."
 
 

@@ -29,6 +29,7 @@ from selector.diagnosis.evidence.naming import (
     evidence_rows,
     input_fault_effect,
     is_far_above_noise,
+    is_little_in_one_run,
     is_recalibrated,
     is_small,
     is_structured,
@@ -64,7 +65,7 @@ _SUSPECTED = 0.5  #: What is left of a confidence that another programme does no
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much and is carried: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
-_MANY = 3  #: Names from which on any smooth misfit may have been put together from them.
+_MANY, _TWO = 3, 2  #: Names from which on any smooth misfit may have been put together from them.
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
@@ -270,7 +271,9 @@ def _looked_at_what_is_left(state: _State) -> _State:
     only_fitted = bool(found.named) or bool(late) or any(bench.is_off_cycle for bench in found.benches.values())
     residuals, white = _left(comparison, found, only_fitted=only_fitted)
     seen = unexplained(comparison, residuals, white, seed=asked.seed, false_alarm=asked.false_alarm)
-    structures = [one for one in seen if not is_small(comparison, found, one.channel, one.size)]
+    little = {name for name in found.benches if is_little_in_one_run(comparison, found, name)}
+    of_size = [one for one in seen if one.channel not in little]
+    structures = [one for one in of_size if not is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
         structures = [*map(partial(_as_structure, comparison), state.switches.values()), *structures]
@@ -295,7 +298,9 @@ def _named(state: _State) -> _State:
     confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
     largest = max((effect.share for effect in confirmed), default=0.0)
     kept = [as_carried(effect, state.search) for effect in confirmed if _is_sure(effect, state.search, largest)]
-    if len(kept) >= _MANY:
+    # beside structure that is nobody's, a second name is as often a part of that as it is right
+    misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
+    if len(kept) >= (_TWO if misfit else _MANY):
         kept = [replace(effect, confidence=min(effect.confidence, _SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}
     left = [effect for effect in confirmed if effect.id not in ids]
@@ -447,6 +452,7 @@ def _fitted(state: _State) -> _State:
 
 def _answered(state: _State) -> Diagnosis:
     comparison, found, effects = state.comparison, state.search, state.effects
+    structured = state.small.union(one.channel for one in state.structures)
     answer = Diagnosis(
         comparison=comparison,
         verdict=state.verdict,
@@ -463,7 +469,7 @@ def _answered(state: _State) -> Diagnosis:
             *comparison.findings,
             *told_of_inputs(comparison, {channel for one in effects if is_data(one.id) for channel in one.channels}),
             *told_of_switches(comparison, state.switches),
-            *told_of_wandering(comparison, state.residuals, state.structures),
+            *told_of_wandering(comparison, state.residuals, structured),
             *told_of_carried(effects, found),
             *(() if effects else told_of_small(comparison, found, state.small)),
         ),
@@ -585,16 +591,9 @@ def _where(state: _State) -> tuple[Place, ...]:
             found += [replace(place, place=effect.place, share=place.share * effect.share) for place in windows]
     if not named and structures:
         surest = structures[0]
-        regime = surest.regime or _band(surest)
+        regime = surest.regime or surest.band_words
         for channel in state.switches or [surest.channel]:
             acts = state.switches[channel].course if state.switches else state.residuals[channel]
             windows = active_windows(comparison, channel, acts)
             found += [replace(place, regime=place.regime or regime, p_value=surest.p_value) for place in windows]
     return tuple(found)
-
-
-def _band(structure: Structure) -> str | None:
-    if structure.frequency_hz is None:
-        return None
-    low, high = structure.frequency_hz
-    return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"

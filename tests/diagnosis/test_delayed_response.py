@@ -27,3 +27,32 @@ def test_a_quick_course_that_comes_late_is_recalibrated(delay_s: float) -> None:
     found = least_squares(columns, difference)
     assert found[names.index("delay")] == pytest.approx(delay_s, rel=0.02)
     assert np.std(difference - columns @ found) < 0.02 * np.std(difference)
+
+
+def of_one_run(time: np.ndarray, recorded: np.ndarray, simulated: np.ndarray) -> Comparison:
+    return Comparison(
+        runs=("r1",), starts=(0, len(time)), time_s=time, channels=(Channel("T", "temperature", "degC"),),
+        recorded={"T": recorded}, simulated={"T": simulated}, responses=("T",),
+        held_out=np.zeros(len(time), dtype=bool),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("course", "names"),
+    [
+        ("stands", ("offset",)),
+        # its derivative is itself, but for an offset
+        ("exponential", ("offset", "gain")),
+        ("two exponentials", ("offset", "gain", "delay")),
+    ],
+)
+def test_a_simulation_has_the_recalibration_that_it_moves_enough_for(course: str, names: tuple[str, ...]) -> None:
+    time = np.arange(2000.0)
+    rng = np.random.default_rng(3)
+    moves = {
+        "stands": 20.0 + 1e-8 * rng.standard_normal(2000),
+        "exponential": 20.0 + 5.0 * np.exp(-time / 300.0),
+        "two exponentials": 20.0 + 5.0 * np.exp(-time / 300.0) + 5.0 * np.exp(-time / 60.0),
+    }[course]
+    recorded = moves + rng.standard_normal(2000)
+    assert recalibration_columns(of_one_run(time, recorded, moves), "T", np.ones(2000, dtype=bool))[1] == names

@@ -89,6 +89,29 @@ def test_structure_of_nobody_is_unexplained_and_bears_no_name():
     assert not found.effects
 
 
+def wandering(of_movement, runs):
+    """A structured misfit of so many parts of the movement, in a record that was made in so many runs."""
+    made = comparison({"Z": np.zeros(N)})
+    movement = float(np.std(made.simulated["Z"][:1200]))
+    spells = wavy(1.0) * (np.sin(TIME / 60.0) > 0.0)
+    z = made.recorded["Z"] + of_movement * movement * (spells / np.std(spells) + 0.05 * noise(10))
+    whole = replace(made, recorded=made.recorded | {"Z": z})
+    if runs == 1:
+        whole = replace(whole, runs=("r1",), starts=(0, N), time_s=np.arange(N) * 30.0)
+    return diagnosis(whole, seed=0)
+
+
+@pytest.mark.parametrize(("of_movement", "runs", "is_silent"), [(0.06, 1, True), (0.3, 1, False), (0.06, 3, False)])
+def test_a_little_misfit_of_one_run_is_told_and_is_not_missing(of_movement, runs, is_silent):
+    found = wandering(of_movement, runs)
+    told = [one for one in found.findings if one.id == "small-misfit"]
+    assert not found.effects
+    assert (found.verdict != "unexplained") == is_silent == bool(told)
+    if is_silent:
+        assert told[0].evidence["share_of_movement"] == pytest.approx(of_movement, rel=0.1)
+        assert "of a size that matters" in found.headline
+
+
 def test_what_is_only_seen_comes_back_from_the_json_and_is_shown():
     found = diagnosis(comparison({"Z": noise(7)}), seed=0)
     seen = NamedEffect(

@@ -36,7 +36,7 @@ def test_variances_and_memories_are_those_of_the_noise():
 
 def test_what_wanders_is_told_with_its_memory_and_white_noise_is_not():
     noise = {"Z": wanders(3), "Y": coloured("white", 3 * N, np.random.default_rng(4))}
-    (found,) = told_of_wandering(comparison(noise), noise, ())
+    (found,) = told_of_wandering(comparison(noise), noise, set())
     assert (found.id, found.where.channel) == ("slow-remainder", "Z")
     # 30 memories say the time to a factor of about two.
     assert 0.4 < found.evidence["correlation_time_s"] / (MEMORY * STEP_S) < 2.5

@@ -14,7 +14,7 @@ from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms
-from selector.diagnosis.finding_table import FINDINGS
+from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
 from selector.diagnosis.matching.runs import pure_error, rms
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.diagnosis.shapes.input_faults import InputFault
@@ -315,8 +315,8 @@ _NOTHING = 0.001  #: The same where what is left is noise, for all that is seen.
 _LITTLE_BESIDE, _ALL_LEFT, _MUCH_SMALLER = 0.04, 0.1, 0.8
 _LISTED = 0.01
 _SEEN_ONLY = 0.5  #: Confidence of what is only seen, too, at most.
-#: Times the pure error of repeats: a simulation that leaves no more is as good as a recording of the machine itself.
-_AS_REPEATED = 1.2
+#: Times the pure error of repeats: what two recordings of the machine itself differ by.
+_AS_REPEATED = float(np.sqrt(2.0))
 
 
 def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tuple[NamedEffect, ...]]:
@@ -331,7 +331,7 @@ def of_practical_size(comparison: Comparison, found: Search) -> tuple[Search, tu
         for id_, of in found.named.items()
         if id_ != "data.stuck"
         and (
-            all(_is_trifle(comparison, found, name) for name in of)
+            all(_is_trifle(comparison, found, name, is_noise=found.misfit[name] == 1.0) for name in of)
             or (all(found.misfit[name] > 1.0 for name in of) and max(_explained(comparison, found)) < _MOST)
         )
     }
@@ -366,11 +366,22 @@ def is_small(comparison: Comparison, found: Search, response: str, size: float =
     That is what repeats of a programme differ by as well, unseen rows too; a trifle of what was recorded; and little of
     it, where recalibration has made the error much smaller, in unseen rows as well: that is what is to be done first.
     """
-    repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
-    is_as_repeated = repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
     is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
     is_little &= _of_movement(comparison, found, response) < _ALL_LEFT and not _is_kept(comparison, response)
-    return is_as_repeated or is_little or _is_trifle(comparison, found, response)
+    is_trifle = _is_trifle(comparison, found, response, is_noise=not is_structured(found, response))
+    return is_little or is_trifle or _is_as_repeated(comparison, found, response)
+
+
+def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -> bool:
+    """Whether recalibration leaves less than a tenth of the movement, on unseen rows too, of a record of one run.
+
+    Nothing in such a record tells noise that wanders, and a law that is not quite its own, from what comes again.
+    """
+    bench = found.benches[response]
+    if np.ptp(bench.runs) > 0 or _is_kept(comparison, response):
+        return False
+    left = max(_left_alone(found, response), unseen_rms(bench, []))
+    return left < _ALL_LEFT * _movement(comparison, found, response)
 
 
 def is_recalibrated(found: Search, response: str) -> bool:
@@ -381,8 +392,13 @@ def is_recalibrated(found: Search, response: str) -> bool:
     return all(rms(left[rows]) < _MUCH_SMALLER * rms(bench.target[rows]) for rows in parts)
 
 
-def _is_trifle(comparison: Comparison, found: Search, response: str) -> bool:
-    least = _NOTHING if found.misfit[response] == 1.0 else _LITTLE
+def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> bool:
+    repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
+    return repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
+
+
+def _is_trifle(comparison: Comparison, found: Search, response: str, *, is_noise: bool) -> bool:
+    least = _NOTHING if is_noise else _LITTLE
     return not _is_kept(comparison, response) and _of_movement(comparison, found, response) < least
 
 
@@ -393,19 +409,23 @@ def _is_kept(comparison: Comparison, response: str) -> bool:
 
 def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
     """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
-    return tuple(
-        FINDINGS.finding(
-            "small-misfit",
-            f"What recalibration leaves of {name} is no noise, but only {share:.2g} of its movement (rms), no more "
-            "than repeats of a programme differ by, or little beside what recalibration puts right: too little to be "
-            "called missing physics.",
-            Where(channel=name),
-            {"share_of_movement": share, "times_noise": found.misfit[name]},
+    told = []
+    for name in found.benches:
+        if not (name in small or is_small(comparison, found, name)):
+            continue
+        share = _of_movement(comparison, found, name)
+        why = "no more than repeats of a programme differ by"
+        if not _is_as_repeated(comparison, found, name):
+            why = f"only {100.0 * share:.2g} % of its movement (rms)"
+        told.append(
+            FINDINGS.finding(
+                SMALL_MISFIT,
+                f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics.",
+                Where(channel=name),
+                {"share_of_movement": share, "times_noise": found.misfit[name]},
+            )
         )
-        for name in found.benches
-        if name in small or is_small(comparison, found, name)
-        for share in [_of_movement(comparison, found, name)]
-    )
+    return tuple(told)
 
 
 def _movement(comparison: Comparison, found: Search, response: str) -> float:

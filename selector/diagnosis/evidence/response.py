@@ -27,8 +27,11 @@ _BLOCKS = 24
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 _ROUNDS = 4
 _MOST_SAMPLES = 2.0
+#: Gain, and delay in samples: a simulation that would need more to move as much as the mismatch does stands still.
+_MOST = 1e6
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
 _AT_ONCE = 32
+_OF_ITS_OWN = 0.02  #: The same of a delay: below, it may be exchanged for a gain many times as large.
 _APART = 1e-4  #: Part of a column that is not the columns before it, without which it is no other one.
 OF_MODEL = "model: "  #: Begins the name of a column that is a parameter of a simulation that can be run again.
 
@@ -336,23 +339,35 @@ def recalibration_columns(
 ) -> tuple[Matrix, tuple[str, ...]]:
     """What the simulation's user may put right without new physics: offset, gain and delay of the simulated course.
 
-    Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1.
+    Columns are scaled to root mean square 1 over the fitted rows, but the offset, which is 1. A simulation that stands
+    still, for all that the recording does, has no gain and no delay; and a single exponential has no delay, which is
+    another gain of it.
     """
     simulated = comparison.simulated_course(response)
     found, names = [np.ones(len(simulated))], ["offset"]
-    for name, column in (("gain", simulated), ("delay", _delayed(comparison, response, simulated, fitted))):
+    delayed = _delayed(comparison, response, simulated, fitted)
+    mismatch = float(np.std(comparison.difference(response)[fitted]))
+    for name, column, most in (("gain", simulated, _MOST), ("delay", delayed, _MOST * comparison.period_s)):
         spread = float(np.std(column[fitted]))
-        if spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300):
+        if (
+            spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300)
+            and most * spread > mismatch
+            and _beside(np.column_stack(found)[fitted], column[fitted]) > _OF_ITS_OWN * spread
+        ):
             found.append(column)
             names.append(name)
     for name, column in comparison.tangents.get(response, {}).items():
         size = float(np.sqrt(np.mean(column[fitted] ** 2)))
-        known = np.column_stack(found)[fitted]
         # what is the same as an offset, gain or delay (a force per ampere) would make each of them come out anywhere
-        if size > 0.0 and rms(column[fitted] - known @ least_squares(known, column[fitted])) > _APART * size:
+        if size > 0.0 and _beside(np.column_stack(found)[fitted], column[fitted]) > _APART * size:
             found.append(column / size)
             names.append(f"{OF_MODEL}{name}")
     return np.column_stack(found), tuple(names)
+
+
+def _beside(known: Matrix, column: Vector) -> float:
+    """Root mean square of what known columns leave of one."""
+    return rms(column - known @ least_squares(known, column))
 
 
 def _delayed(comparison: Comparison, response: str, simulated: Vector, fitted: NDArray[np.bool_]) -> Vector:

@@ -1,6 +1,6 @@
 """Whether there is structure left in the residual that nothing explains; of what kind, and where; and what wanders."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, Literal
@@ -287,6 +287,14 @@ class Structure:
     unit: str
     p_value: float  #: Adjusted for all tests on all responses
 
+    @property
+    def band_words(self) -> str | None:
+        """The band in words; None where the structure has none."""
+        if self.frequency_hz is None:
+            return None
+        low, high = self.frequency_hz
+        return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"
+
 
 def unexplained(
     comparison: Comparison,
@@ -419,15 +427,14 @@ _TRIFLE = 0.1  #: Share of the variance that has to wander to be worth a word.
 
 
 def told_of_wandering(
-    comparison: Comparison, residuals: Mapping[str, Vector], structures: Sequence[Structure]
+    comparison: Comparison, residuals: Mapping[str, Vector], structured: Set[str]
 ) -> tuple[Finding, ...]:
-    """A finding for every response whose residual wanders slowly and shows no structure.
+    """A finding for every response whose residual wanders slowly, but for those that are `structured` and no noise.
 
-    `residuals` is response → what is left, shape (n_rows,) [its unit], NaN where missing. Of the responses of
-    `structures`, which are no noise, nothing is said.
+    `residuals` is response → what is left, shape (n_rows,) [its unit], NaN where missing.
     """
     found = []
-    for response in residuals.keys() - {structure.channel for structure in structures}:
+    for response in residuals.keys() - structured:
         rows = seen_rows(comparison, residuals[response])
         if not any(len(here) for here in rows):
             continue
