@@ -98,7 +98,8 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=TARGETS, default=list(TARGETS))
     for name in parser.parse_args().only:
         target = TARGETS[name]
-        model = model_of_three(has_slope=name != "fanuc") if name != "rexroth" else model_of_one()
+        has_slope = name not in ("fanuc", "reprapfirmware")
+        model = model_of_one() if name == "rexroth" else model_of_three(has_slope=has_slope)
         rows = recorded(model)
         if not target.has_guard:
             rows = replace(rows, test_um=None)

@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterator
 from fractions import Fraction
 
-from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.language import plain
 from selector.controllers.writers.exported import (
@@ -18,8 +17,7 @@ from selector.controllers.writers.exported import (
     filled,
     heading,
     require_own_axes,
-    sheet,
-    sign_test_of_block,
+    with_sheet,
 )
 from selector.controllers.writers.structured_text import tcpou_export
 
@@ -43,23 +41,8 @@ def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     }
     files[ADS_TABLE] = _ads_table(model, head)
     files |= tcpou_export(model, is_sign_verified=is_sign_verified).files
-    install, silently = sheet(
-        "beckhoff",
-        lists=", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1)),
-        cycles=SMOOTHING_CYCLES,
-    )
-    return Exported(
-        files=files,
-        install=install,
-        sign_test=sign_test_of_block(
-            model,
-            shown=lambda k, um: (
-                f"mode = {Mode.TEST:d}, offset_0 = {round(TENTHS_PER_UM * um)} by ADS. Without the PLC: "
-                f"lr_param.temp_comp_offset_0 {round(TENTHS_PER_UM * um)} in the axis list, start the CNC, home"
-            ),
-        ),
-        silently=silently,
-    )
+    lists = ", ".join(f"temp_comp_{k}.lis into the axis list of {axis}" for k, axis in enumerate(axes, 1))
+    return with_sheet("beckhoff", model, files, lists=lists, cycles=SMOOTHING_CYCLES)
 
 
 def temp_comp_mm(position_mm: float, *, position_0: int, offset_0: int, coefficient_um_per_m: float) -> float:

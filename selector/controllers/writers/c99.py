@@ -6,12 +6,11 @@ from typing import Literal
 import numpy as np
 
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import PLACES, Language, Program, Variable, plain
 from selector.controllers.single_precision import single_precision_findings, single_precision_lines
-from selector.controllers.writers.exported import Exported, filled, heading, sheet, sign_test
+from selector.controllers.writers.exported import Exported, filled, heading, with_sheet
 from selector.errors import OptionError
 
 Precision = Literal["double", "float"]
@@ -66,21 +65,8 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
         findings = (
             FINDINGS.finding("no-single-precision", f"No single precision: {error.found}.", suggestion=error.advice),
         )
-    install, silently = sheet("c", name=NAME, single=SINGLE_NAME)
-    return Exported(
-        files={**c_files(model, is_sign_verified=is_sign_verified), **in_single},
-        findings=findings,
-        sign_test=sign_test(
-            model,
-            "Call the program in its cycle with is_ready = 1 and is_wanted = 0 until correction_1 ... are 0. No sensor "
-            "is needed.",
-            lambda k, um: f"m.test_um_{k} = {um!r};",
-            lambda k, um: f"m.mode = {Mode.TEST:d}, m.correction_{k} = {um:g}",
-            "Set test_um_1 ... to 0 and, when the indicator is back at zero, is_wanted to 1.",
-        ),
-        install=install,
-        silently=silently,
-    )
+    files = {**c_files(model, is_sign_verified=is_sign_verified), **in_single}
+    return with_sheet("c", model, files, findings=findings, name=NAME, single=SINGLE_NAME)
 
 
 def c_files(

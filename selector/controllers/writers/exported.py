@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -38,6 +38,18 @@ def require_own_axes(model: ModelFile, where: str) -> None:
                 advice="leave one of them out, or name the axis that it moves in the model file",
             )
         taken[axis] = output.name
+
+
+def require_axes(axes: Iterable[str], known: str, why: str, where: str) -> None:
+    """Refuses an axis that is not among the letters `known`; `why` says why there are no others."""
+    for axis in axes:
+        if axis.upper() not in tuple(known):
+            raise ExportRefusedError(
+                f"axis {axis!r}",
+                expected=f"{', '.join(known[:-1])} or {known[-1]}: {why}",
+                where=where,
+                advice="name the axis of the output in the model file (outputs.axis), or leave the output out",
+            )
 
 
 @dataclass(frozen=True)
@@ -118,17 +130,6 @@ def _wrong(model: ModelFile) -> str:
     return "; ".join(ways) + ". Put that on the control and repeat the test; its sheet expects the other sign"
 
 
-def sign_test_of_block(model: ModelFile, *, shown: Callable[[int, float], str] | None = None) -> SignTest:
-    """The test of a function block that a person sees online."""
-    return sign_test(
-        model,
-        "Set is_ready to TRUE and is_wanted to FALSE; wait until correction_1 ... are 0. No sensor is needed.",
-        lambda k, um: f"test_um_{k} := {um!r};",
-        shown or (lambda k, um: f"mode = {Mode.TEST:d}, correction_{k} = {um:g}"),
-        "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to TRUE.",
-    )
-
-
 @dataclass(frozen=True)
 class Exported:
     """Files for a control, and what the person has to know who puts them there."""
@@ -141,15 +142,41 @@ class Exported:
 
 
 @cache
-def _sheets() -> dict[str, dict[str, list[str]]]:
+def _sheets() -> dict[str, dict[str, Any]]:
     return tomllib.loads(Path(__file__).with_name("sheets.toml").read_text(encoding="utf-8"))
 
 
-def sheet(target: str, **values: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """`install` and `silently` of an `Exported` as ``sheets.toml`` has them, values in the places of their {names}."""
+def with_sheet(
+    target: str,
+    model: ModelFile,
+    files: Mapping[str, Any],
+    test: SignTest | None = None,
+    findings: Iterable[Finding] = (),
+    **values: object,
+) -> Exported:
+    """The files with what ``sheets.toml`` says of them, values in the places of its {names}.
+
+    `test`: the sign test, where the sheet has none. Its {k}, {axis}, {small}, {um}, {mm}, {tenths} are of an output.
+    """
     told = _sheets()[target]
+    words = told.get("sign", {})
+    words = {**_sheets()[words["like"]]["sign"], **words} if "like" in words else words
+    axes = [output.axis_or_name for output in model.outputs]
+    values = {"axes": ", ".join(axes), "first": axes[0].upper(), "small": axes[0].lower(), **values}
+
+    def said(part: str) -> Callable[[int, float], str]:
+        def of_output(k: int, um: float) -> str:
+            units = {"um": um, "mm": um / 1000.0, "tenths": round(10.0 * um), "mode": int(Mode.TEST)}
+            letters = {"axis": axes[k - 1].upper(), "small": axes[k - 1].lower()}
+            return str(words[part].format(**{**values, "k": k, **units, **letters}))
+
+        return of_output
+
+    if test is None:
+        before, after = (words[part].format(**values) for part in ("before", "after"))
+        test = sign_test(model, before, said("command"), said("shown"), after)
     install, silently = (tuple(text.format(**values) for text in told[part]) for part in ("install", "silently"))
-    return install, silently
+    return Exported(files, install, test, silently, tuple(findings))
 
 
 class _Template(Template):

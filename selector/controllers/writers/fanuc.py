@@ -37,8 +37,8 @@ from selector.controllers.writers.exported import (
     ExportRefusedError,
     heading,
     require_own_axes,
-    sheet,
     sign_test,
+    with_sheet,
 )
 from selector.findings import Finding
 
@@ -120,13 +120,18 @@ def findings_of_macro(model: ModelFile, left_out: Sequence[str]) -> Iterator[Fin
         evidence={"left_out": list(left_out)},
         suggestion="let the program that feeds the temperatures watch the sensors, or run the whole model there",
     )
+    yield from position_findings(model, "the external work offset")
+
+
+def position_findings(model: ModelFile, what: str) -> Iterator[Finding]:
+    """For each position-dependent part, what is lost: `what` moves the axis cannot follow its position."""
     for output in model.outputs:
         if output.position is not None:
             without = output.model_copy(update={"position": None})
             lost_um = output_bound_um(model, output) - output_bound_um(model, without)
             yield FINDINGS.finding(
                 "position-part-left-out",
-                f"{output.name}: the external work offset cannot follow the position; up to {lost_um:.3g} µm at the "
+                f"{output.name}: {what} cannot follow the position; up to {lost_um:.3g} µm at the "
                 "far end of the axis are not corrected.",
                 evidence={"output": output.name, "lost_um": lost_um},
             )
@@ -344,8 +349,20 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
     begins_anew = [f"{kinds[item.reference]}_{k}" for k, item in enumerate(model.inputs, 1)]
     corrections = [program[f"correction_{k}"] for k in range(1, len(model.outputs) + 1)]
     _, open_limits = decided_limits(model)
-    install, silently = sheet(
+    return with_sheet(
         "fanuc",
+        model,
+        {FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
+        sign_test(
+            model,
+            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{tests[0]} ... = 0; call "
+            f"G65 P{PROGRAM} once a second until #{corrections[0]} ... are 0. In MDI, command the axis to a "
+            "place in the work coordinate system. No sensor is needed.",
+            lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
+            lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
+            f"Set #{tests[0]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set #{names.off} = 0.",
+        ),
+        (*findings_of_macro(model, left_out), *open_limits),
         time=TIME,
         last_volatile=names.last_volatile,
         first_kept=FIRST_KEPT,
@@ -363,21 +380,6 @@ def fanuc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exporte
         apart_s=max(1.0, model.guard.recover_after_s / LEAST_GOOD_SAMPLES),
         anew=", ".join(f"#{program[name]}" for name in begins_anew),
         step_s=LONGEST_STEP_S,
-    )
-    return Exported(
-        files={FILE: _program(model, names, left_out, is_sign_verified=is_sign_verified)},
-        install=install,
-        sign_test=sign_test(
-            model,
-            f"#{TIME} runs on. Set #{names.off} = 1 (no correction) and #{tests[0]} ... = 0; call "
-            f"G65 P{PROGRAM} once a second until #{corrections[0]} ... are 0. In MDI, command the axis to a "
-            "place in the work coordinate system. No sensor is needed.",
-            lambda k, um: f"#{tests[k - 1]} = {um:g}, then G65 P{PROGRAM} once a second, then the same place again",
-            lambda k, um: f"#{STATUS} = {Mode.TEST:d}, #{corrections[k - 1]} = {um:g}",
-            f"Set #{tests[0]} ... to 0, call G65 P{PROGRAM} until the corrections are 0, then set #{names.off} = 0.",
-        ),
-        silently=silently,
-        findings=(*findings_of_macro(model, left_out), *open_limits),
     )
 
 

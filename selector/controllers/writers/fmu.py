@@ -12,13 +12,12 @@ from pathlib import Path
 from selector import __version__
 from selector.controllers.c_compiler import compiled, compiler, compiler_version
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode
 from selector.controllers.model_file import ModelFile
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Kind, Place, Variable, plain
 from selector.controllers.program.statements import NO_READING
 from selector.controllers.writers.c99 import NAME, c_files
-from selector.controllers.writers.exported import Exported, filled, heading, sheet, sign_test
+from selector.controllers.writers.exported import Exported, filled, heading, with_sheet
 from selector.controllers.writers.structured_text import guid
 from selector.errors import NotExecutableError
 
@@ -57,21 +56,7 @@ def fmu_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     except NotExecutableError as error:
         holds = "C sources only, to be compiled where it is used"
         findings = [FINDINGS.finding("fmu-without-binary", f"The unit has no binary for {own}: {error.found}.")]
-    install, silently = sheet("fmu", file=FILE, holds=holds)
-    return Exported(
-        files={FILE: _zipped(files)},
-        install=install,
-        sign_test=sign_test(
-            model,
-            "Step the unit with is_ready = true and is_wanted = false until correction_1 ... are 0. No sensor is "
-            "needed.",
-            lambda k, um: f"test_um_{k} = {um!r}",
-            lambda k, um: f"mode = {Mode.TEST:d}, correction_{k} = {um:g}",
-            "Set test_um_1 ... to 0 and, when the indicator is back at zero, is_wanted to true.",
-        ),
-        silently=silently,
-        findings=tuple(findings),
-    )
+    return with_sheet("fmu", model, {FILE: _zipped(files)}, findings=findings, file=FILE, holds=holds)
 
 
 @lru_cache(maxsize=8)

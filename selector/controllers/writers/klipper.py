@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from selector.controllers.evaluator import axes_of
-from selector.controllers.guard.decided import Mode, decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import Input, ModelFile, equations_sha256, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import plain
@@ -14,9 +14,9 @@ from selector.controllers.writers.exported import (
     ExportRefusedError,
     filled,
     heading,
+    require_axes,
     require_own_axes,
-    sheet,
-    sign_test,
+    with_sheet,
 )
 from selector.controllers.writers.python_module import program_class
 
@@ -32,14 +32,8 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
     """``selector_correction.py`` for ``klippy/extras`` and ``selector_correction.cfg``."""
     where = "Klipper's move transform"
     axes = [output.axis_or_name for output in model.outputs]
-    for axis in (*axes, *axes_of(model)):
-        if axis.upper() not in AXES or len(axis) != 1:
-            raise ExportRefusedError(
-                f"axis {axis!r}",
-                expected="X, Y or Z: these are what Klipper can add a correction to, and knows the position of",
-                where=where,
-                advice="name the axis of the output in the model file (outputs.axis), or leave the output out",
-            )
+    why = "these are what Klipper can add a correction to, and knows the position of"
+    require_axes((*axes, *axes_of(model)), AXES, why, where)
     require_own_axes(model, where)
     if len(model.inputs) > MOST_INPUTS:
         raise ExportRefusedError(
@@ -48,26 +42,11 @@ def klipper_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             where=where,
             advice="select fewer sensors (`selector select --max-sensors`)",
         )
-    letters = ", ".join(axes)
-    first = axes[0].upper()
-    install, silently = sheet("klipper", name=NAME, command=COMMAND, axis=first.lower(), axes=letters)
-    return Exported(
-        files={
-            f"{NAME}.py": klipper_extra(model, is_sign_verified=is_sign_verified),
-            f"{NAME}.cfg": _section(model, is_sign_verified=is_sign_verified),
-        },
-        install=install,
-        sign_test=sign_test(
-            model,
-            f"G28; {COMMAND} ENABLE=0; move the nozzle to the indicator and wait; {COMMAND} MOVE=1 until 0.0 um are "
-            "applied. No sensor is needed.",
-            lambda k, um: f"{COMMAND} TEST_{axes[k - 1].upper()}={um:g}; after the wait {COMMAND} MOVE=1",
-            lambda k, um: f"mode {Mode.TEST:d}; {axes[k - 1].lower()}: {um:+.1f} um wanted, {um:+.1f} um applied",
-            f"{COMMAND} TEST_{first}=0 ..., wait, {COMMAND} MOVE=1; when the indicator is back at zero, {COMMAND} "
-            "ENABLE=1.",
-        ),
-        silently=silently,
-    )
+    files = {
+        f"{NAME}.py": klipper_extra(model, is_sign_verified=is_sign_verified),
+        f"{NAME}.cfg": _section(model, is_sign_verified=is_sign_verified),
+    }
+    return with_sheet("klipper", model, files, name=NAME, command=COMMAND)
 
 
 def klipper_extra(model: ModelFile, *, is_sign_verified: bool = False) -> str:

@@ -9,7 +9,7 @@ from selector.controllers.model_file import ModelFile, Output, kept_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Program, plain
 from selector.controllers.writers.c99 import c_parts
-from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, sheet, sign_test
+from selector.controllers.writers.exported import Exported, filled, heading, require_own_axes, sign_test, with_sheet
 from selector.findings import Finding
 
 NAME = "thermcorr"
@@ -50,23 +50,15 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
     axes = "".join(f" [AXIS_{letter.upper()}]" for letter in wired.values())
     offsets = {k: f"axis.{letter}.eoffset" for k, letter in wired.items()}
     inputs = ", ".join(f"reading-{k}" for k in range(1, len(model.inputs) + 1))
-    install, silently = sheet(
+    return with_sheet(
         "linuxcnc",
-        name=NAME,
-        sections=axes or " [AXIS_...]",
-        inputs=inputs,
-        inch=0.0001 / 25.4,
-        shown=f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired.",
-        periods=READY_PERIODS,
-    )
-    return Exported(
-        files={
+        model,
+        {
             f"{NAME}.comp": component(model, is_sign_verified=is_sign_verified),
             f"{NAME}.hal": _wiring(model, wired, is_sign_verified=is_sign_verified),
             **memory_files(model),
         },
-        install=install,
-        sign_test=sign_test(
+        sign_test(
             model,
             f"Machine on, homed, tool at rest; {_switched(0)}; wait until correction-1 ... are 0. No sensor is needed.",
             lambda k, um: f"halcmd setp {NAME}.test-um-{k} {um:g}",
@@ -76,8 +68,13 @@ def linuxcnc_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expo
             ),
             f"halcmd setp {NAME}.test-um-1 0 ...; when the indicator is back at zero, {_switched(1)}.",
         ),
-        silently=silently,
-        findings=findings,
+        findings,
+        name=NAME,
+        sections=axes or " [AXIS_...]",
+        inputs=inputs,
+        inch=0.0001 / 25.4,
+        shown=f", and {', '.join(offsets.values())} the same in mm." if offsets else "; no axis is wired.",
+        periods=READY_PERIODS,
     )
 
 

@@ -1,32 +1,38 @@
-"""A Python module without any import, for edge computers and for controls that run Python."""
+"""A Python module without any import, and beside it what brings its corrections into words of a Mitsubishi M800."""
 
-from selector.controllers.guard.decided import Mode
-from selector.controllers.model_file import ModelFile
+from selector.controllers.model_file import ModelFile, kept_sha256
 from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import PLACES, Program, plain
-from selector.controllers.writers.exported import Exported, heading, sheet, sign_test
+from selector.controllers.program.statements import NO_READING
+from selector.controllers.writers.exported import Exported, filled, heading, require_axes, require_own_axes, with_sheet
 
 MODULE_NAME = "thermal_correction"
 CLASS = "ThermalCorrection"
+M800_FILE = "m800_words.py"
 
 
 def python_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """``thermal_correction.py``."""
-    install, silently = sheet("python", name=MODULE_NAME)
-    return Exported(
-        files=python_files(model, is_sign_verified=is_sign_verified),
-        install=install,
-        sign_test=sign_test(
-            model,
-            "Call step() in its cycle with is_ready = True and is_wanted = False, and send what it gives, until "
-            "correction_1 ... are 0. No sensor is needed.",
-            lambda k, um: f"program.test_um_{k} = {um!r}",
-            lambda k, um: f"program.mode == {Mode.TEST:d}, program.correction_{k} == {um:g}",
-            "Set test_um_1 ... to 0.0 and, when the indicator is back at zero, is_wanted to True.",
-        ),
-        silently=silently,
+    files = python_files(model, is_sign_verified=is_sign_verified)
+    return with_sheet("python", model, files, name=MODULE_NAME)
+
+
+def mitsubishi_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
+    """``thermal_correction.py`` and ``m800_words.py``."""
+    where, axes = "Mitsubishi M800, words from R5700 on", [output.axis_or_name.upper() for output in model.outputs]
+    require_own_axes(model, where)
+    require_axes(axes, "XYZ", "the six words are of these", where)
+    words = filled(
+        "m800_words",
+        head=[f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)],
+        model=repr(kept_sha256(model)),
+        axes=repr(axes),
+        retained=[f"    {one.name!r}," for one in guarded_program(model).of("retained")],
+        no_reading=repr(NO_READING),
     )
+    files = {**python_files(model, is_sign_verified=is_sign_verified), M800_FILE: words}
+    return with_sheet("mitsubishi", model, files, file=M800_FILE, module=MODULE_NAME)
 
 
 def python_files(model: ModelFile, *, is_sign_verified: bool = False) -> dict[str, str]:

@@ -15,7 +15,7 @@ from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import is_turned
 from selector.controllers.model_file import Input, ModelFile, Output
 from selector.controllers.program.language import plain
-from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sheet, sign_test
+from selector.controllers.writers.exported import Exported, ExportRefusedError, heading, sign_test, with_sheet
 from selector.findings import Finding
 
 FILE = "indradrive_axis_correction.txt"
@@ -41,11 +41,11 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
     lines = [f"; {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     for output in model.outputs:
         lines += _table(model, output, found[output.name])
-    install, silently = sheet("rexroth", file=FILE)
-    return Exported(
-        files={FILE: "\n".join(lines) + "\n"},
-        install=install,
-        sign_test=sign_test(
+    return with_sheet(
+        "rexroth",
+        model,
+        {FILE: "\n".join(lines) + "\n"},
+        sign_test(
             model,
             "Let the drive have a steady temperature T; P-0-0406 = 0, P-0-0407 = 0: no correction.",
             lambda k, um: f"P-0-0402 = T − 1 K, P-0-0407 = {um:g} µm/K: a correction value of {um:g} µm",
@@ -58,8 +58,8 @@ def rexroth_export(model: ModelFile, *, is_sign_verified: bool = False) -> Expor
             has_slew=False,
             by="There is no program that could command a value: the drive's own parameters are set for the test.",
         ),
-        silently=silently,
-        findings=tuple(_findings(model, found)),
+        _findings(model, found),
+        file=FILE,
     )
 
 

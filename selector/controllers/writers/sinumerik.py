@@ -7,12 +7,12 @@ and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no
 from collections.abc import Iterator, Mapping
 
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode, decided_limits
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import Exported, require_own_axes, sheet, sign_test_of_block
+from selector.controllers.writers.exported import Exported, require_own_axes, with_sheet
 from selector.controllers.writers.structured_text import BLOCK, NAME, SECTIONS, StructuredText, block_text, head_lines
 from selector.csv_text import csv_text
 from selector.findings import Finding
@@ -38,8 +38,15 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
     """SCL in REAL, the setting data in their units, and a table of what to set on the control."""
     require_own_axes(model, "SINUMERIK setting data, outputs")
     head = head_lines(model, is_sign_verified=is_sign_verified)
-    install, silently = sheet(
+    return with_sheet(
         "sinumerik",
+        model,
+        {
+            f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
+            SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
+            SETTINGS: _settings(model),
+        },
+        findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
         block=BLOCK,
         setter=BLOCK_OF_SETTING_DATA,
         settings=SETTINGS,
@@ -49,23 +56,6 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
         factor=ADD_VELO_FACTOR,
         slope=LARGEST_SLOPE,
         um_per_m=LARGEST_SLOPE * 1e6,
-    )
-    return Exported(
-        files={
-            f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
-            SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
-            SETTINGS: _settings(model),
-        },
-        install=install,
-        sign_test=sign_test_of_block(
-            model,
-            shown=lambda k, um: (
-                f"mode = {Mode.TEST:d}, SD43900 = {um * MM_PER_UM:.3f} mm. Without the PLC: MD32750 = 1, "
-                f"write {um * MM_PER_UM:.3f} into SD43900 by hand"
-            ),
-        ),
-        silently=silently,
-        findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
     )
 
 

@@ -14,7 +14,7 @@ from selector import __version__
 from selector.controllers.model_file import ModelFile, equations_sha256
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Language, Place, Program, Variable, plain
-from selector.controllers.writers.exported import Exported, filled, heading, sheet, sign_test_of_block
+from selector.controllers.writers.exported import Exported, filled, heading, with_sheet
 from selector.errors import OptionError
 
 RealType = Literal["LREAL", "REAL"]
@@ -114,8 +114,7 @@ def st_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
 
 
 def _exported(target: str, file: str, text: str, model: ModelFile) -> Exported:
-    install, silently = sheet(target, name=NAME, block=BLOCK)
-    return Exported({file: text}, install, sign_test_of_block(model), silently)
+    return with_sheet(target, model, {file: text}, name=NAME, block=BLOCK)
 
 
 def st_text(model: ModelFile, *, is_sign_verified: bool = False) -> str:

@@ -33,6 +33,7 @@ from selector.controllers.replay.parts import (
     unguarded_um,
     units_in_single_um,
 )
+from selector.controllers.replay.reprapfirmware_executed import reprapfirmware_answers
 from selector.controllers.replay.structured_text_executed import (
     drive_answers,
     parser_name,
@@ -47,14 +48,15 @@ from selector.controllers.writers.beckhoff import ADS_TABLE, beckhoff_export
 from selector.controllers.writers.c99 import NAME, SINGLE_NAME, c_export
 from selector.controllers.writers.exported import Exported
 from selector.controllers.writers.fanuc import FILE as MACRO_FILE
-from selector.controllers.writers.fanuc import fanuc_export
+from selector.controllers.writers.fanuc import fanuc_export, macro_model
 from selector.controllers.writers.fmu import FILE as UNIT
 from selector.controllers.writers.fmu import fmu_export
 from selector.controllers.writers.klipper import NAME as EXTRA_NAME
 from selector.controllers.writers.klipper import klipper_export
 from selector.controllers.writers.linuxcnc import NAME as HAL_NAME
 from selector.controllers.writers.linuxcnc import linuxcnc_export
-from selector.controllers.writers.python_module import python_export
+from selector.controllers.writers.python_module import mitsubishi_export, python_export
+from selector.controllers.writers.reprapfirmware import STEP, reprapfirmware_export
 from selector.controllers.writers.rexroth import FILE as DRIVE_FILE
 from selector.controllers.writers.rexroth import rexroth_export
 from selector.controllers.writers.sinumerik import SETTING_DATA, has_own_line, sinumerik_export
@@ -117,6 +119,7 @@ _SMALLER = "its guard is smaller"
 _SINGLE = "it calculates in single precision"
 _NO_CLAMP = "the control's straight line goes on beyond the valid positions, and has no clamp"
 _BLOCK_OF_TWINCAT = Part(_BLOCK_FILE, _as_text(_BLOCK_FILE, text_of_tcpou), parser_name)
+_PYTHON = Part(f"{NAME}.py", _alone(python_answers), lambda: f"Python {platform.python_version()}")
 
 TARGETS: Mapping[str, Target] = {
     "c": Target(
@@ -205,9 +208,21 @@ TARGETS: Mapping[str, Target] = {
         has_guard=False,
         takes_touch_offs=False,
     ),
-    "python": Target(
-        "Python",
-        python_export,
-        (Part(f"{NAME}.py", _alone(python_answers), lambda: f"Python {platform.python_version()}"),),
+    "reprapfirmware": Target(
+        "RepRapFirmware",
+        reprapfirmware_export,
+        (
+            Part(
+                STEP,
+                _alone(reprapfirmware_answers),
+                _own("meta commands in binary32"),
+                lambda model, rows, whole, main: in_single_um(macro_model(model), rows, whole, main),
+                lambda model, rows, whole: units_in_single_um(macro_model(model), rows, whole),
+                _SINGLE,
+            ),
+        ),
+        takes_touch_offs=False,
     ),
+    "mitsubishi": Target("Mitsubishi M800", mitsubishi_export, (_PYTHON,)),
+    "python": Target("Python", python_export, (_PYTHON,)),
 }
