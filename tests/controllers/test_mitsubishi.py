@@ -168,6 +168,12 @@ def test_a_new_process_takes_over_what_the_control_holds(tmp_path):
     assert lows[-1] == -20
 
 
+def test_what_it_cannot_have_sent_is_not_taken_over(tmp_path):
+    with pytest.raises(Exception, match=r"5000 um for Z, and this program sends 40 at most: something else writes"):
+        offsets(z_model(), Control(0, 0, 0, 0, 5000, 0), tmp_path)
+    offsets(z_model(), Control(7, 7, 7, 7, -40, -1), tmp_path)
+
+
 @pytest.mark.parametrize("damaged", ["", "{", '{"model": "another"}', "whole", "short"])
 def test_what_was_kept_by_others_or_is_damaged_is_not_taken(damaged, tmp_path):
     control = Control()

@@ -1,5 +1,6 @@
 """A Python module without any import, and beside it what brings its corrections into words of a Mitsubishi M800."""
 
+from selector.controllers.guard.decided import decided_limits
 from selector.controllers.model_file import ModelFile, kept_sha256
 from selector.controllers.program.executed import PythonText
 from selector.controllers.program.guarded_program import guarded_program
@@ -28,6 +29,7 @@ def mitsubishi_export(model: ModelFile, *, is_sign_verified: bool = False) -> Ex
         head=[f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)],
         model=repr(kept_sha256(model)),
         axes=repr(axes),
+        clamps=repr([of.clamp_um for of in decided_limits(model)[0].values()]),
         retained=[f"    {one.name!r}," for one in guarded_program(model).of("retained")],
         no_reading=repr(NO_READING),
     )

@@ -20,6 +20,7 @@ import time
 
 MODEL = 'a6dda75b221d0a842068d1621f8510b36cdd362cdb3044be21d7c187f108c47f'  # of what is kept; another model does not take it
 AXES = ['Z', 'Y']  # of correction_1 ...; the block has X, Y, Z
+CLAMPS_UM = [90.0, 54.0]  # of these
 RETAINED = [
     'has_memory_1',
     'start_1',
@@ -33,7 +34,7 @@ SAVE_EVERY_S = 300.0
 
 
 class NotArrivedError(Exception):
-    """The control holds other words than it was sent."""
+    """The control holds other words than it was sent, or than it can have been sent."""
 
 
 def words(corrections_um):
@@ -72,7 +73,12 @@ class Offsets:
         program.is_ready = True
         program.step()
         program.is_restart = False
-        for k, um in enumerate(micrometres(read()), 1):
+        held = list(read())
+        for k, (um, clamp_um) in enumerate(zip(micrometres(held), CLAMPS_UM), 1):
+            if abs(um) > clamp_um + 0.5:
+                raise NotArrivedError("R5700 holds %r, %d um for %s, and this program sends %g at most: something else"
+                                      " writes there, or a word is no micrometre; find out which, set the words to 0"
+                                      " by hand, and start again" % (held, um, AXES[k - 1], clamp_um))
             setattr(program, "k0_%d" % k, float(um))
 
     def cycle(self, dt_s, readings, is_ready=True, positions_m=(), is_wanted=True):
