@@ -82,6 +82,8 @@ class Recording:
     channels: tuple[Channel, ...]  #: One per column, in column order
     #: Where the data came from: per run the file name, its SHA-256, the absolute start if known, what was inferred
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    #: Run → what was read before it, in the frame and none of the runs, and how much later it starts [s]
+    follows: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         names = [channel.name for channel in self.channels]
@@ -133,7 +135,8 @@ class Recording:
     @property
     def runs(self) -> tuple[str, ...]:
         """Names of the runs, in the order in which they were read."""
-        return tuple(self._run_slices)
+        before = {name for name, _ in self.follows.values()}
+        return tuple(run for run in self._run_slices if run not in before)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -202,12 +205,13 @@ def restarts(rests: NDArray[np.bool_], length_s: NDArray[np.float64]) -> list[in
     return begins
 
 
-def thinned(source: RunSource, stride: int, runs: Iterable[str] | None = None) -> Recording:
+def thinned(source: RunSource, stride: int) -> Recording:
     """Every `stride`-th sample of a source, in memory; one pass over the runs, one piece at a time."""
+    follows: Mapping[str, tuple[str, float]] = getattr(source, "follows", {})
     names = [channel.name for channel in source.channels]
     parts: list[pd.DataFrame] = []
     kept: list[str] = []
-    for run in source.runs if runs is None else runs:
+    for run in (*source.runs, *(before for before, _ in follows.values())):
         first = 0
         pieces: list[pd.DataFrame] = []
         for time_s, values in source.chunks(run, names):
@@ -220,7 +224,7 @@ def thinned(source: RunSource, stride: int, runs: Iterable[str] | None = None) -
             parts.append(pd.concat(pieces))
             kept.append(run)
     frame = pd.concat(parts, keys=kept, names=["run", "time_s"])
-    return Recording(frame, tuple(source.channels), dict(getattr(source, "provenance", {})))
+    return Recording(frame, tuple(source.channels), dict(getattr(source, "provenance", {})), follows)
 
 
 def _require(holds: bool, found: str, expected: str) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from selector.atomic_file import write_whole
-from selector.controllers.evaluator import axes_of, evaluate, evaluate_after, first_finite
+from selector.controllers.evaluator import axes_of, evaluate_after, first_finite
 from selector.controllers.finding_table import FINDINGS, SENSOR_LOOKS_BROKEN
 from selector.controllers.guard.decided import CODE_SLACK, RANGE_SLACK
 from selector.controllers.model_file import Input, ModelFile, Output
@@ -20,7 +20,7 @@ from selector.csv_text import defused
 from selector.errors import OptionError, RecordingError, UnitError
 from selector.findings import Finding, Where
 from selector.models.design import datum_of
-from selector.models.run_before import Before, begun, chain_before, runs_before
+from selector.models.run_before import Before, before_gauge, begun, chain_before, runs_before
 from selector.quality import inspect, without_faults
 from selector.quality.finding_table import GAUGE_BEGINS_LATE
 from selector.quality.survey import duration
@@ -167,30 +167,43 @@ def known_starts(starts: PerRun) -> dict[str, dict[str, float]]:
 
 def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple[Recording, tuple[Finding, ...]]:
     """The recording without the faults of its displacement, and what is wrong with the channels of the model; a run
-    begins with its displacement (`begun`), as in a selection. Not so for a model with memory, which needs what went
-    before: a displacement that begins late is not compared with it.
+    begins with its displacement (`begun`), as in a selection, and memory goes on from what was read before.
 
     A broken sensor is not mended: its readings stay what a control would get. What is missing altogether is left for
     `require_channels`, which says it in the words of the model.
     """
     outputs = [output.name for output in model.outputs]
     used = {*outputs, *(item.name for item in model.inputs)} & set(recording.names)
-    of_memory = _rises(model, recording) if model.states else []
-    found = tuple(_of_comparison(finding, outputs, of_memory) for finding in inspect(recording, used))
+    found = tuple(_of_comparison(finding, outputs) for finding in inspect(recording, used))
     kept = without_faults(recording, found)
-    source = begun(kept, _rises(model, kept))
+    rises = _rises(model, kept)
+    source = begun(kept, rises)
+    if model.states:
+        found = tuple(_of_memory(one, source) if one.where.channel in rises else one for one in found)
+        kept = without_faults(recording, found)
+        source = begun(kept, _rises(model, kept))
     return kept if source is kept else thinned(source, 1), found
 
 
-def _of_comparison(finding: Finding, outputs: list[str], of_memory: list[str]) -> Finding:
-    """The finding with the action that it has here: only faulty displacement is left out."""
-    if finding.id == GAUGE_BEGINS_LATE and finding.where.channel in of_memory:
-        told = f"{finding.where.channel} begins late in run {finding.where.run} and is not compared there: the model "
-        told += "remembers what the machine did before."
-        mend = "Start the gauge with the thermometers; then the run is compared."
+def _of_memory(finding: Finding, source: RunSource) -> Finding:
+    """What a rise that begins late means for a model with memory; other findings as they are."""
+    if finding.id != GAUGE_BEGINS_LATE:
+        return finding
+    name, run = finding.where.channel, str(finding.where.run)
+    told = f"{name} begins late in run {run}"
+    if before_gauge(getattr(source, "follows", {}), run) is None:
+        told += " and is not compared there: other displacements have no reading when it begins."
+        mend = "Read all gauges at about the same time; then the run is compared."
         return dataclasses.replace(
             finding, level="warning", statement=told, suggestion=mend, action="leave-out-channel"
         )
+    begin_s = float(next(iter(source.chunks(run, ())))[0][0])
+    told += f": it is compared from {begin_s:.0f} s on, and what sensors read before only drives the model's memory."
+    return dataclasses.replace(finding, statement=told)
+
+
+def _of_comparison(finding: Finding, outputs: list[str]) -> Finding:
+    """The finding with the action that it has here: only faulty displacement is left out."""
     if finding.action == "none" or (finding.action == "leave-out-stretch" and finding.where.channel in outputs):
         return finding
     suggestion = re.sub(r" *\bThe \w+ (is|are) left out\.", "", finding.suggestion)
@@ -380,13 +393,11 @@ def _predictions(
     positions = {
         axis: recording.values(run, [channel])[:, 0] for axis, channel in position_channels(model, recording).items()
     }
-    predicted = evaluate(model, time_s, readings, starts, positions or None)
-    if chain := chain_before(follows, run, np.array([state.tau_s for state in model.states])):
-        tables = {one: dict(zip(names, recording.values(one, names).T, strict=True)) for one, _ in chain}
-        times = [recording.time_s(one) - later_s for one, later_s in chain]
-        read = [usable_readings(model, one, at, tables[one])[0] for (one, _), at in zip(chain, times, strict=True)]
-        earlier = list(zip(times, read, strict=True))
-        predicted = evaluate_after(model, earlier, time_s, readings, starts, positions, predicted)
+    earlier = []
+    for one, later_s in chain_before(follows, run, np.array([state.tau_s for state in model.states])):
+        at_s, of = recording.time_s(one) - later_s, dict(zip(names, recording.values(one, names).T, strict=True))
+        earlier.append((at_s, usable_readings(model, one, at_s, of)[0]))
+    predicted = evaluate_after(model, earlier, time_s, readings, starts, positions or None)
     found = [*findings, *outside_valid_range(model, run, time_s, readings, starts)]
     for name, values in predicted.items():
         missing = ~np.isfinite(values)

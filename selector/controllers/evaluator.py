@@ -91,12 +91,13 @@ def evaluate(
     readings: Mapping[str, ArrayLike],
     start_readings: Mapping[str, float] | None = None,
     positions_m: Mapping[str, ArrayLike] | None = None,
+    earlier: Sequence[tuple[Array, Mapping[str, Array]]] = (),
 ) -> dict[str, Array]:
     """The outputs [µm] of a run, the same bits as `Evaluator` gives sample by sample.
 
     `time_s`, and every series of readings [unit of the input] and of positions [m], have the shape (n_samples,); a
     reading that is not finite is missing. Default of the start readings: the first finite ones; of the positions: the
-    reference.
+    reference. Memory goes on from `earlier` (time, readings).
 
     Raises RecordingError: an input has no readings, lengths differ or time does not increase.
     """
@@ -111,6 +112,8 @@ def evaluate(
     result = {output.name: np.empty(len(time)) for output in model.outputs}
     # overflow gives inf and NaN, as it does in Evaluator
     with np.errstate(over="ignore", invalid="ignore"):
+        for times, before in earlier:
+            _scaled(model, times, before, start, memory)
         for first in range(0, len(time), BLOCK_SAMPLES):
             block = slice(first, first + BLOCK_SAMPLES)
             z = _scaled(model, time[block], {name: values[block] for name, values in table.items()}, start, memory)
@@ -126,20 +129,15 @@ def evaluate_after(
     time_s: Array,
     readings: Mapping[str, Array],
     start_readings: Mapping[str, float],
-    positions_m: Mapping[str, Array],
-    alone: Mapping[str, Array],
+    positions_m: Mapping[str, Array] | None,
 ) -> dict[str, Array]:
     """The outputs of a run with the memory of the runs before, whose (time, readings) end before it begins.
 
-    Rises have at the start what they have `alone`, which is what `evaluate` gives for the run by itself.
+    Rises have at the start what they have in the run by itself.
     """
-    n = sum(len(times) for times, _ in earlier)
-    joined = {name: np.concatenate([*(of[name] for _, of in earlier), values]) for name, values in readings.items()}
-    positions = {axis: np.r_[np.full(n, values[0]), values] for axis, values in positions_m.items()}
-    times = np.concatenate([*(times for times, _ in earlier), time_s])
-    whole = evaluate(model, times, joined, start_readings, positions or None)
-    found = {name: values[n:] for name, values in whole.items()}
-    for output in model.outputs:
+    alone = evaluate(model, time_s, readings, start_readings, positions_m)
+    found = evaluate(model, time_s, readings, start_readings, positions_m, earlier) if earlier else alone
+    for output in model.outputs if earlier else ():
         known = np.flatnonzero(np.isfinite(found[output.name]))
         if len(known) and output.reference == "rise":
             found[output.name] = found[output.name] + (alone[output.name] - found[output.name])[known[0]]

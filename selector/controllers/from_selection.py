@@ -1,10 +1,11 @@
 """From a selection to the model file that a control is given."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
+import pandas as pd
 
 from selector import __version__
 from selector.controllers.application import period_of
@@ -21,12 +22,14 @@ from selector.controllers.model_file import (
     Validation,
 )
 from selector.controllers.self_check import sealed
-from selector.models.design import Scaling
+from selector.models.design import Scaling, datum_of
 from selector.models.least_squares import FittedModel
-from selector.recording import Channel, RunSource
+from selector.models.run_before import before_gauge, with_ungauged
+from selector.recording import Channel, Recording, RunSource
 from selector.selection import fitting as selection_fallbacks
 from selector.selection.fitting import Recipe
 from selector.selection.result import ProvenModel
+from selector.types import Array
 
 RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
@@ -48,10 +51,13 @@ def model_file_of(
     scaling = next(iter(selection.models.values())).scaling
     rise = selection.options.reference == "rise"
     seen = {} if source is None else seen_readings(source, recipe.sensors)
+    ungauged = np.zeros((0, len(scaling.variables))) if source is None else _ungauged(recipe, source, channels)
 
     def input_of(name: str) -> Input:
         channel = by_name[name]
-        ranges = [model.valid_range[scaling.variables.index(name)] for model in selection.models.values()]
+        at = scaling.variables.index(name)
+        ranges = [model.valid_range[at] for model in selection.models.values()]
+        ranges += [(column.min(), column.max()) for column in ungauged.T[at : at + 1] if len(column)]
         is_sensor = name in recipe.sensors
         of = seen.get(name)
         has_range = of is not None and channel.unit == "degC" and of.lowest <= of.highest
@@ -82,7 +88,7 @@ def model_file_of(
         states=_states(recipe, scaling),
         outputs=_outputs(selection.models, by_name, rise=rise),
         guard=Guard(
-            limits=tuple(_limits(selection, name) for name in selection.models),
+            limits=tuple(_limits(selection, name, ungauged) for name in selection.models),
             on_fault="fallback" if fallbacks else "hold",
         ),
         fallbacks=fallbacks,
@@ -132,6 +138,22 @@ def seen_readings(source: RunSource, sensors: tuple[str, ...]) -> dict[str, Seen
     return {name: SeenReadings(*map(float, of)) for name, of in zip(sensors, ends, strict=True)}
 
 
+def _ungauged(recipe: Recipe, source: RunSource, channels: tuple[Channel, ...]) -> Array:
+    """What a control gets in runs whose gauge began late, shape (n_samples, n_variables): on before, it counts rises
+    from earlier. Only of linear models, which are the same from any start.
+    """
+    design, form = recipe.design, recipe.shape.form
+    late = [run for run in source.runs if before_gauge(design.datum.follows, run)] if recipe.shape.has_memory else []
+    found = [np.zeros((0, len(design.variables)))]
+    for run in late if form.degree == 1 and not form.interactions else []:
+        time_s, values = with_ungauged(source, run, design.inputs)
+        table = pd.DataFrame(values, time_s, list(design.inputs))
+        whole = Recording.from_runs({run: table}, [one for one in channels if one.name in design.inputs])
+        datum = datum_of(whole, recipe.sensors, (), design.datum.reference)
+        found += [one.variables for one in replace(design, responses=(), datum=datum).pieces(whole, run)]
+    return np.concatenate(found)
+
+
 def _fallback(
     of: selection_fallbacks.Fallback, inputs: tuple[Input, ...], channels: dict[str, Channel], *, rise: bool
 ) -> Fallback:
@@ -179,10 +201,11 @@ def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *,
     return tuple(outputs)
 
 
-def _limits(selection: ProvenModel, name: str) -> OutputLimits:
+def _limits(selection: ProvenModel, name: str, ungauged: Array) -> OutputLimits:
     """The correction is held within what the machine was seen to do: the largest recorded displacement."""
     proved = (part.before_max_um for part in selection.proof.per_response[name])
-    largest = max((*proved, selection.largest_um.get(name, 0.0)))
+    predicted = np.abs(selection.models[name].predicted(ungauged)).max(initial=0.0)
+    largest = max((*proved, selection.largest_um.get(name, 0.0), predicted))
     return OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
 
 

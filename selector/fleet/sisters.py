@@ -73,7 +73,7 @@ class Pool:
         Raises OptionError: the options do not fit the new machine, or nothing usable is left.
         """
         channels = machines[new].channels
-        tables, origins, follows, runs = {}, {}, {}, {}
+        tables, origins, runs = {}, {}, {}
         for name, source in machines.items():
             roles = {one.name: one.role for one in source.channels}
             same = [one.name for one in channels if roles.get(one.name) == one.role]
@@ -81,20 +81,20 @@ class Pool:
             for run in runs[name]:
                 tables[f"{name}/{run}"] = pd.DataFrame(source.values(run, same), source.time_s(run), same)
                 origins[f"{name}/{run}"] = source.provenance.get("runs", {}).get(run, {})
-            before = runs_before(source, runs[name]).items() if options.memory else ()
-            follows.update({f"{name}/{run}": (f"{name}/{earlier}", later_s) for run, (earlier, later_s) in before})
         pooled = Recording.from_runs(tables, channels, {"runs": origins})
         asked = question_of(pooled, replace(options, conditions={}))
         if options.reference == "rise":
             pooled = thinned(begun(pooled, asked.responses), 1)
+        named = {name: [f"{name}/{run}" for run in of] for name, of in runs.items()}
         datum = datum_of(pooled, asked.sensors, asked.responses, options.reference)
-        asked = survey(RunsOf(pooled, [f"{new}/{run}" for run in runs[new]]), asked, datum).question
+        asked = survey(RunsOf(pooled, named[new]), asked, datum).question
         found = survey(pooled, asked, datum)
-        datum = replace(datum, follows=follows)
+        if options.memory:
+            before = (runs_before(pooled, of) for of in named.values())
+            datum = replace(datum, follows={run: one for of in before for run, one in of.items()})
         inputs = (*found.question.sensors, *found.question.speeds)
         design = Design(inputs, found.question.responses, datum)
         whole = {run for run in pooled.runs if any(True for _ in design.pieces(pooled, run))}
-        named = {name: [f"{name}/{run}" for run in of] for name, of in runs.items()}
         known = {name: tuple(run for run in of if run in whole) for name, of in named.items()}
         return cls(pooled, found.question, datum, known, found.period_s, found.duration_s)
 

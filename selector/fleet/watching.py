@@ -288,5 +288,5 @@ def _mean(values: Sequence[float], weights: Sequence[int]) -> float | None:
 
 def _not_judged(responses: Mapping[str, Watched]) -> str:
     if not any(one.runs for one in responses.values()):
-        return "no displacement in the new recordings that could be compared: record it in some runs, from their start"
+        return "no displacement in the new recordings that could be compared: record it in some runs"
     return f"the model was proved on fewer than {FEWEST_KNOWN} runs: what its errors usually are is not known"

@@ -141,10 +141,17 @@ def chain_before(follows: Mapping[str, Before], run: str, tau_s: Array) -> list[
 
 def follows_another(follows: Mapping[str, Before], run: str) -> bool:
     """Whether a run follows another one, not only what was read in it before its gauge began."""
-    earlier, later_s = follows.get(run, (run, 0.0))
-    return later_s > 0.0 or (earlier != run and earlier in follows)
+    return (before_gauge(follows, run) or run) in follows
 
 
-def with_before(runs: Sequence[str], follows: Mapping[str, Before]) -> tuple[str, ...]:
-    """These runs, and what each of them follows."""
-    return tuple(dict.fromkeys((*runs, *(before for before, _ in follows.values()))))
+def before_gauge(follows: Mapping[str, Before], run: str) -> str | None:
+    """The name of what was read in a run before its gauge began; None: nothing."""
+    earlier, later_s = follows.get(run, ("", 0.0))
+    return None if later_s else earlier or None
+
+
+def with_ungauged(source: RunSource, run: str, names: Sequence[str]) -> tuple[Array, Array]:
+    """(time_s, values) of a run, and of what was read in it before its gauge began."""
+    before = before_gauge(getattr(source, "follows", {}), run)
+    pieces = [piece for one in (before, run) if one for piece in source.chunks(one, names)]
+    return np.concatenate([time_s for time_s, _ in pieces]), np.concatenate([values for _, values in pieces])

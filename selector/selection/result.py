@@ -15,7 +15,7 @@ from selector.json_text import fields_of, plain
 from selector.models.design import ListedTerms, rows_of
 from selector.models.least_squares import FaultGain, FittedModel, ValidityHull
 from selector.models.moments import ErrorCurvePoint
-from selector.models.run_before import begun, in_parts, with_before
+from selector.models.run_before import begun, in_parts
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import Grouping
 from selector.selection.equal_sets import EqualSets
@@ -169,8 +169,7 @@ class Selection(ProvenModel):
         rows = rows_of(source, self.recipe.design, runs)
         stride = round(len(rows.run) / model.n_samples)
         if stride > 1:
-            needed = with_before(runs, self.recipe.design.datum.follows)
-            rows = rows_of(thinned(source, stride, needed), self.recipe.design, runs)
+            rows = rows_of(thinned(source, stride), self.recipe.design, runs)
         column = rows.responses[:, self.recipe.design.responses.index(response)]
         misfit = column - model.predicted(rows.variables)
         if len(column) != model.n_samples or not math.isclose(

@@ -196,6 +196,8 @@ class RunsOf:
         self._runs = tuple(runs)
         self.channels = source.channels
         self.chunks = source.chunks
+        self.provenance = getattr(source, "provenance", {})
+        self.follows = getattr(source, "follows", {})
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
 from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
-from selector.models.run_before import begun, in_parts, runs_before, with_before
+from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
@@ -107,8 +107,7 @@ def select(
 
     say("fitting", 0.75)
     stride = max(1, -(-surveyed.n_samples // MAX_ROWS))
-    needed = with_before(surveyed.runs, datum.follows)
-    fitted = runs if stride == 1 else RunsOf(thinned(source, stride, needed), surveyed.runs)
+    fitted = runs if stride == 1 else RunsOf(thinned(source, stride), surveyed.runs)
     recipe = refined(question, fitted, datum, choice.trial)
     rows = rows_of(fitted, recipe.design, surveyed.runs)
     parts = [folds.part(group) for group in folds.outer]

@@ -34,6 +34,6 @@ def test_the_collector_sees_what_is_known_to_be_public():
     names = {str(name) for name in public_names()}
     assert "selector.units.parse_unit(text)" in names
     assert "selector.recording.Recording.time_s(run)" in names
-    assert "selector.recording.Recording(frame, channels, provenance)" in names
+    assert "selector.recording.Recording(frame, channels, provenance, follows)" in names
     assert not any(name.startswith(NOT_FOR_IMPORT) for name in names)
     assert (ROOT / "selector").is_dir()

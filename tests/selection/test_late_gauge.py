@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from selector.controllers.application import apply_model, known_starts, sensor_starts, without_displacement_faults
+from selector.controllers.evaluator import Evaluator
 from selector.controllers.from_selection import model_file_of
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.models.run_before import begun, chain_before, follows_another, runs_before
@@ -102,21 +103,31 @@ def test_a_run_begins_where_all_its_displacements_read_something(step_s, rows, b
     assert _begins_at(step_s, rows) == begins * step_s
 
 
-def test_a_model_with_memory_is_not_compared_with_a_late_gauge():
-    source = late()
+def test_a_model_with_memory_goes_on_from_what_was_read_before_a_late_gauge():
     state = State(name="T1_lag", source="T1", tau_s=5000.0)
     item = Input(name="T1", reference="rise", valid_min=-5.0, valid_max=50.0)
     term = Term(powers={"T1_lag": 1}, coefficient=2.0)
     output = Output(name="Z", axis="Z", reference="rise", intercept=0.0, terms=(term,))
     model = ModelFile(name="lags", inputs=(item,), states=(state,), outputs=(output,))
-    for rows, is_compared in ((LATE, False), (START_SAMPLES - 1, True)):
-        compared, told = without_displacement_faults(model, late(rows))
-        assert compared.time_s(source.runs[0]).size == 400
+    for rows, begins in ((LATE, LATE), (START_SAMPLES - 1, 0)):
+        source = late(rows)
+        compared, told = without_displacement_faults(model, source)
+        assert compared.runs == source.runs
         late_in = [one for one in told if one.id == "gauge-begins-late"]
-        assert len(late_in) == (0 if is_compared else 5)
-        assert all("is not compared there" in one.statement and one.level == "warning" for one in late_in)
-        assert all("then the run is compared" in one.suggestion for one in late_in)
-        assert (apply_model(model, compared).overall["Z"].rmse_um is not None) == is_compared
+        assert len(late_in) == (5 if begins else 0)
+        assert all(f"compared from {30 * begins} s on" in one.statement and one.level == "info" for one in late_in)
+        starts = known_starts(sensor_starts(model, compared))
+        found = apply_model(model, compared, starts)
+        for run in source.runs:
+            alone = Evaluator(model, starts[run])
+            readings = zip(source.time_s(run), source.values(run, ["T1"])[:, 0], strict=True)
+            course = np.array([alone.step(time, {"T1": reading})["Z"] for time, reading in readings])[begins:]
+            course += (
+                Evaluator(model, starts[run]).step(0.0, {"T1": source.values(run, ["T1"])[begins, 0]})["Z"] - course[0]
+            )
+            of_run = found.predictions["run"] == run
+            np.testing.assert_allclose(found.predictions["Z"][of_run] - found.zeros_um[run]["Z"], course, atol=1e-9)
+            assert found.per_run[run]["Z"].n_samples == 400 - max(rows, begins)
 
 
 def hidden(truth: dict[str, np.ndarray]) -> np.ndarray:

@@ -51,18 +51,23 @@ def rehearsed(
     run: str,
     rows: Rows,
     recorded_um: Array,
+    ungauged: int,
+    zero_um: float | Array,
     say: Callable[[str], None] | None = None,
 ) -> tuple[Rehearsed, ...]:
-    """Every fault at half of a run, through the main program; `recorded_um` has the shape (n_rows, n_outputs)."""
-    chosen = np.arange(0, len(rows), max(1, -(-len(rows) // MOST_ROWS)))
+    """Every fault at half of what was gauged of a run, through the main program; columns are outputs."""
+    step = max(1, -(-len(rows) // MOST_ROWS))
+    chosen = np.arange(0, len(rows), step)
     rows, recorded_um = rows_at(rows, chosen), recorded_um[chosen]
     time_s = np.cumsum(rows.dt_s)
-    if len(rows) < 3:
+    if len(rows) - ungauged // step < 3:
         return ()
+    time_s -= time_s[ungauged // step]
     at = int(np.searchsorted(time_s, 0.5 * time_s[-1]))
     healthy = _given(model, files, part, rows)
     signs = np.array([1.0 if is_turned(output) else -1.0 for output in model.outputs])
-    recorded_um = np.where(np.isfinite(recorded_um).any(axis=0), recorded_um, signs * healthy.correction_um)
+    healthy_um = signs * (healthy.correction_um - zero_um)
+    recorded_um = np.where(np.isfinite(recorded_um).any(axis=0), recorded_um, healthy_um)
     found = []
     for kind, sensor, faulty, kept in _faults(model, rows, at):
         if say is not None:
@@ -72,12 +77,12 @@ def rehearsed(
         expected_um = part.expected(model, faulty, whole, answers)
         off = np.nan_to_num(np.abs(answers.correction_um - expected_um), nan=np.inf).max(axis=0).tolist()
         allowed = part.allowed_um(model, faulty, whole)
-        seen = kept >= at
+        given_um, seen = signs * (answers.correction_um - zero_um), kept >= at
         samples = kept[seen]
         mode, reacts_s = _reaction(model, answers, healthy, kept, at, time_s, sensor) if part.tells_mode else ("", None)
         for k, output in enumerate(model.outputs):
-            left = Accuracy.of(signs[k] * answers.correction_um[seen, k], recorded_um[samples, k])
-            usual = Accuracy.of(signs[k] * healthy.correction_um[samples, k], recorded_um[samples, k])
+            left = Accuracy.of(given_um[seen, k], recorded_um[samples, k])
+            usual = Accuracy.of(healthy_um[samples, k], recorded_um[samples, k])
             numbers = off[k], allowed[output.name]
             place = run, float(time_s[at]), output.name
             found.append(Rehearsed(kind, sensor, *place, left, usual.rmse_um, mode, reacts_s, *numbers))

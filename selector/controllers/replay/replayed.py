@@ -26,6 +26,7 @@ from selector.controllers.replay.parts import TIME_STEP_S, Answers, Part, Rows, 
 from selector.controllers.replay.rehearsed import Rehearsed, rehearsal_findings, rehearsed
 from selector.controllers.self_check import clamp_reached
 from selector.findings import Finding, Where
+from selector.models.run_before import with_ungauged
 from selector.recording import Recording
 from selector.types import Array, Mask
 
@@ -88,7 +89,8 @@ class ReplayedRun:
 
     run: str
     time_s: Array  #: (n_samples,)
-    #: correction_um and reference_um: (n_samples, n_outputs): Of the main program, and what it has to give in float64
+    #: correction_um and reference_um: (n_samples, n_outputs): Of the main program, and what it has to give in float64;
+    #: less `zero_um`
     correction_um: Array
     reference_um: Array
     #: (n_samples, n_outputs): Recorded displacement from its own start (`displacement_starts`); NaN where there is none
@@ -103,6 +105,8 @@ class ReplayedRun:
     applied: Mapping[str, Accuracy] = field(default_factory=dict)  #: Per output, what `apply` leaves of this run
     because: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  #: Per output, why the program leaves more
     clamped: tuple[Finding, ...] = ()  #: What clamps cut off
+    ungauged: int = 0  #: First samples, from before the gauge began: they only warm the memory
+    zero_um: float | Array = 0.0  #: Per output, what the program corrects where such a gauge has its zero
 
     @property
     def max_abs_difference_um(self) -> float:
@@ -171,19 +175,26 @@ def replayed(
     faults: tuple[Rehearsed, ...] = ()
     if hardest is not None:
         rows = rows_of_run(model, recording, hardest.run)
-        faults = rehearsed(model, files, written[0], hardest.run, rows, hardest.recorded_um, progress)
+        zero = hardest.ungauged, hardest.zero_um
+        faults = rehearsed(model, files, written[0], hardest.run, rows, hardest.recorded_um, *zero, progress)
     return Replay(tuple(found), written[0].executed_by(), _over_runs(differences), written[0].tells_mode, faults)
 
 
 def rows_of_run(model: ModelFile, recording: Recording, run: str) -> Rows:
     """The calls that a control would have made in a recorded run: ready and wanted throughout, at `TIME_STEP_S`."""
-    time_s = np.round(recording.time_s(run) / TIME_STEP_S) * TIME_STEP_S
-    n = len(time_s)
-    channels = position_channels(model, recording)
-    readings = recording.values(run, [item.name for item in model.inputs])
-    positions = recording.values(run, [channels[axis] for axis in axes_of(model)]) if channels else np.zeros((n, 0))
+    channels, n_inputs = position_channels(model, recording), len(model.inputs)
+    names = [*(item.name for item in model.inputs), *(channels[axis] for axis in axes_of(model))]
+    time_s, values = called(model, recording, run, names)
+    time_s, n = np.round(time_s / TIME_STEP_S) * TIME_STEP_S, len(time_s)
+    readings, positions = values[:, :n_inputs], values[:, n_inputs:]
     always, never = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     return Rows(np.diff(time_s, prepend=time_s[:1]), readings, positions, always, always, never, np.zeros(n))
+
+
+def called(model: ModelFile, recording: Recording, run: str, names: Sequence[str]) -> tuple[Array, Array]:
+    """(time_s, values) of the calls of a run; with memory also of those before its gauge began."""
+    own = recording.time_s(run), recording.values(run, names)
+    return with_ungauged(recording, run, names) if model.states else own
 
 
 def executed(
@@ -209,21 +220,27 @@ def _run(
     whole: Answers,
     applied: Application,
 ) -> ReplayedRun:
-    correction_um = main.answers.correction_um
-    recorded = np.column_stack([displacement_of(of, recording, run) - starts.get(of.name, 0.0) for of in model.outputs])
-    accuracy = {
-        output.name: Accuracy.of((1.0 if is_turned(output) else -1.0) * correction_um[:, k], recorded[:, k])
-        for k, output in enumerate(model.outputs)
-    }
-    time_s, faulty = recording.time_s(run), faulty_share(telling, whole)
+    correction_um, time_s = main.answers.correction_um, called(model, recording, run, ())[0]
+    ungauged = len(time_s) - len(recording.time_s(run))
+    recorded, zero_um = np.full(correction_um.shape, np.nan), np.zeros(len(model.outputs))
+    accuracy: dict[str, Accuracy] = {}
+    for k, output in enumerate(model.outputs):
+        sign = 1.0 if is_turned(output) else -1.0
+        recorded[ungauged:, k] = displacement_of(output, recording, run) - starts.get(output.name, 0.0)
+        if ungauged and output.reference == "rise":
+            # a gauge shows what changes from its zero on, the correction of that moment included
+            begins_um = np.nan_to_num(applied_um(applied, run, output.name)[0])
+            zero_um[k] = correction_um[ungauged, k] - sign * begins_um
+        accuracy[output.name] = Accuracy.of(sign * (correction_um[:, k] - zero_um[k]), recorded[:, k])
+    faulty = faulty_share(telling, whole)
     limited = np.mean(whole.sensors == SensorCode.LIMITED, axis=0) if len(time_s) else np.zeros(len(model.inputs))
     beyond = tuple(BeyondValid(of, share) for of, share in zip(model.inputs, limited.tolist(), strict=True) if share)
-    begins_s = _begins_s(time_s, main, whole)
+    begins_s = _begins_s(time_s, ungauged, main, whole)
     cut = [wanted_beyond_clamp(model, applied, run, name) for name in accuracy] if main.part.tells_mode else []
     clamped = tuple(one for one in cut if one is not None)
     because = {name: tuple(_because(applied, clamped, run, name, faulty, begins_s, main.part)) for name in accuracy}
-    said = faulty, beyond, begins_s, applied.per_run[run], because, clamped
-    return ReplayedRun(run, time_s, correction_um, main.expected_um, recorded, accuracy, *said)
+    said = faulty, beyond, begins_s, applied.per_run[run], because, clamped, ungauged, zero_um
+    return ReplayedRun(run, time_s, correction_um - zero_um, main.expected_um - zero_um, recorded, accuracy, *said)
 
 
 def _because(
@@ -246,21 +263,26 @@ def _because(
         yield part.lacks
 
 
+def applied_um(applied: Application, run: str, output: str) -> Array:
+    """The displacement that `apply` predicts, from the zero of the gauge."""
+    table, zero = applied.predictions, applied.zeros_um[run].get(output, 0.0)
+    return table.loc[table["run"] == run, output].to_numpy(dtype=np.float64) - zero
+
+
 def wanted_beyond_clamp(model: ModelFile, applied: Application, run: str, output: str) -> Finding | None:
     """What the clamp of an output cuts off in a run; None: hardly anything."""
-    table, zero = applied.predictions, applied.zeros_um[run].get(output, 0.0)
-    wanted = table.loc[table["run"] == run, output].to_numpy(dtype=np.float64) - zero
+    wanted = applied_um(applied, run, output)
     limits = decided_limits(model)[0][output]
     return clamp_reached(output, limits.clamp_um, wanted[np.isfinite(wanted)], f"of run {run}", run)
 
 
-def _begins_s(time_s: Array, main: ExecutedPart, whole: Answers) -> float:
+def _begins_s(time_s: Array, ungauged: int, main: ExecutedPart, whole: Answers) -> float:
     """How long the program waited for new sensors; 0 if it waits for none, and then says of nothing what it follows."""
     waits = _is_new(whole) & (main.answers.mode != Mode.MODEL)
     if not main.part.tells_mode or not waits.any():
         return 0.0
     first = len(waits) - 1 if waits.all() else int(np.argmin(waits))
-    return float(time_s[first] - time_s[0])
+    return max(float(time_s[first] - time_s[ungauged]), 0.0)
 
 
 def faulty_share(telling: Answers, whole: Answers) -> float:
