@@ -271,8 +271,7 @@ def applied_um(applied: Application, run: str, output: str) -> Array:
 
 def wanted_beyond_clamp(model: ModelFile, applied: Application, run: str, output: str) -> Finding | None:
     """What the clamp of an output cuts off in a run; None: hardly anything."""
-    wanted = applied_um(applied, run, output)
-    limits = decided_limits(model)[0][output]
+    wanted, limits = applied_um(applied, run, output), decided_limits(model)[0][output]
     return clamp_reached(output, limits.clamp_um, wanted[np.isfinite(wanted)], f"of run {run}", run)
 
 

@@ -29,8 +29,9 @@ Entry = tuple[Vector, Vector]  #: The states (n_modes, n_inputs), and what is le
 LEAST_HALL_K = 0.1  #: A hall that moves by less drives nothing that could be seen.
 #: Logarithms of likelihoods count as so much less: rows of a model that is not quite right are not independent.
 TEMPERED = 20.0
-#: Standard deviation of the logarithm of true ÷ claimed error by a single test (`benchmarks/bench_claims.py`).
-SPREAD_OF_CLAIMS = 1.14
+#: Standard deviation of the logarithm of true ÷ claimed error by a single test, and by however many: laws that no fit
+#: has do not average out (`benchmarks/bench_claims.py`).
+SPREAD_OF_CLAIMS, LEAST_SPREAD = 1.14, 0.7
 COURSE_POINTS = 200
 #: What a start moves in its run, in standard deviations and as a share of the movement, from where on it began warm.
 WARM, WARM_SHARE = 2.5, 0.05
@@ -38,7 +39,7 @@ WARM, WARM_SHARE = 2.5, 0.05
 
 def claim_factor(judged: int) -> float:
     """Within what factor an error is known that so many tests had that were left out, 19 times in 20."""
-    return float(np.exp(1.96 * SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1))))
+    return float(np.exp(1.96 * max(SPREAD_OF_CLAIMS / np.sqrt(max(judged, 1)), LEAST_SPREAD)))
 
 
 @dataclass(frozen=True)
