@@ -60,7 +60,7 @@ def answer(capsys, *words: str | Path) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def test_apply_leaves_what_the_fit_left_and_replay_what_apply_leaves(studied, tmp_path, capsys):
+def test_apply_leaves_what_the_fit_left(studied, tmp_path, capsys):
     folder, selection = studied
     fitted = selection["models"]["Z"]["per_run"]
     model = folder / "out" / "model.json"
@@ -75,7 +75,13 @@ def test_apply_leaves_what_the_fit_left_and_replay_what_apply_leaves(studied, tm
     cut = answer(capsys, "apply", model, tmp_path / "cut")
     assert cut["overall"]["Z"]["rmse_um"] > 3.0 * found["overall"]["Z"]["rmse_um"]
 
-    words = ["export", model, "--for", "python", "--out", tmp_path / "python", "--replay", folder / "runs"]
+
+@pytest.mark.parametrize("target", ["python", "st", "klipper"])
+def test_a_program_leaves_what_apply_leaves(studied, tmp_path, capsys, target):
+    folder, _ = studied
+    model = folder / "out" / "model.json"
+    found = answer(capsys, "apply", model, folder / "runs")
+    words = ["export", model, "--for", target, "--out", tmp_path / target, "--replay", folder / "runs"]
     exported = answer(capsys, *words)["replay"]
     assert exported["max_abs_difference_um"] == 0.0
     for one in exported["runs"]:
