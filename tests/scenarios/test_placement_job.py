@@ -38,6 +38,7 @@ def test_places_chosen_on_simulated_runs_serve_a_run_of_another_kind(tmp_path, m
         Path(f"{name}-cycle.csv").write_text(f"time_s,spindle_speed\n{rows}", encoding="utf-8")
         cycle = ["--cycle", f"{name}-cycle.csv", "--seed", str(number)]
         shown = said(capfd, "simulate", "thermal", "model.toml", *cycle, "--out", f"{name}.csv")
+        assert shown["findings"] == []
     candidates = [c["name"] for c in shown["channels"] if c["role"] == "temperature"]
     assert len(candidates) > 20
     machine = ["--machine", "unseen.machine.toml"]
