@@ -71,8 +71,12 @@ def _page(title: str, modules: list[str]) -> str:
     for told in modules:
         module = importlib.import_module(told if told.startswith("proving_ground.") else f"selector.{told}")
         name = module.__name__
-        lines += [f"## `{name}`\n", "```{eval-rst}", f".. automodule:: {name}", ""]
-        lines += ["   .. autosummary::", "      :nosignatures:", "", *(f"      {one}" for one in _names(module))]
+        names = _names(module)
+        lines += [f"## `{name}`\n", "```{eval-rst}", f".. automodule:: {name}"]
+        # what a package imports is not its own, unless it is asked for
+        asked = [f"   :members: {', '.join(names)}", "   :imported-members:"] if _only_imports(module) else []
+        lines += [*asked, ""]
+        lines += ["   .. autosummary::", "      :nosignatures:", "", *(f"      {one}" for one in names)]
         lines += ["```\n"]
     return "\n".join(lines)
 
@@ -81,10 +85,18 @@ def _names(module: ModuleType) -> list[str]:
     promised = getattr(module, "__all__", None)
     if promised is not None:
         return list(promised)
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    if _only_imports(module):
+        # in the order of a sorted `__all__`
+        names = [name for name, value in public.items() if not inspect.ismodule(value)]
+        return sorted(names, key=lambda name: (not name.isupper(), not name[0].isupper(), name))
     return [
         name
-        for name, value in vars(module).items()
-        if not name.startswith("_")
-        and (inspect.isclass(value) or inspect.isfunction(value))
-        and value.__module__ == module.__name__
+        for name, value in public.items()
+        if (inspect.isclass(value) or inspect.isfunction(value)) and value.__module__ == module.__name__
     ]
+
+
+def _only_imports(module: ModuleType) -> bool:
+    """Whether it is a package that imports its names as themselves, in place of naming them once more."""
+    return hasattr(module, "__path__") and not hasattr(module, "__all__")

@@ -1,32 +1,22 @@
 """Many machines, the same question: studies in processes or on a cluster, and what is done is not done again."""
 
-from selector.fleet.fleet_file import Fleet, read_fleet
-from selector.fleet.machine_study import Answer, Refit, answered, key_of
-from selector.fleet.overview import Overview, overview
-from selector.fleet.running import RESULT_FILE, FleetAnswer, read_answer, run_fleet
-from selector.fleet.sisters import SistersAnswer, sisters_in
-from selector.fleet.watching import FleetWatch, WatchedMachine, watch_fleet
-from selector.fleet.workers import Cluster, Processes, Workers
-
-__all__ = [
-    "RESULT_FILE",
-    "Answer",
-    "Cluster",
-    "Fleet",
-    "FleetAnswer",
-    "FleetWatch",
-    "Overview",
-    "Processes",
-    "Refit",
-    "SistersAnswer",
-    "WatchedMachine",
-    "Workers",
-    "answered",
-    "key_of",
-    "overview",
-    "read_answer",
-    "read_fleet",
-    "run_fleet",
-    "sisters_in",
-    "watch_fleet",
-]
+from selector.fleet.fleet_file import Fleet as Fleet
+from selector.fleet.fleet_file import read_fleet as read_fleet
+from selector.fleet.machine_study import Answer as Answer
+from selector.fleet.machine_study import Refit as Refit
+from selector.fleet.machine_study import answered as answered
+from selector.fleet.machine_study import key_of as key_of
+from selector.fleet.overview import Overview as Overview
+from selector.fleet.overview import overview as overview
+from selector.fleet.running import RESULT_FILE as RESULT_FILE
+from selector.fleet.running import FleetAnswer as FleetAnswer
+from selector.fleet.running import read_answer as read_answer
+from selector.fleet.running import run_fleet as run_fleet
+from selector.fleet.sisters import SistersAnswer as SistersAnswer
+from selector.fleet.sisters import sisters_in as sisters_in
+from selector.fleet.watching import FleetWatch as FleetWatch
+from selector.fleet.watching import WatchedMachine as WatchedMachine
+from selector.fleet.watching import watch_fleet as watch_fleet
+from selector.fleet.workers import Cluster as Cluster
+from selector.fleet.workers import Processes as Processes
+from selector.fleet.workers import Workers as Workers

@@ -1,52 +1,30 @@
 """A study file: what was asked of which recordings, so that the answer can be made again, here or anywhere."""
 
-from selector.study.asked import diagnose_section, export_section, options_of, overrides_of, select_section, study_of
-from selector.study.inputs import Change, change_words, changes, input_file, path_at, reference_to, require_unchanged
-from selector.study.study_file import (
-    SCHEMA,
-    STUDY_FILE,
-    DiagnoseSection,
-    ExportSection,
-    InputFile,
-    ReadingSection,
-    Recordings,
-    SelectSection,
-    Study,
-    parsed_study,
-    read_study,
-    study_json_schema,
-    study_place,
-    study_text,
-    write_study,
-)
-
-__all__ = [
-    "SCHEMA",
-    "STUDY_FILE",
-    "Change",
-    "DiagnoseSection",
-    "ExportSection",
-    "InputFile",
-    "ReadingSection",
-    "Recordings",
-    "SelectSection",
-    "Study",
-    "change_words",
-    "changes",
-    "diagnose_section",
-    "export_section",
-    "input_file",
-    "options_of",
-    "overrides_of",
-    "parsed_study",
-    "path_at",
-    "read_study",
-    "reference_to",
-    "require_unchanged",
-    "select_section",
-    "study_json_schema",
-    "study_of",
-    "study_place",
-    "study_text",
-    "write_study",
-]
+from selector.study.asked import diagnose_section as diagnose_section
+from selector.study.asked import export_section as export_section
+from selector.study.asked import options_of as options_of
+from selector.study.asked import overrides_of as overrides_of
+from selector.study.asked import select_section as select_section
+from selector.study.asked import study_of as study_of
+from selector.study.inputs import Change as Change
+from selector.study.inputs import change_words as change_words
+from selector.study.inputs import changes as changes
+from selector.study.inputs import input_file as input_file
+from selector.study.inputs import path_at as path_at
+from selector.study.inputs import reference_to as reference_to
+from selector.study.inputs import require_unchanged as require_unchanged
+from selector.study.study_file import SCHEMA as SCHEMA
+from selector.study.study_file import STUDY_FILE as STUDY_FILE
+from selector.study.study_file import DiagnoseSection as DiagnoseSection
+from selector.study.study_file import ExportSection as ExportSection
+from selector.study.study_file import InputFile as InputFile
+from selector.study.study_file import ReadingSection as ReadingSection
+from selector.study.study_file import Recordings as Recordings
+from selector.study.study_file import SelectSection as SelectSection
+from selector.study.study_file import Study as Study
+from selector.study.study_file import parsed_study as parsed_study
+from selector.study.study_file import read_study as read_study
+from selector.study.study_file import study_json_schema as study_json_schema
+from selector.study.study_file import study_place as study_place
+from selector.study.study_file import study_text as study_text
+from selector.study.study_file import write_study as write_study
