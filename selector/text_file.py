@@ -48,6 +48,16 @@ def text_of(path: Path, most_bytes: int, refused: Callable[[str], InputError]) -
         raise refused(f"text that is not UTF-8 at byte {error.start} ({content[error.start]:#04x})") from None
 
 
+def rows_by_kind(path: Path) -> dict[str, list[str]]:
+    """First word of the rows of a table of ours → what follows it, row by row; a row of ``#`` is a remark."""
+    found: dict[str, list[str]] = {}
+    for row in path.read_text(encoding="utf-8").splitlines():
+        kind, _, said = row.partition(" ")
+        if kind != "#":
+            found.setdefault(kind, []).append(said)
+    return found
+
+
 def toml_key(name: str) -> str:
     """A key as TOML has it, quoted where it has to be."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)

@@ -10,6 +10,7 @@ import pint
 from numpy.typing import NDArray
 
 from selector.errors import UnitError
+from selector.text_file import rows_by_kind
 
 #: The unit in which a recording holds each role: SI, but °C, µm, rpm and mm/min where the field thinks in them.
 CANONICAL_UNITS: dict[str, str] = {
@@ -35,16 +36,12 @@ CANONICAL_UNITS: dict[str, str] = {
 ROLES: tuple[str, ...] = tuple(CANONICAL_UNITS)
 
 
-def _spellings() -> dict[str, str]:
-    """Spelling → unit as pint calls it; nothing at all is a number without a unit."""
-    found = {"": "1"}
-    for line in Path(__file__).with_name("unit_spellings.txt").read_text(encoding="utf-8").splitlines()[1:]:
-        unit, *spelled = line.split()
-        found |= dict.fromkeys(spelled, unit)
-    return found
-
-
-_SPELLINGS = _spellings()
+#: Spelling → unit as pint calls it; nothing at all is a number without a unit.
+_SPELLINGS = {"": "1"} | {
+    spelled: unit
+    for unit, rows in rows_by_kind(Path(__file__).with_name("unit_spellings.txt")).items()
+    for spelled in " ".join(rows).split()
+}
 _PINT_NAMES = frozenset(_SPELLINGS.values())
 
 

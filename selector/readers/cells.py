@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -16,33 +17,15 @@ from selector.errors import ReadError
 from selector.findings import Finding, Where
 from selector.readers.finding_table import FINDINGS
 from selector.readers.tables import BreakWord, listed, shown_lines
+from selector.text_file import rows_by_kind
 from selector.types import Indices, Vector
 from selector.units import parse_unit
 
-_MISSING = (
-    "nan na n/a #n/a #na #nv #wert! #value! #ref! #div/0! #name? #null! #num! null none nil - -- --- ---- . .. ? ?? "
-    "-nan nan(ind) -nan(ind) 1.#qnan -1.#qnan 1.#ind -1.#ind 1.#snan 1,#qnan -1,#qnan 1,#ind -1,#ind 1.#inf -1.#inf "
-    "inf -inf +inf infinity -infinity void missing unavailable n.a. n.v. k.a. empty leer 无 欠測 нет invalid"
-)
-_BREAK = (
-    "open opn o.c. oc brk break broken burnout b.out burn-out err error #err err! #error fault fail failed ol o.l. "
-    "o.l +ol -ol over overflow overrange over-range ovr ovfl +over -over under underrange under-range short shorted "
-    "rangeerr sensor-error discon disconnected offline no_sensor nosensor bad bruch fühlerbruch fuehlerbruch "
-    "kurzschluss offen 断线 断路 开路 短路 故障 断線 обрыв кз ошибка авария ***** **** *** ** * +++++ ++++ +++ ----- "
-    "------ ##### ###### ####### ######## >>>> <<<< >>>>> <<<<< lo hi"
-)
-MISSING_WORDS = frozenset(_MISSING.split())  #: Words that mean "no value", after trimming and lower case.
-
-#: Words that loggers write for a broken or saturated sensor, after trimming and lower case.
-BREAK_WORDS = frozenset(_BREAK.split())
-
-#: Words of two-valued columns.
-BOOLEAN_WORDS = {
-    "on": 1.0, "off": 0.0, "true": 1.0, "false": 0.0, "yes": 1.0, "no": 0.0, "ein": 1.0, "aus": 0.0, "an": 1.0,
-    "ja": 1.0, "nein": 0.0, "wahr": 1.0, "falsch": 0.0, "вкл": 1.0, "выкл": 0.0, "да": 1.0, "开": 1.0, "关": 0.0,
-    "是": 1.0, "否": 0.0, "auf": 1.0, "zu": 0.0, "closed": 0.0, "running": 1.0, "stopped": 0.0, "start": 1.0,
-    "stop": 0.0, "オン": 1.0, "オフ": 0.0, "active": 1.0, "inactive": 0.0, "run": 1.0, "high": 1.0, "low": 0.0,
-}  # fmt: skip
+_ROWS = rows_by_kind(Path(__file__).with_name("cell_words.txt"))
+_WORDS = {kind: frozenset(" ".join(rows).split()) for kind, rows in _ROWS.items()}
+#: Words that mean "no value", and those that loggers write for a broken or saturated sensor; trimmed, in lower case.
+MISSING_WORDS, BREAK_WORDS = _WORDS["missing"], _WORDS["break"]
+BOOLEAN_WORDS = dict.fromkeys(_WORDS["on"], 1.0) | dict.fromkeys(_WORDS["off"], 0.0)  #: Words of two-valued columns.
 
 _POINT = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d{1,4})?")
 _COMMA = re.compile(r"[+-]?(?:\d+,?\d*|,\d+)(?:[eEdD][+-]?\d{1,4})?")
@@ -305,30 +288,9 @@ def no_header_finding(where: str, headers: list[str]) -> Finding:
     return FINDINGS.finding("no-header", told, evidence={"columns": len(headers)})
 
 
-_TIME_NAME = re.compile(
-    r"^(t|time|times?tamp|zeit(stempel|punkt)?|datum|date|uhrzeit|datetime|date[ _/&+-]*time|"
-    r"datum[ _/&+-]*(uhr)?zeit|time[ _]?s(tamp|ec)?|elapsed.*|rel(ative)?[ _]time|abs(olute)?[ _]time|"
-    r"laufzeit|messzeit|millis|local[ _]?time|utc([ _]time)?|x_value|epoch|unix([ _]?time)?|filetime|tijd|tiempo|"
-    r"fecha([ _]y?[ _]?hora)?|hora|"
-    r"temps|heure|horodatage|tempo|data|ora|čas|cas|czas|aika|tid|idő|время|дата|дата[ /и]+время|час|"
-    r"时间|時間|時刻|日期|日時|日付|时刻|采样时间|测量时间|日期时间|记录时间|시간)$",
-    re.IGNORECASE,
-)
-_COUNTER_NAME = re.compile(
-    r"^(#|no\.?|nr\.?|n°|№|index|idx|i|k|sample([ _]?(no\.?|nr\.?|number|index))?|samples|"
-    r"record([ _]?(no\.?|number))?|rec(nbr|no)?|scan([ _]?(no\.?|number))?|row|count(er)?|lfd\.?[ _]?nr\.?|satz|"
-    r"序号|编号|番号|номер|п/п|unnamed: 0|seq|id)$",
-    re.IGNORECASE,
-)
+_TIME_NAME, _COUNTER_NAME = (re.compile(f"^({'|'.join(_ROWS[kind])})$", re.IGNORECASE) for kind in ("time", "counter"))
 #: Names of columns that hold one part of a date and time each, from the year to the second.
-_TIME_PARTS = tuple(
-    frozenset(words.split())
-    for words in (
-        "year yr yyyy jahr année año rok год 年", "month mon monat mois mes месяц 月", "day tag jour día den день 日",
-        "hour hours hr stunde stunden heure hora hodina час 时 時", "minute minutes min minuten minuta минута 分",
-        "second seconds sec sek sekunde sekunden seconde segundo sekunda секунда 秒",
-    )
-)  # fmt: skip
+_TIME_PARTS = tuple(_WORDS[part] for part in ("year", "month", "day", "hour", "minute", "second"))
 _STATISTICS = frozenset(["", "avg", "smp", "max", "min", "std", "tot", "med", "mom"])  #: What a Campbell row says.
 _FORMAT_CELL = re.compile(
     r"^[\[(]?(?:[dDmMyYhHs]{1,4}[-/.: ]?){2,6}(?:\.?[fS0]+)?[\])]?$|^(ts|rn|datetime|date|time)$", re.IGNORECASE

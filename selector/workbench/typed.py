@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from selector.errors import OptionError
+from selector.text_file import rows_by_kind
 
-_TITLES = Path(__file__).with_name("field_titles.txt").read_text(encoding="utf-8").splitlines()
 #: Option of the command line → title of the field that does the same.
-FIELDS: dict[str, str] = {option: title for option, _, title in (line.partition(" ") for line in _TITLES)}
+FIELDS = {option: title for option, (title,) in rows_by_kind(Path(__file__).with_name("field_titles.txt")).items()}
 
 _LEAST = 1e-6
 _AGAIN = "type it again; until then the earlier value counts, and this page starts nothing"

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from selector.csv_text import as_written
 from selector.readers.cells import is_time_name
 from selector.readers.tables import Column
+from selector.text_file import rows_by_kind
 from selector.units import CANONICAL_UNITS, parse_unit, same_dimension
 
 _BRACKETED = re.compile(r"[\[(（【{<](?P<unit>[^\[\](){}（）]{0,20})[\])）】}>]")
@@ -147,27 +148,12 @@ def printable_name(text: str) -> str:
     return " ".join(marked.split())[:_LONGEST_NAME].strip() or "run"
 
 
-def _patterns() -> dict[str, re.Pattern[str]]:
-    """Role → what speaks for it in a name; the role that comes first counts most."""
-    words: dict[str, list[str]] = {}
-    for line in Path(__file__).with_name("role_words.txt").read_text(encoding="utf-8").splitlines()[2:]:
-        role, _, spoken = line.partition(" ")
-        words.setdefault(role, []).append(spoken)
-    return {role: re.compile("|".join(of), re.IGNORECASE) for role, of in words.items()}
-
-
-_PATTERNS = _patterns()
-_PLACES = re.compile(
-    r"spindle|spindel|bearing|lager|column|st[äa]nder|s[äa]ule|bed|bett|table|tisch|motor|coolant|k[üu]hl|oil|[öo]l\b|nut|mutter|"
-    r"screw|housing|geh[äa]use|head(stock)?|nose|front|rear|vorn|hinten|wall|gear|getriebe|tank|hydraul|chiller|guide|"
-    r"saddle|carriage|ram|turret|transf|cabinet|ref|主轴|轴承|床身|立柱|电机|丝杠|螺母|前|后|油|冷却|主軸|軸受|шпинд|подшип|станин|"
-    r"стойк|двигат|масл|vřeten|ložis|wrzec|łożys|palier|broche|b[âa]ti|arri[èe]re|avant|moteur|huile|cojinete|husillo|mandrino|cuscinetto",
-    re.IGNORECASE,
-)
-_SPINDLE = re.compile(
-    r"(main[ _-]?)?(spindle|spindel)[ _-]?1?|主轴|主軸|шпиндель|vřeteno|wrzeciono|broche|husillo|mandrino",
-    re.IGNORECASE,
-)
+#: What is said in a name → the expression for it: roles, of which the first counts most; places; the spindle itself.
+_PATTERNS = {
+    kind: re.compile("|".join(rows), re.IGNORECASE)
+    for kind, rows in rows_by_kind(Path(__file__).with_name("role_words.txt")).items()
+}
+_PLACES, _SPINDLE = _PATTERNS.pop("place"), _PATTERNS.pop("spindle")
 HOTTEST = 250.0  #: Beyond this [°C] nothing on a machine tool is a temperature
 _UNIT_ROLES: tuple[tuple[str, str], ...] = (
     ("degC", "temperature"), ("rpm", "spindle_speed"), ("mm/min", "feed_rate"), ("N", "force"), ("A", "current"),
