@@ -130,17 +130,7 @@ def test_the_keyboard_moves_groups_errors_and_command_together(page, bench):
     page.get_by_text("of linear models without memory").wait_for()
 
 
-def test_an_answer_that_comes_while_somebody_types_leaves_the_typing_alone(page):
-    page.locator("#sensors-level").fill("7")
-    page.evaluate(ANSWERED, {"step": 1})
-    assert page.locator("#sensors-level").input_value() == "7"
-    page.locator("#sensors-level").press("Enter")
-    page.locator("#notice").get_by_text("“7” was typed").wait_for()
-    page.locator("#to-recordings").click()
-    page.locator("#notice").get_by_text("“7” was typed").wait_for(state="detached")
-
-
-def test_a_click_on_a_point_takes_its_set(page, bench):
+def test_a_click_on_a_point_takes_its_set_and_typing_is_left_alone(page):
     x, y = point(page, "sets", 1, 1)
     # a hand comes from somewhere: Plotly looks for points under it while it moves
     page.mouse.move(x - 20, y - 5)
@@ -153,6 +143,15 @@ def test_a_click_on_a_point_takes_its_set(page, bench):
     assert f"--max-sensors 2 --must {names[0]} --must {names[1]}" in page.locator("#command").inner_text()
     page.get_by_role("button", name="Back to the set of λ").click()
     page.get_by_text("--lambda").wait_for()
+
+    # an answer that comes while somebody types leaves the typing alone
+    page.locator("#sensors-level").fill("7")
+    page.evaluate(ANSWERED, {"step": 1})
+    assert page.locator("#sensors-level").input_value() == "7"
+    page.locator("#sensors-level").press("Enter")
+    page.locator("#notice").get_by_text("“7” was typed").wait_for()
+    page.locator("#to-recordings").click()
+    page.locator("#notice").get_by_text("“7” was typed").wait_for(state="detached")
 
 
 def test_a_pin_is_dragged_into_the_machine_file(page, bench):
