@@ -1,6 +1,7 @@
 """Builds the documentation site from the pages of `docs/`, the README, the notebooks and the docstrings.
 
-    python -m docs.make_site [FOLDER]      # default: build/docs; open FOLDER/index.html
+    python -m docs.make_site [FOLDER]             # default: build/docs; open FOLDER/index.html
+    python -m docs.make_site FOLDER --check PAGE …  # reads every page, writes these alone
 
 The pages are laid out in FOLDER-pages first, with what a code host cannot show: the list of contents, which is the
 order of links in docs/index.md, the pages of the Python API, the fields of the JSON schemas, and notebooks as pages.
@@ -8,12 +9,13 @@ order of links in docs/index.md, the pages of the Python API, the fields of the 
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from docs.site_notebooks import notebook_page
@@ -32,11 +34,30 @@ SPHINX = "import gc, sys; gc.set_threshold(100_000); from sphinx.cmd.build impor
 
 def main() -> int:
     """Lays the pages out and builds the site, warnings being errors; the exit code of Sphinx."""
-    site = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "build" / "docs"
-    pages = site.with_name(f"{site.name}-pages")
-    lay_out(pages)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("site", type=Path, nargs="?", default=ROOT / "build" / "docs", metavar="FOLDER")
+    parser.add_argument("--check", nargs="+", default=[], metavar="PAGE", help="pages that are written, without ending")
+    asked = parser.parse_args()
+    lay_out(_laid_out(asked.site))
+    if not asked.check:
+        return _sphinx(asked.site, "html")
+    # links of all pages are followed by the builder that writes none of them
+    return _sphinx(asked.site, "dummy") or _sphinx(asked.site, "html", asked.check)
+
+
+def _laid_out(site: Path) -> Path:
+    """Folder of the pages that a site is built from."""
+    return site.with_name(f"{site.name}-pages")
+
+
+def _sphinx(site: Path, builder: str, only: Sequence[str] = ()) -> int:
+    """The exit code of Sphinx; without `only`, all pages are written that the builder writes."""
+    pages = _laid_out(site)
+    # that a site of some pages has no index for its search is a warning of Sphinx
+    strict = [] if only else ["-W", "--keep-going"]
     return subprocess.run(  # noqa: S603 (our own interpreter and arguments)
-        [sys.executable, "-c", SPHINX, "-W", "--keep-going", "-q", "-c", DOCS, "-d", f"{site}-doctrees", pages, site],
+        [sys.executable, "-c", SPHINX, *strict, "-q", "-b", builder, "-c", DOCS, "-d", f"{site}-doctrees", pages, site,
+         *(pages / f"{name}.md" for name in only)],
         cwd=ROOT, env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
         check=False,
     ).returncode  # fmt: skip
