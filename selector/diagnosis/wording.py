@@ -57,13 +57,27 @@ def _small(found: Diagnosis) -> bool:
 
 
 def _turned(found: Diagnosis) -> list[str]:
-    """Responses that were simulated with the other sign; beside parameters of a model a gain says nothing of that."""
+    """Responses that were simulated with the other sign; beside parameters of a model a gain says nothing of that.
+
+    Nor does one beside friction by speed, where the simulation goes as the recording does.
+    """
     said = []
     for response in () if "model" in found.recalibration else found.comparison.responses:
         gain = recalibration_of(found.recalibration.get(response, {})).get("gain")
-        if gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
+        if (
+            gain is not None
+            and gain.high is not None
+            and gain.value < 0.0 > gain.high
+            and _goes_against(found, response)
+        ):
             said.append(f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}.")
     return said
+
+
+def _goes_against(found: Diagnosis, response: str) -> bool:
+    simulated, recorded = found.comparison.simulated[response], found.comparison.recorded[response]
+    seen = np.isfinite(simulated) & np.isfinite(recorded)
+    return float(np.cov(simulated[seen], recorded[seen])[0, 1]) < 0.0
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:

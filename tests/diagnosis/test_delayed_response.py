@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.evidence.response import recalibration_columns
+from selector.diagnosis.effects.catalogue import catalogue
+from selector.diagnosis.evidence.response import bench_of, recalibration_columns
 from selector.diagnosis.shapes.residual import least_squares
+from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 
 
@@ -56,3 +58,19 @@ def test_a_simulation_has_the_recalibration_that_it_moves_enough_for(course: str
     }[course]
     recorded = moves + rng.standard_normal(2000)
     assert recalibration_columns(of_one_run(time, recorded, moves), "T", np.ones(2000, dtype=bool))[1] == names
+
+
+def test_friction_by_speed_is_a_gain_of_a_simulated_speed() -> None:
+    time = 0.01 * np.arange(4000)
+    simulated = 0.2 * np.sin(1.3 * time) + 0.1 * np.sin(0.31 * time)
+    dry = 0.02 * np.sign(simulated)
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(len(time))
+    comparison = Comparison(
+        runs=("r1", "r2"), starts=(0, 2000, 4000), time_s=np.tile(time[:2000], 2),
+        channels=(Channel("v", "velocity", "m/s", axis="X"),), recorded={"v": simulated - dry + noise},
+        simulated={"v": simulated}, responses=("v",), held_out=np.arange(4000) >= 2000,
+    )  # fmt: skip
+    bench, untested = bench_of(comparison, "v", catalogue())
+    assert "drive.viscous" not in bench.own
+    assert "gain" in untested["drive.viscous"]
+    assert [effect.id for effect in diagnosis(comparison, seed=0).effects] == ["drive.coulomb"]

@@ -70,10 +70,14 @@ def test_what_another_response_shows_has_its_own_sentence():
 @pytest.mark.parametrize("verdict", ["missing-physics", "miscalibrated"])
 def test_a_simulation_of_the_opposite_sign_is_told_first(verdict):
     gain = {"gain": Quantity(-1.0, "1", -1.1, -0.9)}
-    found = answer(verdict, recalibration={"Z": gain})
+    same = answer(verdict, recalibration={"Z": gain})
+    # a gain below 0 makes room for something else where both move alike
+    assert "sign" not in headline(same)
+    turned = replace(same.comparison, recorded=same.comparison.recorded | {"Z": -same.comparison.recorded["Z"]})
+    found = replace(same, comparison=turned)
     assert headline(found).endswith("Z is simulated with the opposite sign: its gain should be −1.00.")
     assert what_to_do(found)[0].startswith("Turn the sign of the simulation before anything else: Z is")
-    unsure = answer(verdict, recalibration={"Z": {"gain": Quantity(-1.0, "1", -2.1, 0.1)}})
+    unsure = replace(found, recalibration={"Z": {"gain": Quantity(-1.0, "1", -2.1, 0.1)}})
     assert "sign" not in headline(unsure)
 
 

@@ -233,6 +233,22 @@ def test_a_channel_that_stands_more_than_twice_a_run_dwells_by_nature(stands, fr
     assert len(frozen_stretches(comparison, "Z")) == frozen
 
 
+@pytest.mark.parametrize(("early", "frozen"), [(4, 0), (40, 1)])
+def test_a_start_that_the_simulation_makes_a_little_early_freezes_no_sensor(early, frozen):
+    """A reading in whole counts that rests, while the simulation moves in the last rows of it or in most of them."""
+    comparison = comparison_with(only("Z", None, lambda _, x: x))
+    z = comparison.recorded["Z"]
+    rows = slice(100, 146)
+    z[rows] = z[rows][0]
+    simulated = comparison.simulated["Z"].copy()
+    simulated[rows] = simulated[rows][0]
+    simulated[146 - early : 146] += np.linspace(0.0, 10.0 * np.ptp(simulated), early)
+    counted = dataclasses.replace(
+        comparison, simulated=comparison.simulated | {"Z": simulated}, resolution={**comparison.resolution, "Z": 1.0}
+    )
+    assert len(frozen_stretches(counted, "Z")) == frozen
+
+
 def test_readings_that_return_to_a_limit_are_not_frozen():
     comparison = comparison_with(only("Z", None, lambda _, x: x), noise_um=0.001)
     comparison.recorded["Z"] = np.minimum(comparison.recorded["Z"], 15.0)

@@ -30,6 +30,8 @@ _LEAST_DEAD = 40  #: Samples of such a stretch.
 _BESIDE = 20  #: Samples on each side of a stretch from which its level is taken.
 _LEAP = 4.0  #: Usual steps from one reading to the next by which a reading that wakes up differs from where it stood.
 _AROUND_ONE = ((0.7, 1.4),)
+_MOST_OF_IT = (0.1, 0.9)  #: Quantiles of the simulation in a stretch that it has to move between.
+_RESTING = ("velocity", "acceleration")  #: Of what reads 0 at rest.
 
 
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
@@ -79,20 +81,23 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
         length = last - first + 1
         part = simulated[first : last + 1]
         moved = float(np.nanmax(part) - np.nanmin(part)) if np.isfinite(part).any() else 0.0
-        rests = comparison.channel(response).role == "velocity" and abs(recorded[first]) < _OF_SPAN * span
+        rests = comparison.channel(response).role in _RESTING and abs(recorded[first]) < _OF_SPAN * span
         if at_ends.count(recorded[first]) > 1 or (rests and moved < _AT_REST * span):
             continue
         silent = len(recorded) * chance ** (length - 1) < _SURE
         silent |= (run, first, last) in dead and moved > max(_STEPS * resolution, _DEAD * span)
         if surely and not (silent and moved > max(_STEPS * resolution, _OF_SPAN * span)):
             continue
-        if silent or moved > max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high))):
-            found.append((length, run, first, last))
+        least = max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high)))
+        if silent or moved > least:
+            # what it does in the last rows alone may be a start that comes a little early
+            goes = moved > least and float(np.ptp(np.nanquantile(part, _MOST_OF_IT))) > least
+            found.append((length, run, first, last, silent or goes))
     if len(found) > _USUAL * len(comparison.runs):
         # a coarse reading dwells by nature
         return []
     found.sort(key=lambda stretch: (-stretch[0], stretch[2]))
-    return [stretch[1:] for stretch in found[:_MOST]]
+    return [stretch[1:4] for stretch in found[:_MOST] if stretch[4]]
 
 
 def _dead_in_runs(
