@@ -22,7 +22,7 @@ from selector.controllers.model_file import (
     Validation,
 )
 from selector.controllers.self_check import sealed
-from selector.models.design import Scaling, datum_of
+from selector.models.design import Datum, Scaling, datum_of
 from selector.models.least_squares import FittedModel
 from selector.models.run_before import before_gauge, with_ungauged
 from selector.recording import Channel, Recording, RunSource
@@ -35,6 +35,8 @@ RATE_MARGIN = 5.0
 LEAST_RATE_PER_MIN = 1.0
 #: Beyond what was recorded: a colder or warmer hall is no fault, an input of 0 that nobody has written is one.
 READING_MARGIN_K = 15.0
+#: A clamp is at most so many times what was measured, whatever a model says of readings from before a gauge.
+MOST_UNGAUGED = 2.0
 
 
 def model_file_of(
@@ -140,13 +142,21 @@ def seen_readings(source: RunSource, sensors: tuple[str, ...]) -> dict[str, Seen
 
 def _ungauged(recipe: Recipe, source: RunSource, channels: tuple[Channel, ...]) -> Array:
     """What a control gets in runs whose gauge began late, shape (n_samples, n_variables): on before, it counts rises
-    from earlier. Only of linear models, which are the same from any start.
+    from earlier. Only of linear models, which are the same from any start; and not of readings further than
+    `READING_MARGIN_K` beyond those at which the displacement was measured, which nothing bears out.
     """
     design, form = recipe.design, recipe.shape.form
     late = [run for run in source.runs if before_gauge(design.datum.follows, run)] if recipe.shape.has_memory else []
     found = [np.zeros((0, len(design.variables)))]
-    for run in late if form.degree == 1 and not form.interactions else []:
+    if not late or form.degree > 1 or form.interactions:
+        return found[0]
+    as_read = replace(design, datum=Datum("absolute"), lags=())
+    gauged = [one.variables for run in source.runs for one in as_read.pieces(source, run)]
+    low = np.min([of.min(axis=0) for of in gauged], axis=0) - READING_MARGIN_K
+    high = np.max([of.max(axis=0) for of in gauged], axis=0) + READING_MARGIN_K
+    for run in late:
         time_s, values = with_ungauged(source, run, design.inputs)
+        values = np.where((values >= low) & (values <= high), values, np.nan)
         table = pd.DataFrame(values, time_s, list(design.inputs))
         whole = Recording.from_runs({run: table}, [one for one in channels if one.name in design.inputs])
         datum = datum_of(whole, recipe.sensors, (), design.datum.reference)
@@ -202,10 +212,14 @@ def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *,
 
 
 def _limits(selection: ProvenModel, name: str, ungauged: Array) -> OutputLimits:
-    """The correction is held within what the machine was seen to do: the largest recorded displacement."""
+    """The correction is held within what the machine was seen to do: the largest recorded displacement.
+
+    What it did before a late gauge is not seen: as far as the model says so, and to `MOST_UNGAUGED` times that.
+    """
     proved = (part.before_max_um for part in selection.proof.per_response[name])
-    predicted = np.abs(selection.models[name].predicted(ungauged)).max(initial=0.0)
-    largest = max((*proved, selection.largest_um.get(name, 0.0), predicted))
+    largest = max((*proved, selection.largest_um.get(name, 0.0)))
+    predicted = float(np.abs(selection.models[name].predicted(ungauged)).max(initial=0.0))
+    largest = max(largest, min(predicted, MOST_UNGAUGED * largest))
     return OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None)
 
 

@@ -26,12 +26,14 @@ LATE, GAUGED = 200, 300
 SISTERS = 8
 
 
-def remembering(folder: Path, seed: int, n_runs: int, first: int = 0, *, knows_before: bool = True) -> Path:
+def remembering(
+    folder: Path, seed: int, n_runs: int, first: int = 0, *, knows_before: bool = True, tau_s: float = 9000.0
+) -> Path:
     """Recordings of a machine with a hidden body, its gauge zeroed late; `knows_before`: the thermometers were on."""
     gain = -12.0 * (1.0 + 0.05 * np.random.default_rng(seed).normal())
     whole = machine(
         lambda truth: linear(truth) + gain * truth["hidden"],
-        n_runs=first + n_runs, n=LATE + GAUGED, seed=seed, tau_hidden_s=9000.0,
+        n_runs=first + n_runs, n=LATE + GAUGED, seed=seed, tau_hidden_s=tau_s,
     )  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     for run in whole.runs[first:]:
@@ -119,6 +121,26 @@ def test_a_program_that_was_on_before_the_gauge_has_the_range_for_it(studied):
         beyond = [one.share_of_samples for run in proof.runs for one in run.beyond_valid]
         assert (max(beyond, default=0.0) < 0.01) == knows
     assert left[True] < 0.2 * left[False]
+
+
+def test_what_a_loose_sensor_read_long_before_the_gauge_makes_no_clamp(tmp_path):
+    source = read([remembering(tmp_path, 0, 4, tau_s=600.0)]).recording
+    tables = {
+        run: pd.DataFrame(source.values(run, source.names), source.time_s(run), source.names) for run in source.runs
+    }
+    recorded_um = max(float(table["Z"].abs().max()) for table in tables.values())
+    gauged = pd.concat([table["T1"].iloc[LATE:] for table in tables.values()])
+    # over by the time the gauge begins, seven time constants later, so that no error shows it
+    tables[source.runs[1]].iloc[2:60, source.names.index("T1")] += 120.0 * np.sin(np.linspace(0.0, np.pi, 58))
+    loose = Recording.from_runs(tables, source.channels)
+    model = model_file_of(
+        select(loose, Options(max_sensors=2, memory=True, responses=("Z",))), loose.channels, source=loose
+    )
+    assert model.states
+    (limits,) = model.guard.limits
+    assert limits.clamp_um <= np.ceil(2.0 * recorded_um)
+    t1 = next(one for one in model.inputs if one.name == "T1")
+    assert t1.valid_max <= float(np.ptp(gauged)) + 30.0
 
 
 def test_gauges_that_never_begin_together_are_not_compared(studied):
