@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from selector.controllers import Guard, Input, Output, OutputLimits, Term, read_model
+from selector.controllers.guard.decided import Mode
 from selector.controllers.replay.parts import reference_answers
 from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.python_module import CLASS, M800_FILE, MODULE_NAME, mitsubishi_export, python_files
@@ -152,20 +153,49 @@ def test_a_dead_sensor_is_held_then_led_to_zero_and_never_left(tmp_path):
 
 
 def test_a_new_process_takes_over_what_the_control_holds(tmp_path):
-    control = Control()
-    control_of = offsets(z_model(), control, tmp_path)
+    control, model = Control(), z_model(guard=Guard(limits=z_model().guard.limits))
+    control_of = offsets(model, control, tmp_path)
     for reading in [20.0] * 120 + [22.0] * 60:
         control_of.cycle(1.0, [reading])
     control_of.keep()
     # the machine is warm; the zero is not the first reading after the start
-    again = offsets(z_model(), control, tmp_path)
+    again = offsets(model, control, tmp_path)
     control.came.clear()
     for _ in range(120):
         again.cycle(1.0, [22.0])
     lows = [-20] + [words[4] for words in control.came]
-    assert np.abs(np.diff(lows)).max() == 1, "no jump at the start"
+    assert set(lows) == {-20}, "held until the sensor is believed, then followed"
+    assert again.program.mode == Mode.MODEL
     assert again.program.start_1 == 20.0
-    assert lows[-1] == -20
+    again.cycle(1.0, [22.0], is_ready=False)
+    assert control.words == [0] * 6
+
+
+def test_words_of_another_time_go_at_the_slew_limit_to_what_the_model_says(tmp_path):
+    control = Control(0, 0, 0, 0, 30, 0)
+    control_of = offsets(z_model(guard=Guard(limits=z_model().guard.limits)), control, tmp_path)
+    lows = [control_of.cycle(1.0, [20.0])[4] for _ in range(120)]
+    assert lows[:50] == [30] * 50
+    assert lows[-1] == 0
+    assert np.abs(np.diff([30, *lows])).max() == 1
+
+
+def test_a_reading_that_is_not_given_is_an_error_and_not_the_last_one(tmp_path):
+    control = Control()
+    control_of = offsets(z_model(), control, tmp_path)
+    for given in ([], [20.0, 20.0]):
+        with pytest.raises(ValueError, match=rf"{len(given)} values of reading_1 \.\.\. were given, .* has 1: give all"):
+            control_of.cycle(1.0, given)
+    with pytest.raises(ValueError, match="values of position_1"):
+        control_of.cycle(1.0, [20.0], positions_m=[0.1])
+    assert control.came == []
+
+
+def test_a_time_that_is_none_does_not_end_the_keeping(tmp_path):
+    control_of = offsets(z_model(), Control(), tmp_path)
+    for dt_s in (float("nan"), -1e9, *[1.0] * 310):
+        control_of.cycle(dt_s, [20.0])
+    assert (tmp_path / "kept.json").exists()
 
 
 def test_what_it_cannot_have_sent_is_not_taken_over(tmp_path):

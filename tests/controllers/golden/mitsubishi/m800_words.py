@@ -57,6 +57,18 @@ def micrometres(block):
     return found
 
 
+def given(program, kind, values):
+    """Values of all readings or positions of a program; None is one that is missing, never its last value."""
+    count = 0
+    while hasattr(program, "%s_%d" % (kind, count + 1)):
+        count += 1
+    if len(values) != count:
+        raise ValueError("%d values of %s_1 ... were given, and the program has %d: give all of them, in the order of"
+                         " the program, None for one that is missing" % (len(values), kind, count))
+    for k, value in enumerate(values, 1):
+        setattr(program, "%s_%d" % (kind, k), NO_READING if value is None else float(value))
+
+
 class Offsets:
     """A program, cycle after cycle, into the words of the control.
 
@@ -68,7 +80,7 @@ class Offsets:
         self.program, self.write, self.read = program, write, read
         self.kept_file, self.next_save_s = kept_file, SAVE_EVERY_S
         self._restored()
-        # what stands in the control is taken over, and goes from there at the slew limit
+        # what stands in the control is taken over, held until sensors are believed, and goes on at the slew limit
         program.dt_s = 0.0
         program.is_ready = True
         program.step()
@@ -80,15 +92,14 @@ class Offsets:
                                       " writes there, or a word is no micrometre; find out which, set the words to 0"
                                       " by hand, and start again" % (held, um, AXES[k - 1], clamp_um))
             setattr(program, "k0_%d" % k, float(um))
+            setattr(program, "aim_%d" % k, float(um))
 
     def cycle(self, dt_s, readings, is_ready=True, positions_m=(), is_wanted=True):
         """One call, a second or less after the one before; None is a sensor without a reading. Gives what was sent."""
         program = self.program
         program.dt_s, program.is_ready, program.is_wanted = dt_s, is_ready, is_wanted
-        for k, reading in enumerate(readings, 1):
-            setattr(program, "reading_%d" % k, NO_READING if reading is None else float(reading))
-        for k, position in enumerate(positions_m, 1):
-            setattr(program, "position_%d" % k, NO_READING if position is None else float(position))
+        given(program, "reading", readings)
+        given(program, "position", positions_m)
         program.step()
         corrections = [getattr(program, "correction_%d" % (k + 1)) for k in range(len(AXES))]
         block = words(corrections)
@@ -97,7 +108,7 @@ class Offsets:
         if micrometres(held) != micrometres(block):
             raise NotArrivedError("R5700 holds %r, and was sent %r: look at the data type of the call,"
                                   " and at the ladder for what else writes there" % (held, block))
-        self.next_save_s -= dt_s
+        self.next_save_s -= dt_s if dt_s > 0.0 else 0.0  # NaN is no time
         if self.next_save_s <= 0.0:
             self.keep()
         return block
