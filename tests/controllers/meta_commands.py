@@ -165,6 +165,7 @@ class Duet:
         self.axes = [Axis() for _ in "XYZ"]
         self.analog: list[dict[str, Any] | None] = []
         self.lines = 0  #: That were executed or passed over
+        self.said: list[str] = []  #: In the console
 
     def babystep(self, letter: str, mm: float, *, absolute: bool = False) -> None:
         """M290 as GCodes2.cpp has it."""
@@ -334,7 +335,8 @@ class Running:
     def _echo(self, rest: str) -> None:
         match = re.fullmatch(r'(>>?)"([^"]+)" (.*)', rest)
         if match is None:
-            raise MetaError(f"only into files here: {rest}")
+            self.duet.said.append(_as_text(self.value(rest)))
+            return
         text = _as_text(self.value(match[3])) + "\n"
         self.duet.files[match[2]] = text if match[1] == ">" else self.duet.files.get(match[2], "") + text
 

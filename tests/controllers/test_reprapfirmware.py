@@ -440,8 +440,19 @@ def test_config_that_runs_a_second_time_changes_nothing():
     duet = board()
     passed(duet, 120, 23.0)
     before = dict(duet.globals)
+    assert duet.said == []
     duet.run(START)
     assert duet.globals == before
+    (said,) = duet.said
+    assert "restart" in said
+
+
+def test_a_second_model_on_the_board_is_told():
+    duet = board()
+    duet.files |= reprapfirmware_export(z_model(name="another")).files
+    duet.run(START)
+    (said,) = duet.said
+    assert "Of two models export one" in said
 
 
 def test_names_of_a_model_do_not_leave_their_comments():

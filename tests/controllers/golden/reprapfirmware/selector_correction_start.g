@@ -8,6 +8,8 @@
  ; Single precision: largest difference to the float64 model inside the valid ranges: Z 0.00013 um, Y 7.8e-05 um,
  ;   for readings up to T1 70 degC, T3 70 degC, called at most 100 times a second.
  ; The last line of config.g: M98 P"selector_correction_start.g"
+if exists(global.selector_is_started)
+  echo "selector: its variables are there already. After a change here restart. Of two models export one with all outputs"
 if !exists(global.selector_is_started)
   global selector_is_started = false
   global selector_is_running = true
