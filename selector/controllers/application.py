@@ -291,7 +291,7 @@ class Accuracy:
         if not both.any():
             return cls(None, None, None, None, None, 0)
         left, before = recorded_um[both] - predicted_um[both], recorded_um[both]
-        return cls(_rms(left), _largest(left), _rms(before), _largest(before), float(np.mean(left)), int(both.sum()))
+        return cls(*_sizes(left), *_sizes(before), float(np.mean(left)), int(both.sum()))
 
     @property
     def is_worse(self) -> bool:
@@ -515,9 +515,6 @@ def _worse_than_nothing(overall: Mapping[str, Accuracy]) -> Iterator[Finding]:
             )
 
 
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _largest(values: Array) -> float:
-    return float(np.max(np.abs(values)))
+def _sizes(values: Array) -> tuple[float, float]:
+    """Root mean square, and the largest."""
+    return float(np.sqrt(np.mean(np.square(values)))), float(np.max(np.abs(values)))

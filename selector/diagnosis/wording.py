@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from selector.diagnosis.answer import Diagnosis, Fit, NamedEffect, Place, recalibration_of
 from selector.diagnosis.comparison import Comparison
@@ -64,20 +65,13 @@ def _turned(found: Diagnosis) -> list[str]:
     said = []
     for response in () if "model" in found.recalibration else found.comparison.responses:
         gain = recalibration_of(found.recalibration.get(response, {})).get("gain")
-        if (
-            gain is not None
-            and gain.high is not None
-            and gain.value < 0.0 > gain.high
-            and _goes_against(found, response)
-        ):
+        recorded, simulated = (
+            pd.Series(of[response]) for of in (found.comparison.recorded, found.comparison.simulated)
+        )
+        goes_against = recorded.cov(simulated) < 0.0
+        if goes_against and gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
             said.append(f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}.")
     return said
-
-
-def _goes_against(found: Diagnosis, response: str) -> bool:
-    simulated, recorded = found.comparison.simulated[response], found.comparison.recorded[response]
-    seen = np.isfinite(simulated) & np.isfinite(recorded)
-    return float(np.cov(simulated[seen], recorded[seen])[0, 1]) < 0.0
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:

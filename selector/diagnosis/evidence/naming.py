@@ -410,21 +410,14 @@ def _is_kept(comparison: Comparison, response: str) -> bool:
 def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
     """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
     told = []
-    for name in found.benches:
-        if not (name in small or is_small(comparison, found, name)):
-            continue
+    for name in (one for one in found.benches if one in small or is_small(comparison, found, one)):
         share = _of_movement(comparison, found, name)
         why = "no more than repeats of a programme differ by"
         if not _is_as_repeated(comparison, found, name):
             why = f"only {100.0 * share:.2g} % of its movement (rms)"
-        told.append(
-            FINDINGS.finding(
-                SMALL_MISFIT,
-                f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics.",
-                Where(channel=name),
-                {"share_of_movement": share, "times_noise": found.misfit[name]},
-            )
-        )
+        said = f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics."
+        evidence = {"share_of_movement": share, "times_noise": found.misfit[name]}
+        told.append(FINDINGS.finding(SMALL_MISFIT, said, Where(channel=name), evidence))
     return tuple(told)
 
 

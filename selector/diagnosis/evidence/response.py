@@ -356,11 +356,8 @@ def recalibration_columns(
     mismatch = float(np.std(comparison.difference(response)[fitted]))
     for name, column, most in (("gain", simulated, _MOST), ("delay", delayed, _MOST * comparison.period_s)):
         spread = float(np.std(column[fitted]))
-        if (
-            spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300)
-            and most * spread > mismatch
-            and _beside(np.column_stack(found)[fitted], column[fitted]) > _OF_ITS_OWN * spread
-        ):
+        moves = spread > 1e-9 * max(float(np.abs(column[fitted]).max()), 1e-300) and most * spread > mismatch
+        if moves and _beside(np.column_stack(found)[fitted], column[fitted]) > _OF_ITS_OWN * spread:
             found.append(column)
             names.append(name)
     for name, column in comparison.tangents.get(response, {}).items():

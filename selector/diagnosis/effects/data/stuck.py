@@ -91,8 +91,8 @@ def frozen_stretches(comparison: Comparison, response: str, *, surely: bool = Fa
         least = max(_STEPS * resolution, _OF_SPAN * span, 1e-12 * max(abs(low), abs(high)))
         if silent or moved > least:
             # what it does in the last rows alone may be a start that comes a little early
-            goes = moved > least and float(np.ptp(np.nanquantile(part, _MOST_OF_IT))) > least
-            found.append((length, run, first, last, silent or goes))
+            is_sure = silent or float(np.ptp(np.nanquantile(part, _MOST_OF_IT))) > least
+            found.append((length, run, first, last, is_sure))
     if len(found) > _USUAL * len(comparison.runs):
         # a coarse reading dwells by nature
         return []
