@@ -212,10 +212,7 @@ def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *,
 
 
 def _limits(selection: ProvenModel, name: str, ungauged: Array) -> OutputLimits:
-    """The correction is held within what the machine was seen to do: the largest recorded displacement.
-
-    What it did before a late gauge is not seen: as far as the model says so, and to `MOST_UNGAUGED` times that.
-    """
+    """The correction is held within the largest recorded displacement, or what the model says of before a gauge."""
     proved = (part.before_max_um for part in selection.proof.per_response[name])
     largest = max((*proved, selection.largest_um.get(name, 0.0)))
     predicted = float(np.abs(selection.models[name].predicted(ungauged)).max(initial=0.0))

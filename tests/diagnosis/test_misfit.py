@@ -110,6 +110,21 @@ def test_a_little_misfit_of_one_run_is_told_and_is_not_missing(of_movement, runs
     if is_silent:
         assert told[0].evidence["share_of_movement"] == pytest.approx(of_movement, rel=0.1)
         assert "of a size that matters" in found.headline
+        assert "one run alone" in told[0].statement
+
+
+@pytest.mark.parametrize("size", [1.0, 0.001])
+@pytest.mark.parametrize("are_repeats", [True, False])
+def test_noise_is_told_as_noise_however_little_it_is(size, are_repeats):
+    made = comparison({"Z": size * noise(3)})
+    if are_repeats:
+        first = {name: np.tile(of[:600], 3) for name, of in {**made.recorded, **made.simulated}.items()}
+        z = made.simulated["Z"][:600]
+        made = replace(made, simulated={"Z": np.tile(z, 3)}, recorded=first | {"Z": np.tile(z, 3) + size * noise(3)})
+    found = diagnosis(made, seed=0)
+    assert found.verdict == "nothing-missing"
+    assert "small-misfit" not in {one.id for one in found.findings}
+    assert found.headline.endswith("is noise.")
 
 
 def test_what_is_only_seen_comes_back_from_the_json_and_is_shown():

@@ -410,11 +410,15 @@ def _is_kept(comparison: Comparison, response: str) -> bool:
 def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
     """A finding for every response in which more is left than noise, but too little to matter, as in the `small`."""
     told = []
-    for name in (one for one in found.benches if one in small or is_small(comparison, found, one)):
+    for name in found.benches:
+        if name not in small and not (is_structured(found, name) and is_small(comparison, found, name)):
+            continue
         share = _of_movement(comparison, found, name)
-        why = "no more than repeats of a programme differ by"
-        if not _is_as_repeated(comparison, found, name):
-            why = f"only {100.0 * share:.2g} % of its movement (rms)"
+        why = f"only {100.0 * share:.2g} % of its movement (rms)"
+        if _is_as_repeated(comparison, found, name):
+            why = "no more than repeats of a programme differ by"
+        elif share >= _LITTLE and is_little_in_one_run(comparison, found, name):
+            why += ", and one run alone does not tell it from noise that wanders"
         said = f"What recalibration leaves of {name} is no noise, but {why}: too little to be called missing physics."
         evidence = {"share_of_movement": share, "times_noise": found.misfit[name]}
         told.append(FINDINGS.finding(SMALL_MISFIT, said, Where(channel=name), evidence))
