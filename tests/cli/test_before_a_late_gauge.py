@@ -123,6 +123,23 @@ def test_a_program_that_was_on_before_the_gauge_has_the_range_for_it(studied):
     assert left[True] < 0.2 * left[False]
 
 
+@pytest.mark.parametrize("dead_runs", [1, 4])
+def test_a_sensor_that_dies_when_the_gauge_begins_is_told_and_replayed(studied, tmp_path, capsys, dead_runs):
+    folder, _ = studied
+    sensor = json.loads((folder / "out" / "model.json").read_text(encoding="utf-8"))["inputs"][0]["name"]
+    for k, path in enumerate(sorted((folder / "runs").glob("*.csv"))):
+        table = pd.read_csv(path)
+        table.loc[LATE:, f"{sensor} [degC]"] = np.nan if k < dead_runs else table[f"{sensor} [degC]"]
+        table.to_csv(tmp_path / path.name, index=False)
+    words = ["export", folder / "out" / "model.json", "--for", "klipper", "--out", tmp_path / "out"]
+    exported = answer(capsys, *words, "--replay", tmp_path)
+    left = {one["run"]: one["apply_rmse_um"] for one in exported["replay"]["runs"]}
+    dead = [run for run, rmse_um in left.items() if rmse_um is None]
+    assert len(dead) == dead_runs
+    told = {one["where"]["run"] for one in exported["findings"] if one["id"] == "not-the-whole-model"}
+    assert set(dead) <= told
+
+
 def test_what_a_loose_sensor_read_long_before_the_gauge_makes_no_clamp(tmp_path):
     source = read([remembering(tmp_path, 0, 4, tau_s=600.0)]).recording
     tables = {

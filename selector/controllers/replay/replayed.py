@@ -381,7 +381,7 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
         for name, of in run.accuracy.items():
             alone = run.applied.get(name, of)
             more = (of.rmse_um or 0.0) - (alone.rmse_um or 0.0)
-            if more > max(SEEN_MORE_UM, SEEN_MORE * (alone.rmse_um or 0.0)):
+            if alone.rmse_um is not None and more > max(SEEN_MORE_UM, SEEN_MORE * alone.rmse_um):
                 why = (
                     "; ".join(run.because.get(name, ())) or "start readings are single samples, and the slew is limited"
                 )
