@@ -77,11 +77,11 @@ def _turned(found: Diagnosis) -> list[str]:
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:
     """What the user should do now, the most urgent first; a sentence each."""
     steps = [f"Turn the sign of the simulation before anything else: {said}" for said in _turned(found)]
-    steps += [
-        f"Correct the recording before anything else: {_sentence(effect.statement)}"
-        for effect in found.effects
-        if is_data(effect.id)
-    ]
+    for effect in (one for one in found.effects if is_data(one.id)):
+        first = "Correct the recording before anything else"
+        if effect.confidence < _SURE:
+            first = "Look at the recording first, and at what happened to the machine there"
+        steps.append(f"{first}: {_sentence(effect.statement)}")
     for effect in found.effects:
         if effect.cannot_be_told_from:
             names = _or_rivals(effect)

@@ -101,6 +101,8 @@ def test_physics_comes_before_faults_of_the_recording():
     assert text.startswith("The simulation leaves out memory of past heating")
     assert "The recording is at fault too: the zero of a channel in Z (97 % sure)." in text
     assert what_to_do(found)[0].startswith("Correct the recording before anything else")
+    unsure = replace(found, effects=(replace(found.effects[0], confidence=0.6), found.effects[1]))
+    assert "what happened to the machine there" in what_to_do(unsure)[0]
 
 
 def test_a_fault_of_the_recording_is_no_missing_physics():
