@@ -17,7 +17,7 @@ from selector.diagnosis.evidence.moments import Moments, all_moderated, beside, 
 from selector.diagnosis.evidence.noise import NoiseModel, filled_rows, noise_model, stretches, whitened, with_past
 from selector.diagnosis.matching.runs import repeats, rms
 from selector.diagnosis.matching.usable import rounding_of
-from selector.diagnosis.shapes.axis import FORCE_ROLES, simulated_axis
+from selector.diagnosis.shapes.axis import simulated_axis
 from selector.diagnosis.shapes.machine_cycle import MachineCycle, machine_cycle
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import by_run, rate
@@ -31,7 +31,7 @@ _MOST_SAMPLES = 2.0
 _MOST = 1e6
 #: Candidates that are whitened together: one by one the calls take longer than the numbers, all at once need memory.
 _AT_ONCE = 32
-#: The same of a delay, and of an own parameter: below, it may be exchanged for a gain or delay many times as large.
+#: The same of a delay, and of an own parameter: below, it may be exchanged for a gain many times as large.
 _OF_ITS_OWN, _OF_ANOTHER = 0.02, 0.1
 _APART = 1e-4  #: Part of a column that is not the columns before it, without which it is no other one.
 OF_MODEL = "model: "  #: Begins the name of a column that is a parameter of a simulation that can be run again.
@@ -307,9 +307,9 @@ def bench_of(comparison: Comparison, response: str, effects: Sequence[Effect]) -
         if effect.absorbs:
             columns = added[0][0].columns / added[0][1]
             is_known = [_beside(nuisance[fitted], one) <= _OF_ANOTHER * np.std(one) for one in columns[fitted].T]
-            # of a force it is one that the simulation has of its own
-            if any(is_known) and comparison.channel(response).role not in FORCE_ROLES:
-                untested[effect.id] = "in this response it is another gain or delay of the simulation"
+            # of a force it is one that the simulation has of its own, and a position may have it beside a delay
+            if any(is_known) and comparison.channel(response).role == "velocity":
+                untested[effect.id] = "in this response it is another gain of the simulation"
                 continue
             own[effect.id] = slice(nuisance.shape[1], nuisance.shape[1] + columns.shape[1])
             nuisance = np.column_stack([nuisance, columns])
