@@ -178,7 +178,7 @@ def without_displacement_faults(model: ModelFile, recording: Recording) -> tuple
     kept = without_faults(recording, found)
     rises = _rises(model, kept)
     source = begun(kept, rises)
-    if model.states:
+    if model.states and any(one.id == GAUGE_BEGINS_LATE for one in found):
         found = tuple(_of_memory(one, source) if one.where.channel in rises else one for one in found)
         kept = without_faults(recording, found)
         source = begun(kept, _rises(model, kept))

@@ -65,7 +65,8 @@ _SUSPECTED = 0.5  #: What is left of a confidence that another programme does no
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 #: Confidence below which a name is a guess, but for what explains as much and is carried: transfer may have chosen it.
 _LEAST_SURE, _QUARTER = 0.1, 0.25
-_MANY, _TWO = 3, 2  #: Names from which on any smooth misfit may have been put together from them.
+#: Names from which on any smooth misfit may have been put together from them; the same where there is one.
+_MANY, _MANY_BESIDE_MISFIT = 3, 2
 _TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
@@ -299,8 +300,8 @@ def _named(state: _State) -> _State:
     largest = max((effect.share for effect in confirmed), default=0.0)
     kept = [as_carried(effect, state.search) for effect in confirmed if _is_sure(effect, state.search, largest)]
     # beside structure that is nobody's, a second name is as often a part of that as it is right
-    misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
-    if len(kept) >= (_TWO if misfit else _MANY):
+    is_misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
+    if len(kept) >= (_MANY_BESIDE_MISFIT if is_misfit else _MANY):
         kept = [replace(effect, confidence=min(effect.confidence, _SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}
     left = [effect for effect in confirmed if effect.id not in ids]
