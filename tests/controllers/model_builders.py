@@ -129,3 +129,13 @@ def guarded(
         guard=Guard.model_validate({"limits": (limits,), **guard}),
     )
     return GuardedModel(model, number)
+
+
+def frame_model(**changes: Any) -> ModelFile:
+    """Z = 10 µm/K of the rise of T1."""
+    fields_of_it: dict[str, Any] = {
+        "name": "frame",
+        "inputs": (Input(name="T1", valid_min=-20.0, valid_max=20.0),),
+        "outputs": (Output(name="Z", axis="Z", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=10.0),)),),
+    }
+    return rise_model(**(fields_of_it | changes))

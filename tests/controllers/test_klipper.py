@@ -21,7 +21,7 @@ from selector.controllers.writers.exported import ExportRefusedError
 from selector.controllers.writers.klipper import COMMAND, MOST_INPUTS, klipper_export, klipper_extra
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
-from tests.controllers.model_builders import PATENT, rise_model
+from tests.controllers.model_builders import PATENT, frame_model
 from tests.controllers.plain_guard import plain_answers
 from tests.controllers.test_generated_programs import KINDS, same
 
@@ -31,14 +31,7 @@ GUARD = Guard(limits=(OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=SLE
 
 
 def z_model(**changes: object):
-    """Z = 10 µm/K of the rise of T1."""
-    fields_of_it = {
-        "name": "frame",
-        "inputs": (Input(name="T1", valid_min=-20.0, valid_max=20.0),),
-        "outputs": (Output(name="Z", axis="Z", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=10.0),)),),
-        "guard": GUARD,
-    }
-    return rise_model(**(fields_of_it | changes))
+    return frame_model(**({"guard": GUARD} | changes))
 
 
 def started(model=None, options=None, arguments=None) -> Printer:

@@ -19,7 +19,7 @@ from selector.controllers.writers.reprapfirmware import DAEMON, START, STEP, rep
 from tests.controllers import hostile
 from tests.controllers.golden_text import golden, without_version
 from tests.controllers.meta_commands import DateTime, Duet, Float, MetaError, literal
-from tests.controllers.model_builders import PATENT, rise_model
+from tests.controllers.model_builders import PATENT, frame_model
 
 SLEW_UM_PER_S = 1.0
 GUARD = Guard(limits=(OutputLimits(output="Z", clamp_um=100.0, slew_um_per_s=SLEW_UM_PER_S),), on_fault="hold")
@@ -27,14 +27,7 @@ NOON = 1_790_000_000
 
 
 def z_model(**changes: object):
-    """Z = 10 µm/K of the rise of T1."""
-    fields_of_it = {
-        "name": "frame",
-        "inputs": (Input(name="T1", valid_min=-20.0, valid_max=20.0),),
-        "outputs": (Output(name="Z", axis="Z", intercept=0.0, terms=(Term(powers={"T1": 1}, coefficient=10.0),)),),
-        "guard": GUARD,
-    }
-    return rise_model(**(fields_of_it | changes))
+    return frame_model(**({"guard": GUARD} | changes))
 
 
 def board(model=None, files: dict[str, str] | None = None) -> Duet:
