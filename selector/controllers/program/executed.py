@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from selector.controllers.program.language import Language, Program, Variable
+from selector.controllers.program.language import PLACES, Language, Program, Variable
 
 Number = Callable[[float], Any]  #: From a float to the type that everything is calculated in.
 
@@ -12,19 +12,13 @@ Number = Callable[[float], Any]  #: From a float to the type that everything is 
 class PythonText(Language):
     """Words of Python; every variable but the temporary ones is an attribute."""
 
-    def __init__(self) -> None:
-        place = "self."
-        super().__init__(
-            signs={},
-            negation="not ",
-            assignment="{to} = {value}",
-            condition="if {condition}:",
-            otherwise="else:",
-            end="",
-            nothing="pass",
-            remark="# {text}",
-            prefixes={"input": place, "output": place, "kept": place, "retained": place},
-        )
+    negation = "not "
+    assignment = "{to} = {value}"
+    condition = "if {condition}:"
+    otherwise = "else:"
+    nothing = "pass"
+    remark = "# {text}"
+    prefixes = dict.fromkeys(PLACES, "self.")
 
 
 class _Typed(PythonText):
@@ -38,16 +32,13 @@ class _Rounded(PythonText):
     """Every literal is what a control makes of its digits."""
 
     def __init__(self, literal: Number) -> None:
-        super().__init__()
-        object.__setattr__(self, "literal", literal)
+        self.literal = literal
 
     def real(self, value: float) -> str:
         return repr(self.literal(value))
 
     def initial(self, variable: Variable) -> str:
         return PythonText().initial(variable)
-
-    literal: Number
 
 
 def executable(program: Program, number: Number = float, literal: Number | None = None) -> Any:

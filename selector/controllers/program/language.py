@@ -258,20 +258,19 @@ _RANK = {"or": 1, "and": 2, "<": 4, "<=": 4, ">": 4, ">=": 4, "==": 4, "+": 5, "
 _OF_COMPARISON, _OF_NAME = 4, 8
 
 
-@dataclass(frozen=True)
 class Language:
     """Words of a language in which a program is printed."""
 
-    signs: Mapping[str, str]  #: Of the operations, where they differ from the program's own
-    negation: str  #: Before a condition
-    assignment: str  #: Format with ``{to}`` and ``{value}``
+    signs: Mapping[str, str] = {}  #: Of the operations, where they differ from the program's own
+    negation: str = ""  #: Before a condition
+    assignment: str = ""  #: Format with ``{to}`` and ``{value}``
     #: condition, otherwise and end: Lines around the branches of an IF; ``{condition}``. An empty `end` is left out.
-    condition: str
-    otherwise: str
-    end: str
-    nothing: str  #: The statement of an empty branch; empty where none is needed
-    remark: str  #: Format with ``{text}``
-    prefixes: Mapping[str, str]  #: Place of a variable → what goes before its name
+    condition: str = ""
+    otherwise: str = ""
+    end: str = ""
+    nothing: str = ""  #: The statement of an empty branch; empty where none is needed
+    remark: str = ""  #: Format with ``{text}``
+    prefixes: Mapping[str, str] = {}  #: Place of a variable → what goes before its name
     indent: str = "    "
     #: What has a sign of its own stands in parentheses inside operations of a higher rank than this
     signed_above: int = _OF_COMPARISON

@@ -1,6 +1,6 @@
 """Plain C99 without any library: a header and a source file, in double or single precision."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -19,22 +19,17 @@ SINGLE_NAME = f"{NAME}_f"
 
 
 class _C(Language):
-    def __init__(self, precision: Precision) -> None:
-        place = "m->"
-        super().__init__(
-            signs={"and": "&&", "or": "||"},
-            negation="!",
-            assignment="{to} = {value};",
-            condition="if ({condition}) {{",
-            otherwise="} else {",
-            end="}",
-            nothing="",
-            remark="/* {text} */",
-            prefixes={"input": place, "output": place, "kept": place, "retained": place},
-        )
-        object.__setattr__(self, "precision", precision)
+    signs: Mapping[str, str] = {"and": "&&", "or": "||"}
+    negation = "!"
+    assignment = "{to} = {value};"
+    condition = "if ({condition}) {{"
+    otherwise = "} else {"
+    end = "}"
+    remark = "/* {text} */"
+    prefixes = dict.fromkeys(PLACES, "m->")
 
-    precision: Precision
+    def __init__(self, precision: Precision) -> None:
+        self.precision = precision
 
     def real(self, value: float) -> str:
         if self.precision == "double":

@@ -204,10 +204,7 @@ class _MacroText(Language):
     """Expressions of custom macro B; brackets group, codes and flags are numbers."""
 
     def __init__(self, numbers: Mapping[str, int]) -> None:
-        super().__init__({}, "", "", "", "", "", "", "", {})
-        object.__setattr__(self, "numbers", numbers)
-
-    numbers: Mapping[str, int]
+        self.numbers = numbers
 
     def name(self, variable: Variable) -> str:
         return f"#{self.numbers[variable.name]}"

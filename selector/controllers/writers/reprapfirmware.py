@@ -1,6 +1,6 @@
 """RepRapFirmware 3.5: a macro of meta commands that daemon.g calls once a second, and what config.g declares for it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -19,19 +19,15 @@ _HOLDS = language.Variable("holds", "flag", "temporary")
 class MetaCommands(language.Language):
     """Words of the firmware's meta commands; what is not temporary is global."""
 
-    def __init__(self) -> None:
-        super().__init__(
-            signs={"and": "&&", "or": "||"},
-            negation="!",
-            assignment="set {to} = {value}",
-            condition="if {condition}",
-            otherwise="else",
-            end="",
-            nothing="set var.holds = true",
-            remark=" ; {text}",
-            prefixes=dict.fromkeys(language.PLACES, "global.selector_") | {"temporary": "var."},
-            indent="  ",
-        )
+    signs: Mapping[str, str] = {"and": "&&", "or": "||"}
+    negation = "!"
+    assignment = "set {to} = {value}"
+    condition = "if {condition}"
+    otherwise = "else"
+    nothing = "set var.holds = true"
+    remark = " ; {text}"
+    prefixes = dict.fromkeys(language.PLACES, "global.selector_") | {"temporary": "var."}
+    indent = "  "
 
     def real(self, value: float) -> str:
         """The fewest digits that are this number in binary32; without point and exponent it would be an integer."""

@@ -4,7 +4,6 @@ import re
 import textwrap
 import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from html import escape
 from typing import Literal
 
@@ -32,24 +31,7 @@ SECTIONS: Mapping[Place, str] = {
     "temporary": "VAR_TEMP",
 }
 
-_WORDS = """
-ABS ABSTRACT ACOS ACTION ADD ADR AND AND_THEN ANY ANY_NUM ANY_REAL ARRAY ASIN AT ATAN ATAN2 AUTHOR BEGIN BLOCK_DB
-BLOCK_FB BLOCK_FC BLOCK_SDB BLOCK_SFB BLOCK_SFC BOOL BY BYTE CAL CASE CEIL CHAR CLASS CLK CONCAT CONFIGURATION
-CONST CONSTANT CONTINUE COS COUNTER CTD CTU CTUD CV DATA_BLOCK DATE DATE_AND_TIME DB DELETE DINT DIV DO DT DWORD
-ELSE ELSIF EN END END_ACTION END_CASE END_CONFIGURATION END_CONST END_DATA_BLOCK END_FOR END_FUNCTION
-END_FUNCTION_BLOCK END_IF END_LABEL END_METHOD END_PROGRAM END_REPEAT END_STEP END_STRUCT END_TRANSITION END_TYPE
-END_VAR END_WHILE ENO EQ ET EXIT EXP EXPT EXTENDS FALSE FAMILY FB FC FINAL FIND FLOOR FOR FROM FUNCTION
-FUNCTION_BLOCK F_EDGE F_TRIG GE GOTO GT IF IMPLEMENTS IN INI INSERT INT INTERFACE INTERNAL INTERVAL JMP LABEL LD
-LDATE LE LEFT LEN LIMIT LINT LN LOG LREAL LT LTIME LTOD LWORD MAX METHOD MID MIN MOD MOVE MUL MUX NAMESPACE NE NIL
-NON_RETAIN NOT NULL OB OF OK ON OR ORGANIZATION_BLOCK OR_ELSE OVERLAP OVERRIDE PERSISTENT POINTER PRIORITY PRIVATE
-PROGRAM PROPERTY PROTECTED PT PUBLIC PV QD QU R READ_ONLY READ_WRITE REAL REF REFERENCE REF_TO REPEAT REPLACE
-RESOURCE RET RETAIN RETURN RIGHT ROL ROR ROUND RS R_EDGE R_TRIG S S5TIME SCALE SEL SEMA SHL SHR SIN SINGLE SINT
-SIZEOF SQR SQRT SR ST STEP STN STRING STRUCT SUB SUPER TAN TASK THEN THIS TIME TIMER TIME_OF_DAY TITLE TO TOD TOF
-TON TP TRANSITION TRUE TRUNC TYPE UDINT UINT ULINT UNION UNTIL USING USINT VAR VARIANT VAR_ACCESS VAR_CONFIG
-VAR_EXTERNAL VAR_GLOBAL VAR_INPUT VAR_IN_OUT VAR_OUTPUT VAR_TEMP VERSION VOID WCHAR WHILE WITH WORD WSTRING XOR
-XORN
-"""
-_RESERVED = frozenset(_WORDS.split())
+_RESERVED = frozenset(filled("structured_text_words").split())
 # what STEP 7 takes for an address, a block, a timer or a counter: DB7, MW10, T1, and in German E0, A0, Z1
 _ADDRESS = re.compile(r"(D|DI|M|I|Q|E|A|L|P|PI|PQ|PE|PA)[XBWD]?\d+|(DB|DI|FB|FC|OB|SFB|SFC|SDB|UDT|VAT|T|C|Z)\d+", re.I)
 
@@ -59,22 +41,25 @@ def is_reserved(name: str) -> bool:
     return name.upper() in _RESERVED or _ADDRESS.fullmatch(name) is not None
 
 
-@dataclass(frozen=True)
 class StructuredText(Language):
-    """Words of Structured Text and of SCL."""
+    """Words of Structured Text and of SCL.
 
-    signs: Mapping[str, str] = field(default_factory=lambda: {"and": "AND", "or": "OR", "==": "="})
-    negation: str = "NOT "
-    assignment: str = "{to} := {value};"
-    condition: str = "IF {condition} THEN"
-    otherwise: str = "ELSE"
-    end: str = "END_IF;"
-    nothing: str = ";"
-    remark: str = "(* {text} *)"
-    prefixes: Mapping[str, str] = field(default_factory=dict)
+    `real_type` is LREAL, IEEE 754 binary64, or REAL, binary32 with every literal rounded to it.
+    """
+
+    signs: Mapping[str, str] = {"and": "AND", "or": "OR", "==": "="}
+    negation = "NOT "
+    assignment = "{to} := {value};"
+    condition = "IF {condition} THEN"
+    otherwise = "ELSE"
+    end = "END_IF;"
+    nothing = ";"
+    remark = "(* {text} *)"
     # SCL has no two signs in a row
-    signed_above: int = 0
-    real_type: RealType = "LREAL"  #: {"LREAL", "REAL"}: IEEE 754 binary64, or binary32 with every literal rounded to it
+    signed_above = 0
+
+    def __init__(self, real_type: RealType = "LREAL") -> None:
+        self.real_type = real_type
 
     def real(self, value: float) -> str:
         """A literal with a digit on both sides of its point, exponent or not."""
