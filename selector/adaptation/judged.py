@@ -305,16 +305,3 @@ def accuracy_of(runs: Sequence[JudgedRun]) -> Accuracy:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def refused_touches(run: JudgedRun, learnt: Learnt) -> Array:
-    """Times [s] of the touch-offs of a run that were not believed."""
-    touches = Touches.of([run.course])
-    believed = tracked(learnt.drift, touches).is_believed[0, 1:]
-    return np.asarray(touches.time_s[0][~believed & np.isfinite(touches.error_um[0])])
-
-
-def offset_at_limit(run: JudgedRun, learnt: Learnt) -> bool:
-    """Whether the offset of a run was held by its limit."""
-    offsets = tracked(learnt.drift, Touches.of([run.course])).offset
-    return bool(np.max(np.abs(offsets)) >= learnt.drift.offset_limit_um)

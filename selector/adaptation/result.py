@@ -4,19 +4,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from selector.adaptation.drift import Course
+import numpy as np
+
+from selector.adaptation.drift import Course, Touches, tracked
 from selector.adaptation.finding_table import FINDINGS
-from selector.adaptation.judged import (
-    KINDS,
-    LEVEL,
-    WORTH,
-    Judged,
-    JudgedRun,
-    Kind,
-    judged,
-    offset_at_limit,
-    refused_touches,
-)
+from selector.adaptation.judged import KINDS, LEVEL, WORTH, Judged, JudgedRun, Kind, judged
 from selector.adaptation.probing import Policy, policy_within
 from selector.findings import Finding, Where
 
@@ -184,7 +176,9 @@ def _of_run(name: str, run: JudgedRun, of: Judged) -> Iterator[Finding]:
     learnt = of.learnt
     if learnt is None:
         return
-    refused = refused_touches(run, learnt)
+    touches = Touches.of([run.course])
+    followed = tracked(learnt.drift, touches)
+    refused = touches.time_s[0][~followed.is_believed[0, 1:] & np.isfinite(touches.error_um[0])]
     start_s = float(run.course.time_s[0])
     if len(refused):
         at = [float(t - start_s) for t in refused]
@@ -196,7 +190,7 @@ def _of_run(name: str, run: JudgedRun, of: Judged) -> Iterator[Finding]:
             Where(channel=name, run=run.course.run, from_s=at[0], to_s=at[-1]),
             {"times_s": at},
         )
-    if offset_at_limit(run, learnt):
+    if np.max(np.abs(followed.offset)) >= learnt.drift.offset_limit_um:
         yield FINDINGS.finding(
             "offset-limit-reached",
             f"{name} in run {run.course.run}: the offset reaches its limit of ± {learnt.drift.offset_limit_um:g} µm.",

@@ -5,7 +5,6 @@ import textwrap
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -119,14 +118,12 @@ def judged(
     return AuditLine(section, item, printed, ours, yes if holds else no, why)
 
 
-@cache
-def _statements() -> dict[str, dict[str, str]]:
-    return tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
+_STATEMENTS = tomllib.loads(Path(__file__).with_name("statements.toml").read_text(encoding="utf-8"))
 
 
 def checked(statement: str, ours: str, holds: bool = True, **values: object) -> AuditLine:
     """The line of a table of ``statements.toml``; `values` are what its braces stand for."""
-    said: dict[str, Any] = {key: text.format(**values) for key, text in _statements()[statement].items()}
+    said: dict[str, Any] = {key: text.format(**values) for key, text in _STATEMENTS[statement].items()}
     return judged(ours=ours, holds=holds, **said)
 
 

@@ -65,7 +65,10 @@ class NamedEffect:
     sources: tuple[str, ...] = ()  #: Channels that its courses were made of
 
     def __post_init__(self) -> None:
-        real = {name: quantity.with_real_interval() for name, quantity in self.parameters.items()}
+        real = {
+            name: Quantity(one.value, one.unit) if one.low is not None and one.low == one.high else one
+            for name, one in self.parameters.items()
+        }
         object.__setattr__(self, "parameters", real)
 
 

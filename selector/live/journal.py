@@ -25,7 +25,8 @@ class Journal:
 
     def tell(self, event: str, **what: Any) -> None:
         """Append an event. A disk that is full does not end the correction: then the line is lost."""
-        line = json.dumps({"time": utc_text(self._clock.wall()), "event": event} | what, ensure_ascii=True) + "\n"
+        time = datetime.fromtimestamp(min(max(self._clock.wall(), 0.0), 4e9), UTC).isoformat(timespec="milliseconds")
+        line = json.dumps({"time": time, "event": event} | what, ensure_ascii=True) + "\n"
         try:
             if self._path.exists() and self._path.stat().st_size > LARGEST_JOURNAL_BYTES:
                 for k in range(JOURNALS_KEPT, 0, -1):
@@ -39,11 +40,6 @@ class Journal:
 
     def _numbered(self, k: int) -> Path:
         return self._path if k == 0 else self._path.with_name(f"journal.{k}.jsonl")
-
-
-def utc_text(moment_s: float) -> str:
-    """A moment [s since 1970] as ISO 8601."""
-    return datetime.fromtimestamp(min(max(moment_s, 0.0), 4e9), UTC).isoformat(timespec="milliseconds")
 
 
 def write_status(folder: Path, status: Mapping[str, Any], kept: Mapping[str, Any]) -> None:

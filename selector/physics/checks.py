@@ -1,7 +1,7 @@
 """Numbers that cannot be: refused with their name and place."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -35,13 +35,21 @@ FROM_0 = Must("0 or more", 0.0)
 FINITE = Must("a finite number")
 
 
+Misfit = tuple[str, str, str, str]  #: (found, expected, where, advice)
+
+
 class Checked:
-    """A dataclass whose numbers are refused where they are not what their fields say they must be."""
+    """A dataclass whose numbers are refused where they are not what their fields say, then what is none together."""
 
     def __post_init__(self) -> None:
         own: Any = type(self)
         for name, must in _musts(own):
             must.refuse(self, name)
+        for found, expected, where, advice in self._misfits():
+            raise InputError(found, expected=expected, where=where, advice=advice)
+
+    def _misfits(self) -> Iterable[Misfit]:
+        return ()
 
 
 @cache

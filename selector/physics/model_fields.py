@@ -10,8 +10,9 @@ import math
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache, partial, reduce
 from itertools import pairwise
+from operator import getitem
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -47,13 +48,6 @@ def numbers_in(value: Any, path: Key) -> Iterator[Key]:
             yield from numbers_in(inner, (*path, position))
     elif isinstance(value, int | float) and not isinstance(value, bool):
         yield path
-
-
-def value_at(values: Any, path: Key) -> Any:
-    """What stands at a place of plain values."""
-    for part in path:
-        values = values[part]
-    return values
 
 
 def put_at(values: Any, path: Key, number: float) -> None:
@@ -270,11 +264,11 @@ def unlikely_values(file: Entry, channel_of: Callable[[Key], str | None] = lambd
         range_ = next((one for one in notes if isinstance(one, Usual)), None)
         if range_ is not None:
             usual[f"{section}.{name}" if section else name] = range_
-    values = plain_values(file)
+    values: Any = plain_values(file)
     for path in numbers_in(values, ()):
         names = [part for part in path if isinstance(part, str)]
         span = usual.get(".".join(names[-2:])) or usual.get(names[-1])
-        value = float(value_at(values, path))
+        value = float(reduce(getitem, path, values))
         if span is None or value == 0 or span.low <= abs(value) <= span.high:
             continue
         key, unit = key_text(path), units[names[-1]].removeprefix("1")
@@ -376,7 +370,7 @@ def given(kind: type, section: Entry) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in section.model_fields_set & known:
         value = getattr(section, name)
-        inner = _dataclass_in(hints[name])
+        inner: Any = next((one for one in (hints[name], *get_args(hints[name])) if dataclasses.is_dataclass(one)), None)
         found[name] = _inner_value(inner, value, name) if inner is not None and isinstance(value, Entry) else value
     return found
 
@@ -411,11 +405,6 @@ def _default(hint: Any, value: Any) -> Any:
     if dataclasses.is_dataclass(value):
         return entry_of(hint).model_construct()
     return dict(value) if isinstance(value, Mapping) else value
-
-
-def _dataclass_in(hint: Any) -> Any:
-    """The dataclass of ``X`` or ``X | None``, if there is one."""
-    return next((kind for kind in (hint, *get_args(hint)) if dataclasses.is_dataclass(kind)), None)
 
 
 def _key_type(hint: Any, limits: Limits = _NO_LIMITS) -> Any:

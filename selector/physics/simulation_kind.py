@@ -83,11 +83,6 @@ class Simulated:
         """What else the JSON says of each run."""
         return self.recording.provenance["runs"] if self.said_of_runs is None else self.said_of_runs
 
-    @property
-    def is_driven(self) -> bool:
-        """Whether recordings drove it."""
-        return self.differences is not None
-
 
 @dataclass(frozen=True, eq=False)
 class DutyCycle:

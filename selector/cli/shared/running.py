@@ -56,7 +56,8 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
         if unusable is None:
             _say_defect(error)
             return DEFECT
-        _say(error_text(unusable))
+        where, expected, advice = unusable.where, unusable.expected, unusable.advice
+        _say(f"{unusable.found}\n  Where:      {where}\n  Expected:   {expected}\n  What to do: {advice}")
         if _debugging():
             traceback.print_exception(error, file=sys.stderr)
         return UNUSABLE
@@ -83,11 +84,6 @@ def last_step(said: str) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
     if asked:
         raise CancelledError(said)
-
-
-def error_text(error: InputError) -> str:
-    """The four parts of an error, one line each, for a person."""
-    return f"{error.found}\n  Where:      {error.where}\n  Expected:   {error.expected}\n  What to do: {error.advice}"
 
 
 def _as_input_error(error: Exception) -> InputError | None:

@@ -187,11 +187,6 @@ Expected = Callable[[ModelFile, Rows, Answers, Answers], Array]
 Allowed = Callable[[ModelFile, Rows, Answers], Mapping[str, float]]
 
 
-def as_the_guard(_model: ModelFile, _rows: Rows, whole: Answers, _main: Answers) -> Array:
-    """The answers of the whole guard."""
-    return whole.correction_um
-
-
 def at_most(difference_um: float) -> Allowed:
     """The same for every output of every model."""
     return lambda model, _rows, _whole: dict.fromkeys((output.name for output in model.outputs), difference_um)
@@ -207,7 +202,8 @@ class Part:
     file: str  #: Left out of a replay if it was not written
     execute: Execution
     executed_by: Callable[[], str]  #: Name and version of what runs it
-    expected: Expected = as_the_guard  #: The reference with the guard that this file has
+    #: The reference with the guard that this file has; by default the answers of the whole guard
+    expected: Expected = lambda _model, _rows, whole, _main: whole.correction_um
     allowed_um: Allowed = TO_THE_LAST_BIT
     lacks: str = ""  #: What makes its reference another one than the whole guard; empty = nothing
     tells_mode: bool = True  #: Whether it says what it follows

@@ -27,10 +27,6 @@ class Quantity:
     low: float | None = None
     high: float | None = None
 
-    def with_real_interval(self) -> "Quantity":
-        """The same without an interval that has no width."""
-        return Quantity(self.value, self.unit) if self.low is not None and self.low == self.high else self
-
     def words(self, *, amount: bool = False) -> str:
         """Value, interval and unit, lengths as they are shown; with `amount` without its sign."""
         factor, unit = displayed(self.unit, self.value)

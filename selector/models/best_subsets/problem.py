@@ -135,11 +135,6 @@ class Problem:
             np.zeros((2, p), np.int8),
         )
 
-    @property
-    def node_bytes(self) -> int:
-        """Memory of one open node."""
-        return 9 * self.n_columns + 32
-
     def tree(self, room: int) -> Tree:
         """An empty store of open nodes."""
         p = self.n_columns

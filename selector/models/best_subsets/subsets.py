@@ -121,8 +121,9 @@ def best_subsets(
         searched(size, 1, CHUNK_WORK // 20)
     open_sizes = [size for size, part in parts.items() if not part.ended]
     if open_sizes and not late.is_set():
+        node_bytes = 9 * problem.n_columns + 32
         for size in open_sizes:
-            parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * problem.node_bytes))
+            parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * node_bytes))
         # a worker of a pool has the other cores' workers beside it
         n_cores = 1 if multiprocessing.parent_process() else os.cpu_count() or 1
         n_threads = min(n_cores, len(open_sizes))

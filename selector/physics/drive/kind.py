@@ -67,7 +67,10 @@ class DriveKind(SimulationKind):
         from selector.physics.drive.model_findings import simulation_findings
 
         caused = () if summary.causes is None else summary.causes.findings
-        return (*simulation_findings(done.model, done.details, summary.loops, driven=done.is_driven), *caused)
+        return (
+            *simulation_findings(done.model, done.details, summary.loops, driven=done.differences is not None),
+            *caused,
+        )
 
     def planned(self, model: Any, run: str, how: RunSettings) -> Simulated:
         """The motion that the file describes."""

@@ -1,6 +1,7 @@
 """What is gauged: grinding with its feed and wear, the surface under the probe, what size is wanted."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated
@@ -9,8 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
@@ -58,23 +58,16 @@ class Grinding(Checked):
     #: part larger by it than the one before [µm]
     probe_wear_um_per_part: Annotated[float, FINITE, Unit("µm/part"), Limits(0.0, 1e3), Fit(either_sign=0.1)] = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         ends = [self.allowance_um, *(stage.until_um for stage in self.stages)]
         if not self.stages or any(b >= a for a, b in pairwise(ends)):
-            raise InputError(
-                f"stages until {', '.join(f'{end:g}' for end in ends[1:]) or 'nowhere'} µm of {self.allowance_um:g} µm",
-                expected="at least one stage, each ending at less allowance than the one before",
-                where="stages",
-                advice="sort the stages; the first begins at allowance_um",
-            )
+            until = ", ".join(f"{end:g}" for end in ends[1:]) or "nowhere"
+            expected = "at least one stage, each ending at less allowance than the one before"
+            advice = "sort the stages; the first begins at allowance_um"
+            yield f"stages until {until} µm of {self.allowance_um:g} µm", expected, "stages", advice
         if self.wheel_wear >= 1.0:
-            raise InputError(
-                f"{self.wheel_wear:g}: the wheel loses more than it removes",
-                expected="a share below 1",
-                where="wheel_wear",
-                advice="give the loss of radius over the removed allowance",
-            )
+            found = f"{self.wheel_wear:g}: the wheel loses more than it removes"
+            yield found, "a share below 1", "wheel_wear", "give the loss of radius over the removed allowance"
 
 
 @dataclass(frozen=True)
@@ -95,23 +88,13 @@ class Surface(Checked):
         float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Fit(up_to=20.0), Usual(0.0, 200.0, {"nm": 1e-3})
     ] = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        turning = self.grooves > 0 or self.runout_um > 0
-        wrong = (
-            ("groove_share", f"grooves on {self.groove_share:g} of the circumference")
-            if self.groove_share >= 1.0 or (self.grooves > 0 and self.groove_share == 0)
-            else ("workpiece_rpm", "a workpiece that stands still")
-            if turning and self.workpiece_rpm == 0
-            else None
-        )
-        if wrong is not None:
-            raise InputError(
-                wrong[1],
-                expected="a share between 0 and 1, and a speed, where the surface has grooves or run-out",
-                where=wrong[0],
-                advice="correct it, or leave grooves and run-out at 0",
-            )
+    def _misfits(self) -> Iterator[Misfit]:
+        expected = "a share between 0 and 1, and a speed, where the surface has grooves or run-out"
+        advice = "correct it, or leave grooves and run-out at 0"
+        if self.groove_share >= 1.0 or (self.grooves > 0 and self.groove_share == 0):
+            yield f"grooves on {self.groove_share:g} of the circumference", expected, "groove_share", advice
+        if (self.grooves > 0 or self.runout_um > 0) and self.workpiece_rpm == 0:
+            yield "a workpiece that stands still", expected, "workpiece_rpm", advice
 
 
 @dataclass(frozen=True)
@@ -133,17 +116,13 @@ class Correction(Checked):
     gauge_sd_um: Annotated[float, FROM_0, Unit("µm"), Limits(0.0, 1e6), Usual(0.0, 20.0, {"nm": 1e-3})] = 0.0
     parts_late: Annotated[int, FROM_0, Limits(0, 1000)] = 0  #: Parts that are ground while one waits to be measured
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         # Levin and May (1976), J. Math. Biol. 3, 323–324
         most = 2.0 * math.sin(0.5 * math.pi / (2 * self.parts_late + 1))
         if self.share >= most:
-            raise InputError(
-                f"{self.share:g} of what a part is off, {self.parts_late} parts late",
-                expected=f"less than {most:.3g}: from there on each correction overshoots the one before",
-                where="share",
-                advice="correct by a smaller share, or measure sooner",
-            )
+            found = f"{self.share:g} of what a part is off, {self.parts_late} parts late"
+            expected = f"less than {most:.3g}: from there on each correction overshoots the one before"
+            yield found, expected, "share", "correct by a smaller share, or measure sooner"
 
     def followed_um(self, off_um: Vector) -> Vector:
         """What parts are off that would be off by `off_um`, shape (n_parts,), measured without noise [µm]."""
@@ -162,15 +141,10 @@ class Tolerance(Checked):
     lower_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
     upper_um: Annotated[float, FINITE, Unit("µm"), Limits(0.0, 1e6), Usual(0.05, 500.0, _SIZE)]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.lower_um >= self.upper_um:
-            raise InputError(
-                f"[{self.lower_um:g}, {self.upper_um:g}] µm",
-                expected="a lower and an upper limit",
-                where="lower_um",
-                advice="exchange the two numbers",
-            )
+            found = f"[{self.lower_um:g}, {self.upper_um:g}] µm"
+            yield found, "a lower and an upper limit", "lower_um", "exchange the two numbers"
 
 
 def surface_um(surface: Surface, turn: ArrayLike) -> Vector:

@@ -5,7 +5,7 @@ sources and chains are added.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
+from selector.physics.checks import Checked, Misfit
 from selector.physics.vibration.rounding import above
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import (
@@ -32,7 +33,7 @@ Group = tuple[str, ...]  #: Members that move as one mass.
 
 
 @dataclass(frozen=True)
-class Chain:
+class Chain(Checked):
     """One way from sources to a final member."""
 
     name: str
@@ -44,29 +45,21 @@ class Chain:
     branch: tuple[Group, ...] = ()
     held: str = GROUND  #: What the path ends at and is taken as standing still: `GROUND`, or a member that is a barrier
 
-    def __post_init__(self) -> None:
+    def _misfits(self) -> Iterator[Misfit]:
         groups = (*self.path, *self.branch)
         names = [name for group in groups for name in group]
         twice = next((name for name in names if names.count(name) > 1), None)
         end = self.branch[-1] if self.branch else self.path[0] if self.path else ()
-        wrong = (
-            ("a path without members", "path")
-            if not self.path or not all(groups)
-            else (f"{twice!r} twice", "path")
-            if twice is not None
-            else (f"{self.held!r}, which moves in this chain", "held")
-            if self.held in names
-            else (f"{self.final!r}, which is not in ({', '.join(end)})", "final")
-            if self.final not in end
-            else None
-        )
-        if wrong is not None:
-            raise InputError(
-                wrong[0],
-                expected="every member once, the final one at the end of the branch, or first without one",
-                where=wrong[1],
-                advice=f"correct the chain {self.name!r}",
-            )
+        expected = "every member once, the final one at the end of the branch, or first without one"
+        advice = f"correct the chain {self.name!r}"
+        if not self.path or not all(groups):
+            yield "a path without members", expected, "path", advice
+        if twice is not None:
+            yield f"{twice!r} twice", expected, "path", advice
+        if self.held in names:
+            yield f"{self.held!r}, which moves in this chain", expected, "held", advice
+        if self.final not in end:
+            yield f"{self.final!r}, which is not in ({', '.join(end)})", expected, "final", advice
 
 
 def in_range(chain_range: Range, frequency_hz: NDArray[np.float64], split_hz: float | None) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import optimize
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit, keep_arrays
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
@@ -164,16 +164,12 @@ class Transmission(Checked):
     pitch_position_m: tuple[Length, ...] = ()
     pitch_error_m: tuple[Length, ...] = ()
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         x, e = np.array(self.pitch_position_m), np.array(self.pitch_error_m)
         if len(x) != len(e) or not (np.isfinite(x).all() and np.isfinite(e).all()) or (np.diff(x) <= 0).any():
-            raise InputError(
-                f"{len(x)} positions and {len(e)} errors of pitch",
-                expected="as many errors as positions, positions that increase",
-                where="pitch_position_m",
-                advice="sort the table of the pitch error and give one error a position",
-            )
+            found, expected = f"{len(x)} positions and {len(e)} errors of pitch", "as many errors as positions, "
+            advice = "sort the table of the pitch error and give one error a position"
+            yield found, f"{expected}positions that increase", "pitch_position_m", advice
 
 
 @dataclass(frozen=True)
@@ -270,15 +266,11 @@ class Sensing(Checked):
     #: Standard deviation of noise on the command, drawn at every sample [actuator unit]
     current_noise: Annotated[float, FROM_0, Limits(0.0, 1e6)] = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.speed_samples < 1 or (self.speed_samples > 1 and not self.speed_from_encoder):
-            raise InputError(
-                f"{self.speed_samples}" + ("" if self.speed_samples < 1 else " without a speed from the encoder"),
-                expected="1, or more with speed_from_encoder",
-                where="speed_samples",
-                advice="set speed_from_encoder, or leave speed_samples out",
-            )
+            found = f"{self.speed_samples}" + ("" if self.speed_samples < 1 else " without a speed from the encoder")
+            advice = "set speed_from_encoder, or leave speed_samples out"
+            yield found, "1, or more with speed_from_encoder", "speed_samples", advice
 
 
 @dataclass(frozen=True)
@@ -297,13 +289,7 @@ class Axis(Checked):
     compliance: AxialCompliance | None = None
     sensing: Sensing = field(default_factory=Sensing)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for found, expected, where, advice in self._misfits():
-            raise InputError(found, expected=expected, where=where, advice=advice)
-
-    def _misfits(self) -> Iterator[tuple[str, str, str, str]]:
-        """(found, expected, where, advice) of what needs a structure or a servo that the axis has not."""
+    def _misfits(self) -> Iterator[Misfit]:
         if isinstance(self.mechanics, RigidMechanics):
             advice = 'describe motor, screw and table (mechanics.kind = "three-mass", or parts), or leave this key out'
             for where, there in (

@@ -4,11 +4,11 @@ Where each default comes from is told in docs/explanation/drive-stiffness.md. No
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, FROM_0, Checked, Misfit
 from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,
@@ -96,12 +96,11 @@ class Screw(Checked):
     torsional_damping_nms_per_rad: TorsionalDamping = 0.0
     axial_damping_ns_per_m: Damping = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.root_diameter_mm > self.diameter_mm:
-            raise _refused(self.root_diameter_mm, f"at most diameter_mm, {self.diameter_mm:g}", "root_diameter_mm")
+            yield _wrong(self.root_diameter_mm, f"at most diameter_mm, {self.diameter_mm:g}", "root_diameter_mm")
         if self.origin_mm >= self.length_mm:
-            raise _refused(self.origin_mm, f"less than length_mm, {self.length_mm:g}: the nut is outside", "origin_mm")
+            yield _wrong(self.origin_mm, f"less than length_mm, {self.length_mm:g}: the nut is outside", "origin_mm")
 
 
 @dataclass(frozen=True)
@@ -124,9 +123,8 @@ class Nut(Checked):
     drag_torque_nm: Torque = 1.2  #: Friction from the preload [N·m]
     efficiency: Efficiency = 1.0  #: η of the load, the preload's friction aside
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_contact(self)
+    def _misfits(self) -> Iterator[Misfit]:
+        return _of_contact(self)
 
 
 @dataclass(frozen=True)
@@ -150,9 +148,8 @@ class Bearings(Checked):
     rigidity_share: _RigidityShare = 1.0  #: What of either is left in a machine
     drag_torque_nm: Torque = 0.3  #: Friction of the set [N·m]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _require_contact(self)
+    def _misfits(self) -> Iterator[Misfit]:
+        return _of_contact(self)
 
 
 @dataclass(frozen=True)
@@ -202,21 +199,18 @@ def thc6350_servo() -> Servo:
     return Servo(40.0, 6.0, 300.0, **Motor().limits)
 
 
-def _require_contact(part: Nut | Bearings) -> None:
+def _of_contact(part: Nut | Bearings) -> Iterator[Misfit]:
     if not 0.0 < part.contact_angle_deg < 90.0:
-        raise _refused(part.contact_angle_deg, "an angle between 0 and 90 degrees", "contact_angle_deg")
+        yield _wrong(part.contact_angle_deg, "an angle between 0 and 90 degrees", "contact_angle_deg")
     if not 0.5 < part.conformity < 1.0:
-        raise _refused(part.conformity, "more than 0.5 and less than 1: groove radius / ball diameter", "conformity")
+        yield _wrong(part.conformity, "more than 0.5 and less than 1: groove radius / ball diameter", "conformity")
     if part.pitch_circle_mm <= 2.0 * part.ball_diameter_mm:
-        raise _refused(part.pitch_circle_mm, "more than two ball diameters", "pitch_circle_mm")
+        yield _wrong(part.pitch_circle_mm, "more than two ball diameters", "pitch_circle_mm")
     if (part.rigidity_n_per_um is None) != (part.rigidity_preload_n is None):
-        raise InputError(
-            "a rigidity or a preload alone",
-            expected="rigidity_n_per_um with rigidity_preload_n, the preload that it holds for",
-            where="rigidity_n_per_um",
-            advice="give both as the catalogue has them, or neither",
-        )
+        expected = "rigidity_n_per_um with rigidity_preload_n, the preload that it holds for"
+        advice = "give both as the catalogue has them, or neither"
+        yield "a rigidity or a preload alone", expected, "rigidity_n_per_um", advice
 
 
-def _refused(value: float, expected: str, key: str) -> InputError:
-    return InputError(f"{value:g}", expected=expected, where=key, advice="correct this parameter")
+def _wrong(value: float, expected: str, key: str) -> Misfit:
+    return f"{value:g}", expected, key, "correct this parameter"

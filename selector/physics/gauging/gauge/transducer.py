@@ -1,7 +1,7 @@
 """The parts of a vibrating-contact gauge, and which voltage stops the feed at the wanted size (G)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit
 from selector.physics.gauging.gauge import _swing as at
 from selector.physics.gauging.process import Grinding, Noise
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
@@ -42,16 +42,13 @@ class Electromagnet(Checked):
     #: Whether L rises with the motion, by dL/dz = 2·pull/i², so that the motion acts on the current; else it stays
     motion_in_coil: bool = False
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         of_gap_h = 2.0 * self.force_n_per_a2 * (self.gap_m or math.inf)
         if self.motion_in_coil and of_gap_h > self.inductance_h:
-            raise InputError(
-                f"{self.inductance_h:g} H of a coil on which the motion acts",
-                expected="gap_m, and at least 2·force_n_per_a2·gap_m: so much belongs to the gap, by energy",
-                where="inductance_h" if self.gap_m is not None else "gap_m",
-                advice="correct inductance, force and gap, or leave motion_in_coil out",
-            )
+            expected = "gap_m, and at least 2·force_n_per_a2·gap_m: so much belongs to the gap, by energy"
+            where = "inductance_h" if self.gap_m is not None else "gap_m"
+            advice = "correct inductance, force and gap, or leave motion_in_coil out"
+            yield f"{self.inductance_h:g} H of a coil on which the motion acts", expected, where, advice
 
 
 @dataclass(frozen=True)
@@ -77,15 +74,10 @@ class Contact(Checked):
     exponent: Annotated[float, ABOVE_0, Limits(0.5, 3.0)] = 1.5  #: p: 1.5 for a ball on a flat (Hertz), 1 for a spring
     damping_s_per_m: Annotated[float, FROM_0, Unit("s/m"), Limits(0.0, 1e6), Fit(up_to=2.0)] = 0.0  #: λ [s/m]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.exponent < 1.0:
-            raise InputError(
-                f"{self.exponent:g}: infinitely stiff where it begins",
-                expected="1 or more: 1 for a spring, 1.5 for a ball on a flat",
-                where="exponent",
-                advice="correct this parameter",
-            )
+            expected = "1 or more: 1 for a spring, 1.5 for a ball on a flat"
+            yield f"{self.exponent:g}: infinitely stiff where it begins", expected, "exponent", "correct this parameter"
 
 
 @dataclass(frozen=True)
@@ -139,16 +131,13 @@ class Transducer(Checked):
         float, FINITE, Unit("m"), Limits(1e-9, 1.0), Fit(either_sign=1e-3), Usual(0.0, 3e-3, {"µm": 1e-6, "mm": 1e-3})
     ] = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         most_n = 0.5 * self.probe.stiffness_n_per_m * self.generator.gap_m
         if self.generator.pull_n >= most_n:
-            raise InputError(
-                f"a permanent magnet that pulls with {self.generator.pull_n:g} N",
-                expected=f"less than {most_n:.4g} N, half of stiffness · gap: from there on no spring holds the probe",
-                where="generator.pull_n",
-                advice="stiffen the probe, widen the gap of the generator, or lower the pull",
-            )
+            found = f"a permanent magnet that pulls with {self.generator.pull_n:g} N"
+            expected = f"less than {most_n:.4g} N, half of stiffness · gap: from there on no spring holds the probe"
+            advice = "stiffen the probe, widen the gap of the generator, or lower the pull"
+            yield found, expected, "generator.pull_n", advice
 
 
 @dataclass(frozen=True)

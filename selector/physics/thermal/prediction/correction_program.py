@@ -250,7 +250,8 @@ def notation(operation: Operation) -> str:
     For reading: the times of the corrections are rounded down to 0.1 min, so that none is late and the durations add up
     to the operation, the corrections to 0.1 µm; `Operation` has the exact values.
     """
-    starts = [_tenths(time_s - operation.start_s) for time_s in operation.times_s.tolist()]
+    # what is less than 0.06 s before a tenth of a minute counts as that tenth: curves are fitted
+    starts = [math.floor((time_s - operation.start_s) / 6.0 + 0.01) / 10.0 for time_s in operation.times_s.tolist()]
     ends = [*starts[1:], (operation.end_s - operation.start_s) / 60.0]
     durations = ",".join(_minutes(end - start) for start, end in zip(starts, ends, strict=True))
     corrections = ",".join(_short(value) for value in operation.corrections_um)
@@ -314,11 +315,6 @@ def _clock(time_s: float) -> str:
     # down, so that a correction read from here is never late
     seconds = int(time_s + 1e-6)
     return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
-
-
-def _tenths(time_s: float) -> float:
-    """Minutes, rounded down to 0.1; what is less than 0.06 s before a tenth counts as that tenth (fitted curves)."""
-    return math.floor(time_s / 6.0 + 0.01) / 10.0
 
 
 def _ten_thousandths(time_s: float) -> float:

@@ -1,6 +1,6 @@
 """What shakes the machine: sources with their spectra, fixed or following shafts whose speed may change."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit, keep_arrays
 from selector.types import Indices, Vector
 
 
@@ -23,26 +23,18 @@ class Line(Checked):
     unbalance_kg_m: Annotated[float, FROM_0] = 0.0
     phase_rad: Annotated[float, FINITE] = 0.0  #: Phase against the other lines of its source [rad]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if (self.frequency_hz is None) == (self.order is None):
-            raise InputError(
-                "both frequency_hz and order" if self.order is not None else "neither frequency_hz nor order",
-                expected="one of them",
-                where="frequency_hz",
-                advice="give the frequency where it is fixed, the order where it follows a shaft",
-            )
+            found = "both frequency_hz and order" if self.order is not None else "neither frequency_hz nor order"
+            advice = "give the frequency where it is fixed, the order where it follows a shaft"
+            yield found, "one of them", "frequency_hz", advice
         if self.force_n == 0 and self.unbalance_kg_m == 0:
-            raise InputError(
-                "a line without force",
-                expected="force_n or unbalance_kg_m above 0",
-                where="force_n",
-                advice="give its size, or leave the line out",
-            )
+            expected, advice = "force_n or unbalance_kg_m above 0", "give its size, or leave the line out"
+            yield "a line without force", expected, "force_n", advice
 
 
 @dataclass(frozen=True)
-class Source:
+class Source(Checked):
     """A source of vibration: it pushes a member, and with the same force the other way what it pushes against."""
 
     name: str  #: IK1 cutting, IK2 spindle unit, IK3 main motor, IK4 cross-feed motor, IK5 longitudinal-feed motor in V
@@ -51,23 +43,15 @@ class Source:
     against: str | None = None  #: Member on which the opposite force acts; None: the ground
     shaft: str | None = None  #: Shaft whose speed the orders belong to
 
-    def __post_init__(self) -> None:
-        wrong = (
-            "no lines"
-            if not self.lines
-            else "orders without a shaft"
-            if self.shaft is None and any(line.order is not None for line in self.lines)
-            else f"{self.member!r} pushing against itself"
-            if self.against == self.member
-            else None
-        )
-        if wrong is not None:
-            raise InputError(
-                wrong,
-                expected="lines of a spectrum, a shaft for those that follow one, and two sides of the force",
-                where="lines" if "lines" in wrong else "shaft" if "shaft" in wrong else "against",
-                advice=f"correct the source {self.name!r}",
-            )
+    def _misfits(self) -> Iterator[Misfit]:
+        expected = "lines of a spectrum, a shaft for those that follow one, and two sides of the force"
+        advice = f"correct the source {self.name!r}"
+        if not self.lines:
+            yield "no lines", expected, "lines", advice
+        if self.shaft is None and any(line.order is not None for line in self.lines):
+            yield "orders without a shaft", expected, "shaft", advice
+        if self.against == self.member:
+            yield f"{self.member!r} pushing against itself", expected, "against", advice
 
 
 ComplexVector = NDArray[np.complex128]

@@ -1,6 +1,7 @@
 """What vibrates: how the whole structure answers to forces, in which modes it rings, and which one carries a line."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FROM_0, Checked
+from selector.physics.checks import ABOVE_0, FROM_0, Checked, Misfit
 from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
@@ -24,15 +25,10 @@ class Member(Checked):
     name: str
     mass_kg: Annotated[float, ABOVE_0]  #: m [kg]
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.name == GROUND or not self.name:
-            raise InputError(
-                f"a member called {self.name!r}",
-                expected=f"another name: {GROUND!r} is what does not move",
-                where="name",
-                advice="call the part what it is",
-            )
+            expected = f"another name: {GROUND!r} is what does not move"
+            yield f"a member called {self.name!r}", expected, "name", "call the part what it is"
 
 
 @dataclass(frozen=True)
@@ -44,15 +40,10 @@ class Joint(Checked):
     #: ψ, energy lost in a cycle over the largest energy stored in it; 0: none
     dissipation: Annotated[float, FROM_0] = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _misfits(self) -> Iterator[Misfit]:
         if self.between[0] == self.between[1]:
-            raise InputError(
-                f"a joint of {self.between[0]!r} with itself",
-                expected="two different members",
-                where="between",
-                advice="name the other side of the joint",
-            )
+            found, advice = f"a joint of {self.between[0]!r} with itself", "name the other side of the joint"
+            yield found, "two different members", "between", advice
 
     @property
     def loss_factor(self) -> float:
@@ -66,7 +57,7 @@ class Joint(Checked):
 
 
 @dataclass(frozen=True)
-class Structure:
+class Structure(Checked):
     """Members and the joints between them.
 
     InputError: a name stands twice, a joint names an unknown member, or a member has no way to the ground.
@@ -75,25 +66,17 @@ class Structure:
     members: tuple[Member, ...]
     joints: tuple[Joint, ...]
 
-    def __post_init__(self) -> None:
+    def _misfits(self) -> Iterator[Misfit]:
         names = self.names
         twice = next((name for name in names if names.count(name) > 1), None)
         if twice is not None or not names:
-            raise InputError(
-                f"two members called {twice!r}" if names else "no member",
-                expected="members, each with its own name",
-                where="members",
-                advice="name every part once",
-            )
+            found = f"two members called {twice!r}" if names else "no member"
+            yield found, "members, each with its own name", "members", "name every part once"
         for number, joint in enumerate(self.joints):
             for name in joint.between:
                 if name != GROUND and name not in names:
-                    raise InputError(
-                        f"a joint with {name!r}",
-                        expected=f"one of {', '.join(names)}, or {GROUND}",
-                        where=f"joints[{number + 1}].between",
-                        advice="correct the name, or add the member",
-                    )
+                    expected, where = f"one of {', '.join(names)}, or {GROUND}", f"joints[{number + 1}].between"
+                    yield f"a joint with {name!r}", expected, where, "correct the name, or add the member"
         at = {name: place for place, name in enumerate((*names, GROUND))}
         linked = np.zeros((len(at), len(at)))
         for joint in self.joints:
@@ -101,12 +84,8 @@ class Structure:
         _, group = connected_components(linked, directed=False)
         loose = [name for name in names if group[at[name]] != group[at[GROUND]]]
         if loose:
-            raise InputError(
-                f"no way from {', '.join(loose)} to the ground",
-                expected="joints that hold every member",
-                where="joints",
-                advice=f'add the joint that is missing; what stands on the foundation is joined with "{GROUND}"',
-            )
+            advice = f'add the joint that is missing; what stands on the foundation is joined with "{GROUND}"'
+            yield f"no way from {', '.join(loose)} to the ground", "joints that hold every member", "joints", advice
 
     @property
     def names(self) -> tuple[str, ...]:
