@@ -17,6 +17,7 @@
 Every message says what was found, what was expected, where, and what to do next.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -50,6 +51,15 @@ class InputError(SelectorError):
 
     def __str__(self) -> str:
         return f"{self.where}: {self.found}. Expected: {self.expected}. What to do: {self.advice}"
+
+
+Misfit = tuple[str, str, str, str]  #: (found, expected, where, advice)
+
+
+def refuse(misfits: Iterable[Misfit], kind: type[InputError] = InputError) -> None:
+    """Raises the first misfit, if there is any, as an error of this `kind`."""
+    for found, expected, where, advice in misfits:
+        raise kind(found, expected=expected, where=where, advice=advice)
 
 
 class ReadError(InputError):

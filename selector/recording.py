@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from selector.errors import RecordingError
+from selector.errors import Misfit, RecordingError, refuse
 from selector.units import CANONICAL_UNITS, ROLES
 
 SENSOR_ROLES = ("temperature", "ambient")  #: Roles that can be inputs of a thermal model without further options.
@@ -28,20 +28,16 @@ class Channel:
     xyz_m: tuple[float, float, float] | None = None  #: Position on the machine [m]
 
     def __post_init__(self) -> None:
+        refuse(self._misfits(), RecordingError)
+
+    def _misfits(self) -> Iterator[Misfit]:
+        where = f"channel {self.name!r}"
         if self.role not in ROLES:
-            raise RecordingError(
-                f"role {self.role!r}",
-                expected="one of " + ", ".join(ROLES),
-                where=f"channel {self.name!r}",
-                advice="correct the role in the machine file",
-            )
+            yield f"role {self.role!r}", "one of " + ", ".join(ROLES), where, "correct the role in the machine file"
         if self.unit != CANONICAL_UNITS[self.role]:
-            raise RecordingError(
-                f"unit {self.unit!r}",
-                expected=f"{CANONICAL_UNITS[self.role]!r}, the unit in which role {self.role!r} is held",
-                where=f"channel {self.name!r}",
-                advice="convert the values with selector.units.to_canonical before making the recording",
-            )
+            expected = f"{CANONICAL_UNITS[self.role]!r}, the unit in which role {self.role!r} is held"
+            advice = "convert the values with selector.units.to_canonical before making the recording"
+            yield f"unit {self.unit!r}", expected, where, advice
 
 
 class RunSource(Protocol):
@@ -61,12 +57,9 @@ class RunSource(Protocol):
 
 def no_channel(name: str, names: Iterable[str]) -> RecordingError:
     """That there is no channel of this name; the message lists those that there are."""
-    return RecordingError(
-        f"no channel {name!r}",
-        expected="one of " + ", ".join(names),
-        where="recording",
-        advice="correct the name, or list the channels with `selector describe`",
-    )
+    advice = "correct the name, or list the channels with `selector describe`"
+    expected = "one of " + ", ".join(names)
+    return RecordingError(f"no channel {name!r}", expected=expected, where="recording", advice=advice)
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -14,7 +15,7 @@ from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
 from selector.cli.shared.option_table import option
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.source import Source, with_source
-from selector.errors import OptionError
+from selector.errors import Misfit, OptionError, refuse
 
 if TYPE_CHECKING:
     from selector.controllers.timed_program import TimedProgram
@@ -41,38 +42,31 @@ class Asked:
 
     def require_usable(self, out: Path | None) -> None:
         """Ends with an error when a number is out of its limits, or an NC subprogram has nothing to say or to go to."""
-        if self.nc is not None and (out is None or (self.operations is None and not self.tolerance)):
-            raise OptionError(
-                f"--nc {self.nc} without {'--out' if out is None else 'a correction program'}",
-                expected="--operations or --tolerance, and a folder", where="--nc",
-                advice="add --tolerance (µm between corrections) and --out DIR, or leave --nc out",
-            )  # fmt: skip
+        refuse(self._misfits(out), OptionError)
+
+    def _misfits(self, out: Path | None) -> Iterator[Misfit]:
+        has_program = self.operations is not None or bool(self.tolerance)
+        if self.nc is not None and (out is None or not has_program):
+            found = f"--nc {self.nc} without {'--out' if out is None else 'a correction program'}"
+            advice = "add --tolerance (µm between corrections) and --out DIR, or leave --nc out"
+            yield found, "--operations or --tolerance, and a folder", "--nc", advice
         if self.observe and self.readings is None:
-            raise OptionError(
-                f"--observe {self.observe[0]} without --readings", expected="a recording of the day beside it",
-                where="--observe", advice="add --readings DAY, or leave it out",
-            )  # fmt: skip
+            found, advice = f"--observe {self.observe[0]} without --readings", "add --readings DAY, or leave it out"
+            yield found, "a recording of the day beside it", "--observe", advice
         if self.invert and self.nc is None:
-            raise OptionError(
-                "--invert without --nc", expected="an NC subprogram, whose sign it turns", where="--invert",
-                advice="add --nc fanuc or --nc sinumerik, or leave it out",
-            )  # fmt: skip
-        if self.warm_up is not None and self.operations is None and not self.tolerance:
-            raise OptionError(
-                "--warm-up without a correction program", expected="--operations or --tolerance beside it",
-                where="--warm-up", advice="say which drift is allowed, e.g. --tolerance 10",
-            )  # fmt: skip
+            advice = "add --nc fanuc or --nc sinumerik, or leave it out"
+            yield "--invert without --nc", "an NC subprogram, whose sign it turns", "--invert", advice
+        if self.warm_up is not None and not has_program:
+            found, advice = "--warm-up without a correction program", "say which drift is allowed, e.g. --tolerance 10"
+            yield found, "--operations or --tolerance beside it", "--warm-up", advice
         if self.order and len(self.operations_s() or ()) < 2:
-            raise OptionError(
-                "--order without operations", expected="at least two operations, whose order can change",
-                where="--order", advice="say how long the operations are, e.g. --operations 60,45,90",
-            )  # fmt: skip
+            expected = "at least two operations, whose order can change"
+            advice = "say how long the operations are, e.g. --operations 60,45,90"
+            yield "--order without operations", expected, "--order", advice
         self.tolerances_um()
         if self.resolution is not None and not 0.0 < self.resolution < math.inf:
-            raise OptionError(
-                f"{self.resolution:g}", expected="minutes above 0", where="--resolution",
-                advice="e.g. --resolution 1, or leave it out",
-            )  # fmt: skip
+            advice = "e.g. --resolution 1, or leave it out"
+            yield f"{self.resolution:g}", "minutes above 0", "--resolution", advice
 
     def tolerances_um(self) -> Tolerance | None:
         """Tolerances in µm: one for all, or those of each response, one for all operations or one for each.

@@ -10,7 +10,7 @@ from typing import Any, get_args, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError
+from selector.errors import InputError, Misfit, refuse
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,6 @@ FROM_0 = Must("0 or more", 0.0)
 FINITE = Must("a finite number")
 
 
-Misfit = tuple[str, str, str, str]  #: (found, expected, where, advice)
-
-
 class Checked:
     """A dataclass whose numbers are refused where they are not what their fields say, then what is none together."""
 
@@ -45,8 +42,7 @@ class Checked:
         own: Any = type(self)
         for name, must in _musts(own):
             must.refuse(self, name)
-        for found, expected, where, advice in self._misfits():
-            raise InputError(found, expected=expected, where=where, advice=advice)
+        refuse(self._misfits())
 
     def _misfits(self) -> Iterable[Misfit]:
         return ()

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, Uni
 from pydantic import AfterValidator, BaseModel, Field, StrictBool, create_model
 from pydantic.fields import FieldInfo
 
-from selector.errors import InputError, ModelFileError, OptionError
+from selector.errors import InputError, Misfit, ModelFileError, OptionError, refuse
 from selector.findings import Finding, Where
 from selector.physics.finding_table import FINDINGS
 from selector.physics.model_text import Contradiction, Entry, Key, entries_in, key_text, limited, plain_values
@@ -121,40 +121,29 @@ def file_with(
     changed = copy.deepcopy(dict(plain_values(file) if plain is None else plain))
     paths = {one.called: one.path for one in numbers}
     for name, value in values.items():
-        _require_settable(name, value, list(paths), file.bounds, file.model.name)
+        refuse(_misfits(name, value, list(paths), file.bounds, file.model.name), OptionError)
         put_at(changed, paths[name], float(value))
     return checked(changed, where=f"model {file.model.name!r}")
 
 
-def _require_settable(
+def _misfits(
     name: str, value: float, known: Sequence[str], bounds: Mapping[str, tuple[float, float]], model: str
-) -> None:
-    """Refuses a value for a name that no parameter of the model has, or outside the bounds that its file gives."""
+) -> Iterator[Misfit]:
+    """A name that no parameter of the model has, or a value outside the bounds that its file gives."""
+    where = f"model {model!r}"
     if name not in known:
-        raise OptionError(
-            f"no parameter {name!r}",
-            expected="one of " + ", ".join(known[:12]) + ", …",
-            where=f"model {model!r}",
-            advice="look the names up in `parameters`",
-        )
+        expected = "one of " + ", ".join(known[:12]) + ", …"
+        yield f"no parameter {name!r}", expected, where, "look the names up in `parameters`"
     low, high = bounds.get(name, (-math.inf, math.inf))
     if value < low or value > high:
-        raise OptionError(
-            f"{name} = {value:g}",
-            expected=f"{low:g} to {high:g}, its bounds in the model file",
-            where=f"model {model!r}",
-            advice="stay within the bounds, or widen them in the file",
-        )
+        expected = f"{low:g} to {high:g}, its bounds in the model file"
+        yield f"{name} = {value:g}", expected, where, "stay within the bounds, or widen them in the file"
 
 
 def _bad_bounds(name: str, found: str, expected: str) -> ModelFileError:
     """The error for an entry of ``[bounds]`` that cannot be."""
-    return ModelFileError(
-        found,
-        expected=expected,
-        where=f"key bounds.{name}",
-        advice="correct the name and the limits, or leave them out",
-    )
+    advice = "correct the name and the limits, or leave them out"
+    return ModelFileError(found, expected=expected, where=f"key bounds.{name}", advice=advice)
 
 
 _TIMES = 10.0

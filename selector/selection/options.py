@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from selector.errors import OptionError
+from selector.errors import Misfit, OptionError, refuse
 from selector.models.design import Form, ListedTerms, Reference
 from selector.recording import SENSOR_ROLES, RunSource
 
@@ -64,70 +64,47 @@ class Options:
 
     def __post_init__(self) -> None:
         Form(self.degree, self.interactions)
-        self._require_formula_alone()
+        refuse(self._misfits(), OptionError)
+
+    def _misfits(self) -> Iterator[Misfit]:
+        yield from self._beside_formula()
         if self.reference not in ("rise", "absolute"):
-            raise OptionError(
-                repr(self.reference), expected="rise or absolute", where="--reference", advice="leave it out for rise"
-            )
+            yield repr(self.reference), "rise or absolute", "--reference", "leave it out for rise"
         if self.grouping not in ("closure", "cmeans"):
-            raise OptionError(
-                repr(self.grouping), expected="closure or cmeans", where="--grouping",
-                advice="leave it out for the cuts of the closure",
-            )  # fmt: skip
+            advice = "leave it out for the cuts of the closure"
+            yield repr(self.grouping), "closure or cmeans", "--grouping", advice
         if self.grouping == "cmeans" and (self.level is not None or self.rounds > 1):
-            raise OptionError(
-                f"--grouping cmeans and {'--rounds' if self.level is None else '--lambda'}",
-                expected="fuzzy groups alone: they have no λ, and are made once", where="--grouping",
-                advice="leave one of the two out",
-            )  # fmt: skip
+            found = f"--grouping cmeans and {'--rounds' if self.level is None else '--lambda'}"
+            expected = "fuzzy groups alone: they have no λ, and are made once"
+            yield found, expected, "--grouping", "leave one of the two out"
         if not 0 <= self.seed < _LARGEST_SEED:
-            expected = "a whole number from 0 below 2^53"
-            raise OptionError(str(self.seed), expected=expected, where="--seed", advice="e.g. --seed 0")
+            yield str(self.seed), "a whole number from 0 below 2^53", "--seed", "e.g. --seed 0"
         for level in self.levels or ():
             if not (math.isfinite(level) and 0.0 <= level <= 1.0):
-                raise OptionError(
-                    f"λ = {level}",
-                    expected="a number from 0 to 1, or auto",
-                    where="--lambda",
-                    advice="try --lambda auto; sensors on one machine usually part between 0.9 and 0.999",
-                )
-        _whole("--rounds", self.rounds, 1)
+                advice = "try --lambda auto; sensors on one machine usually part between 0.9 and 0.999"
+                yield f"λ = {level}", "a number from 0 to 1, or auto", "--lambda", advice
+        if self.rounds < 1:
+            yield str(self.rounds), "a whole number of at least 1", "--rounds", "use e.g. --rounds 1"
         if self.rounds > MAX_ROUNDS:
-            raise OptionError(
-                f"{self.rounds} rounds",
-                expected=f"at most {MAX_ROUNDS}",
-                where="--rounds",
-                advice="two or three rounds do: each must merge groups to have any effect",
-            )
-        _whole("--max-sensors", self.max_sensors, 1)
+            advice = "two or three rounds do: each must merge groups to have any effect"
+            yield f"{self.rounds} rounds", f"at most {MAX_ROUNDS}", "--rounds", advice
+        if self.max_sensors < 1:
+            yield str(self.max_sensors), "a whole number of at least 1", "--max-sensors", "use e.g. --max-sensors 1"
         if self.tolerance is not None and not (math.isfinite(self.tolerance) and self.tolerance >= 0):
-            raise OptionError(
-                f"{self.tolerance}",
-                expected="a distance in adjusted R² of 0 or more, e.g. 0.001",
-                where="--tolerance",
-                advice="leave the option out to choose by the error on unseen runs",
-            )
-        self._require_micrometres()
+            expected = "a distance in adjusted R² of 0 or more, e.g. 0.001"
+            advice = "leave the option out to choose by the error on unseen runs"
+            yield f"{self.tolerance}", expected, "--tolerance", advice
+        yield from self._of_micrometres()
         for name, cost in self.cost.items():
             if not (math.isfinite(cost) and cost >= 0):
-                raise OptionError(
-                    f"cost {cost} of {name}", expected="a cost of 0 or more", where="--cost", advice="use e.g. T3=2"
-                )
+                yield f"cost {cost} of {name}", "a cost of 0 or more", "--cost", "use e.g. T3=2"
         both = sorted(set(self.must) & set(self.never))
         if both:
-            raise OptionError(
-                ", ".join(both) + " in both",
-                expected="a sensor in at most one of them",
-                where="--must and --never",
-                advice="take it out of one of the two options",
-            )
+            found, advice = ", ".join(both) + " in both", "take it out of one of the two options"
+            yield found, "a sensor in at most one of them", "--must and --never", advice
         if len(set(self.must)) > self.max_sensors:
-            raise OptionError(
-                f"{len(set(self.must))} sensors that must be in every set",
-                expected=f"at most --max-sensors {self.max_sensors}",
-                where="--must",
-                advice="raise --max-sensors",
-            )
+            found = f"{len(set(self.must))} sensors that must be in every set"
+            yield found, f"at most --max-sensors {self.max_sensors}", "--must", "raise --max-sensors"
 
     @property
     def levels(self) -> tuple[float, ...] | None:
@@ -153,26 +130,18 @@ class Options:
             return (ListedTerms(self.asked_formula.terms),)
         return Form(self.degree, self.interactions).simpler()
 
-    def _require_micrometres(self) -> None:
+    def _of_micrometres(self) -> Iterator[Misfit]:
         rules = {"--tolerance": self.tolerance, "--within": self.within, "--target": self.target}
         given = [option for option, value in rules.items() if value is not None]
         if len(given) > 1:
-            raise OptionError(
-                " and ".join(given),
-                expected="one rule by which a set is taken",
-                where=given[0],
-                advice="--within compares unseen errors, --target bounds them, --tolerance compares adjusted R²",
-            )
+            advice = "--within compares unseen errors, --target bounds them, --tolerance compares adjusted R²"
+            yield " and ".join(given), "one rule by which a set is taken", given[0], advice
         for option, value, least in (("--within", self.within, "0 µm"), ("--target", self.target, "more than 0 µm")):
             if value is not None and not (math.isfinite(value) and (value > 0 or (value == 0 and least == "0 µm"))):
-                raise OptionError(
-                    f"{value:g} µm",
-                    expected=f"an error in µm: {least}" + " or more" * (least == "0 µm"),
-                    where=option,
-                    advice=f"e.g. {option} 0.5",
-                )
+                expected = f"an error in µm: {least}" + " or more" * (least == "0 µm")
+                yield f"{value:g} µm", expected, option, f"e.g. {option} 0.5"
 
-    def _require_formula_alone(self) -> None:
+    def _beside_formula(self) -> Iterator[Misfit]:
         if self.asked_formula is None:
             return
         besides = {
@@ -188,20 +157,13 @@ class Options:
         }
         given = [option for option, is_given in besides.items() if is_given]
         if given:
-            raise OptionError(
-                f"--formula and {', '.join(given)}",
-                expected="--formula alone: it says which sensors and terms the model has",
-                where="--formula",
-                advice=f"leave out {given[0]}, or the formula",
-            )
+            expected = "--formula alone: it says which sensors and terms the model has"
+            advice = f"leave out {given[0]}, or the formula"
+            yield f"--formula and {', '.join(given)}", expected, "--formula", advice
         wanted = self.asked_formula.responses
         if self.responses and set(self.responses) != set(wanted):
-            raise OptionError(
-                f"--response {', '.join(self.responses)}",
-                expected=f"{', '.join(wanted)}, as the formula has it left of the tilde",
-                where="--response and --formula",
-                advice="leave --response out",
-            )
+            found, where = f"--response {', '.join(self.responses)}", "--response and --formula"
+            yield found, f"{', '.join(wanted)}, as the formula has it left of the tilde", where, "leave --response out"
 
     def total_cost(self, sensors: Sequence[str]) -> float:
         """Cost of a set."""
@@ -304,16 +266,6 @@ def _known(option: str, name: str, known: Sequence[str], what: str) -> None:
             expected=f"{what}: " + ", ".join(known),
             where=option,
             advice="correct the name; `selector describe` lists the channels, and the faults for which one is left out",
-        )
-
-
-def _whole(option: str, value: int, least: int) -> None:
-    if value < least:
-        raise OptionError(
-            str(value),
-            expected=f"a whole number of at least {least}",
-            where=option,
-            advice=f"use e.g. {option} {least}",
         )
 
 

@@ -13,7 +13,7 @@ import typer
 
 from selector.cli.shared.option_table import option
 from selector.cli.shared.source import Source
-from selector.errors import OptionError
+from selector.errors import Misfit, OptionError, refuse
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,7 +52,7 @@ def opened_study(
     not accepted.
     """
     if path is None:
-        _require_runs(source, context, accept_changes)
+        refuse(_lacking(source, context, accept_changes), OptionError)
         return None
     _refuse_beside_study(context, BESIDE_STUDY)
     from selector.study import change_words, changes, read_study, require_unchanged, study_place
@@ -158,21 +158,14 @@ def repeated_words(study: Study, found: Mapping[str, str]) -> str:
     return told
 
 
-def _require_runs(source: Source, context: typer.Context, accept_changes: bool) -> None:
+def _lacking(source: Source, context: typer.Context, accept_changes: bool) -> Iterator[Misfit]:
     if accept_changes:
-        raise OptionError(
-            "--accept-changes without --study",
-            expected="a study whose recordings may have changed",
-            where="command line",
-            advice=f"add {STUDY} STUDY, or leave --accept-changes out",
-        )
+        found, advice = "--accept-changes without --study", f"add {STUDY} STUDY, or leave --accept-changes out"
+        yield found, "a study whose recordings may have changed", "command line", advice
     if not source.runs:
-        raise OptionError(
-            "Missing argument 'RUN...'.",
-            expected=f"{context.command_path} [OPTIONS] RUN..., or {STUDY} STUDY",
-            where="command line",
-            advice=f"correct the command; `{context.command_path} --help` lists its options",
-        )
+        expected = f"{context.command_path} [OPTIONS] RUN..., or {STUDY} STUDY"
+        advice = f"correct the command; `{context.command_path} --help` lists its options"
+        yield "Missing argument 'RUN...'.", expected, "command line", advice
 
 
 def _refuse_beside_study(context: typer.Context, allowed: Collection[str]) -> None:

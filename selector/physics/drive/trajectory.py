@@ -4,14 +4,14 @@ Stiffness and damping that it has on the way are those of F eq. 5, 6.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import interpolate, signal
 
-from selector.errors import InputError
+from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
 from selector.physics.channel_differences import EVEN, clock_jitter
 from selector.physics.checks import keep_arrays
@@ -70,23 +70,19 @@ class Reference:
     def __post_init__(self) -> None:
         names = ("position_m", "speed_m_per_s", "acceleration_m_per_s2", "force_n")
         keep_arrays(self, *names)
-        count = len(np.atleast_1d(self.position_m))
+        refuse(self._misfits(names))
+
+    def _misfits(self, names: Iterable[str]) -> Iterator[Misfit]:
+        count, where = len(np.atleast_1d(self.position_m)), "reference of the axis"
         for name in names:
             values = getattr(self, name)
             if values is not None and (values.shape != (count,) or count < 2 or not np.isfinite(values).all()):
-                raise InputError(
-                    f"{name} of shape {values.shape}" + ("" if np.isfinite(values).all() else " with missing values"),
-                    expected=f"{max(count, 2)} finite numbers",
-                    where="reference of the axis",
-                    advice="give position, speed and acceleration at the same times",
-                )
+                found = f"{name} of shape {values.shape}" + " with missing values" * (not np.isfinite(values).all())
+                advice = "give position, speed and acceleration at the same times"
+                yield found, f"{max(count, 2)} finite numbers", where, advice
         if not (np.isfinite(self.period_s) and self.period_s > 0):
-            raise InputError(
-                f"a period of {self.period_s:g} s",
-                expected="a number above 0",
-                where="reference of the axis",
-                advice="give the distance of the samples in seconds",
-            )
+            advice = "give the distance of the samples in seconds"
+            yield f"a period of {self.period_s:g} s", "a number above 0", where, advice
 
     @property
     def time_s(self) -> Vector:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit
+from selector.errors import Misfit
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 

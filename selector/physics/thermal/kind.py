@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from selector.errors import ModelFileError, OptionError
+from selector.errors import Misfit, ModelFileError, OptionError, refuse
 from selector.physics.simulation_kind import Columns, DutyCycle, Option, RunSettings, Simulated, SimulationKind
 
 if TYPE_CHECKING:
@@ -59,29 +59,7 @@ class ThermalKind(SimulationKind):
 
     def require_options(self, file: Any, asked: Mapping[str, Any], *, driven: bool, report: bool) -> None:
         """Pictures are of field machines, in a report; a duty cycle and recordings both say the speed."""
-        picture_at_min = asked.get("picture_at_min")
-        if picture_at_min is not None and (not report or file.model.kind not in ("field", "mesh")):
-            what = "without --report" if not report else f"for a model of the kind {file.model.kind}"
-            raise OptionError(
-                f"--picture-at-min {what}",
-                expected="a field machine and a report that shows it",
-                where="--picture-at-min",
-                advice="leave --picture-at-min out" if report else "add --report REPORT.html",
-            )
-        if picture_at_min is not None and not (math.isfinite(picture_at_min) and picture_at_min >= 0):
-            raise OptionError(
-                f"{picture_at_min:g}",
-                expected="minutes from the start of the run, 0 or more",
-                where="--picture-at-min",
-                advice="e.g. --picture-at-min 120",
-            )
-        if asked.get("cycle") is not None and driven:
-            raise OptionError(
-                "--cycle and --inputs together",
-                expected="one of them: both say the spindle speed",
-                where="command line",
-                advice="leave one out",
-            )
+        refuse(_misfits(file.model.kind, asked, driven, report), OptionError)
 
     def findings_before(self, model: Any) -> tuple[Finding, ...]:
         """Numbers that no machine has."""
@@ -159,3 +137,16 @@ class ThermalKind(SimulationKind):
             differences,
             {run: {"balance": balances.get(run) or None} for run in made.runs},
         )
+
+
+def _misfits(kind: str, asked: Mapping[str, Any], driven: bool, report: bool) -> Iterator[Misfit]:
+    at_min, where = asked.get("picture_at_min"), "--picture-at-min"
+    if at_min is not None and (not report or kind not in ("field", "mesh")):
+        found = f"--picture-at-min {f'for a model of the kind {kind}' if report else 'without --report'}"
+        advice = "leave --picture-at-min out" if report else "add --report REPORT.html"
+        yield found, "a field machine and a report that shows it", where, advice
+    if at_min is not None and not (math.isfinite(at_min) and at_min >= 0):
+        yield f"{at_min:g}", "minutes from the start of the run, 0 or more", where, "e.g. --picture-at-min 120"
+    if asked.get("cycle") is not None and driven:
+        expected = "one of them: both say the spindle speed"
+        yield "--cycle and --inputs together", expected, "command line", "leave one out"

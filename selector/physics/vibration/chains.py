@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.errors import InputError
-from selector.physics.checks import Checked, Misfit
+from selector.errors import InputError, Misfit
+from selector.physics.checks import Checked
 from selector.physics.vibration.rounding import above
 from selector.physics.vibration.structure.source import Source
 from selector.physics.vibration.structure.structure import (

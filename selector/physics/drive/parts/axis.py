@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit, keep_arrays
+from selector.errors import InputError, Misfit
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.physics.model_fields import Fit, Limits, Unit, Usual
 from selector.types import Vector
 
@@ -167,9 +167,10 @@ class Transmission(Checked):
     def _misfits(self) -> Iterator[Misfit]:
         x, e = np.array(self.pitch_position_m), np.array(self.pitch_error_m)
         if len(x) != len(e) or not (np.isfinite(x).all() and np.isfinite(e).all()) or (np.diff(x) <= 0).any():
-            found, expected = f"{len(x)} positions and {len(e)} errors of pitch", "as many errors as positions, "
+            found = f"{len(x)} positions and {len(e)} errors of pitch"
+            expected = "as many errors as positions, positions that increase"
             advice = "sort the table of the pitch error and give one error a position"
-            yield found, f"{expected}positions that increase", "pitch_position_m", advice
+            yield found, expected, "pitch_position_m", advice
 
 
 @dataclass(frozen=True)

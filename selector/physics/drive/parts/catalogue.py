@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from selector.physics.checks import ABOVE_0, FROM_0, Checked, Misfit
+from selector.errors import Misfit
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.drive.parts.axis import (
     CarriedMass,
     Damping,

@@ -8,8 +8,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit
+from selector.errors import InputError, Misfit
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked
 from selector.physics.gauging.gauge import _swing as at
 from selector.physics.gauging.process import Grinding, Noise
 from selector.physics.model_fields import Fit, Limits, Unit, Usual

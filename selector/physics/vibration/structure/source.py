@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, Misfit, keep_arrays
+from selector.errors import Misfit
+from selector.physics.checks import ABOVE_0, FINITE, FROM_0, Checked, keep_arrays
 from selector.types import Indices, Vector
 
 
@@ -122,7 +122,7 @@ def line_force_n(line: Line, frequency_hz: Vector) -> ComplexVector:
 
 
 @dataclass(frozen=True, eq=False)
-class ShaftCourse:
+class ShaftCourse(Checked):
     """Speed of a shaft over time: straight between corners, level before the first and after the last.
 
     InputError: no corner, times that do not increase, or a speed that is missing or below 0.
@@ -134,25 +134,21 @@ class ShaftCourse:
 
     def __post_init__(self) -> None:
         keep_arrays(self, "time_s", "rpm")
+        super().__post_init__()
+
+    def _misfits(self) -> Iterator[Misfit]:
         time, rpm = self.time_s, self.rpm
-        shaped = time.ndim == 1 and time.shape == rpm.shape and len(time) > 0
-        if not shaped or not np.isfinite(time).all() or (np.diff(time) <= 0).any():
-            raise InputError(
-                f"times of shape {time.shape} and speeds of shape {rpm.shape}"
-                if not shaped
-                else "times that do not increase",
-                expected="one speed a time, each time after the one before",
-                where="shaft_rpm",
-                advice="give the corners in the order of their times; make a jump a short slope",
-            )
+        expected = "one speed a time, each time after the one before"
+        advice = "give the corners in the order of their times; make a jump a short slope"
+        if time.ndim != 1 or time.shape != rpm.shape or len(time) == 0:
+            yield f"times of shape {time.shape} and speeds of shape {rpm.shape}", expected, "shaft_rpm", advice
+        if not np.isfinite(time).all() or (np.diff(time) <= 0).any():
+            yield "times that do not increase", expected, "shaft_rpm", advice
         if not (np.isfinite(rpm) & (rpm >= 0)).all():
             first = int(np.flatnonzero(~(np.isfinite(rpm) & (rpm >= 0)))[0])
-            raise InputError(
-                f"{rpm[first]:g} r/min at {time[first]:g} s",
-                expected="speeds of 0 or more; orders are the same in both directions",
-                where="shaft_rpm",
-                advice="fill what is missing; split a run where the shaft turns back",
-            )
+            expected = "speeds of 0 or more; orders are the same in both directions"
+            advice = "fill what is missing; split a run where the shaft turns back"
+            yield f"{rpm[first]:g} r/min at {time[first]:g} s", expected, "shaft_rpm", advice
 
     @property
     def is_level(self) -> bool:

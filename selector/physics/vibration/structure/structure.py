@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
-from selector.errors import InputError
-from selector.physics.checks import ABOVE_0, FROM_0, Checked, Misfit
+from selector.errors import InputError, Misfit
+from selector.physics.checks import ABOVE_0, FROM_0, Checked
 from selector.physics.vibration.structure.source import Source
 from selector.types import Complex, Matrix, Vector
 
