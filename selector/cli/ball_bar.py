@@ -6,10 +6,9 @@ from typing import Annotated
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
-from selector.cli.shared.option_table import argument, option
+from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
-from selector.errors import OptionError
 
 
 def ballbar(
@@ -38,15 +37,15 @@ def ballbar(
 
     names = None if axes is None else tuple(name.strip().upper() for name in axes.split(","))
     if names is not None and (len(names) != 2 or "" in names or names[0] == names[1]):
-        raise _option(f"--axes {axes}", "two axes that differ", "e.g. --axes X,Y")
+        raise unusable_option(f"--axes {axes}", "two axes that differ", "e.g. --axes X,Y")
     for name, value in (("--radius", radius), ("--feed", feed)):
         if value is not None and not 0 < value < 1e6:
-            raise _option(f"{name} {value:g}", "a number above 0 and below 1e6", "correct the option")
+            raise unusable_option(f"{name} {value:g}", "a number above 0 and below 1e6", "correct the option")
     leads = dict(_of_axis("--lead", one, "the lead of its screw in mm", "X=10") for one in lead or ())
     resets = dict(_of_axis("--reset-time", one, "a time in ms", "X=20") for one in reset_time or ())
     for name, asked_for, known in (("--lead", lead, leads), ("--reset-time", reset_time, resets)):
         if len(known) < len(asked_for or ()):
-            raise _option(f"{name} of an axis twice", "every axis once", "leave one of them out")
+            raise unusable_option(f"{name} of an axis twice", "every axis once", "leave one of them out")
     if out is not None:
         require_writable_folder(out, "--out", ("ballbar.json", "report.html"))
         refuse_folder_of_inputs(out, files)
@@ -56,7 +55,7 @@ def ballbar(
     read, findings = read_circles(files, asked)
     traces = [one.trace for one in read]
     if unknown := sorted(set(resets) - set(traces[0].axes[:2])):
-        raise _option(
+        raise unusable_option(
             f"--reset-time {unknown[0]}", f"an axis of the test, {' or '.join(traces[0].axes[:2])}", "correct the name"
         )
     with progress_bar() as progress:
@@ -79,9 +78,5 @@ def _of_axis(option: str, text: str, what: str, example: str) -> tuple[str, floa
     except ValueError:
         value = 0.0
     if not 0 < value < 1e3:
-        raise _option(f"{option} {text}", f"an axis and {what}", f"e.g. {option} {example}")
+        raise unusable_option(f"{option} {text}", f"an axis and {what}", f"e.g. {option} {example}")
     return name.strip().upper(), value
-
-
-def _option(found: str, expected: str, advice: str) -> OptionError:
-    return OptionError(found, expected=expected, where=found.split(" ")[0], advice=advice)

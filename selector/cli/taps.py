@@ -6,11 +6,10 @@ from typing import Annotated, Literal
 from selector.atomic_file import require_writable_folder
 from selector.cli.shared import showing
 from selector.cli.shared.files import out_folder, refuse_folder_of_inputs
-from selector.cli.shared.option_table import argument, option
+from selector.cli.shared.option_table import argument, option, unusable_option
 from selector.cli.shared.progress import progress_bar
 from selector.cli.shared.showing import AsJson, Everything
 from selector.cli.shared.simulation_files import named
-from selector.errors import OptionError
 
 
 def taps(
@@ -43,18 +42,20 @@ def taps(
         require_writable_folder(out, "--out", ("taps.json", "report.html", "model.toml"))
         refuse_folder_of_inputs(out, [model, *files])
     if band is not None and not band[0] < band[1]:
-        raise _option(f"--band {band[0]:g} {band[1]:g}", "a lower and a higher frequency", "exchange them")
+        raise unusable_option(f"--band {band[0]:g} {band[1]:g}", "a lower and a higher frequency", "exchange them")
     if window is not None and not 1e-4 < window < 1e4:
-        raise _option(f"--window {window:g}", "a time constant from 0.0001 to 10000 s", "correct the option")
+        raise unusable_option(f"--window {window:g}", "a time constant from 0.0001 to 10000 s", "correct the option")
     motion, force = (None, None) if unit is None else _units(unit)
     points = dict(_point(one) for one in point)
     if len(points) < len(point):
-        raise _option("--point with a node twice", "every node once", "leave one of them out")
+        raise unusable_option("--point with a node twice", "every node once", "leave one of them out")
     asked = TapOptions(points, axis, motion, force, window)
     built = vibration_model(read_model_file(model))
     wrong = next((one for one in points.items() if one[1] and one[1] not in built.structure.names), None)
     if wrong is not None:
-        raise _option(f"--point {wrong[0]}={wrong[1]}", f"one of {', '.join(built.structure.names)}", "name its member")
+        raise unusable_option(
+            f"--point {wrong[0]}={wrong[1]}", f"one of {', '.join(built.structure.names)}", "name its member"
+        )
     responses, said = read_taps(files, asked)
     with progress_bar() as progress, named(model):
         progress("fitting", None)
@@ -68,7 +69,7 @@ def taps(
 def _point(text: str) -> tuple[int, str]:
     node, is_there, member = text.partition("=")
     if not node.strip().isdecimal() or not is_there:
-        raise _option(f"--point {text}", "a node and the member that it is on", "e.g. --point 12=tool")
+        raise unusable_option(f"--point {text}", "a node and the member that it is on", "e.g. --point 12=tool")
     return int(node), member.strip()
 
 
@@ -79,9 +80,5 @@ def _units(text: str) -> list[str | None]:
     known = [parse_unit(one) for one in text.rsplit("/", maxsplit=1)]
     dimensions = [{si for si in ("m", "m/s", "m/s^2", "N") if one and same_dimension(one, si)} for one in known]
     if len(known) != 2 or dimensions[1] != {"N"} or not dimensions[0] - {"N"}:
-        raise _option(f"--unit {text}", "units of a motion and of a force", "e.g. --unit m/s^2/N, g/N or um/N")
+        raise unusable_option(f"--unit {text}", "units of a motion and of a force", "e.g. --unit m/s^2/N, g/N or um/N")
     return known
-
-
-def _option(found: str, expected: str, advice: str) -> OptionError:
-    return OptionError(found, expected=expected, where=found.split(" ")[0], advice=advice)

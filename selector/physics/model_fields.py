@@ -38,6 +38,18 @@ class Parameter:
     unit: str
 
 
+@dataclass(frozen=True)
+class ModelOfFile(Generic[_File]):
+    """What a model file describes, ready to be run."""
+
+    file: _File  #: The file's content
+
+    @property
+    def name(self) -> str:
+        """What the file calls it."""
+        return str(self.file.model.name)
+
+
 def numbers_in(value: Any, path: Key) -> Iterator[Key]:
     """Places of all numbers inside plain values, below `path`."""
     if isinstance(value, Mapping):

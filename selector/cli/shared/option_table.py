@@ -8,6 +8,8 @@ from typing import Any
 
 import typer
 
+from selector.errors import OptionError
+
 
 @dataclass(frozen=True)
 class _Entry:
@@ -48,3 +50,8 @@ def argument(key: str) -> Any:
     """An argument of a command, e.g. ``taps FILE...``."""
     told = _entries()[key]
     return typer.Argument(metavar=told.metavar, help=told.help)
+
+
+def unusable_option(found: str, expected: str, advice: str) -> OptionError:
+    """The error about an option and its value, with which `found` begins."""
+    return OptionError(found, expected=expected, where=found.split(" ")[0], advice=advice)

@@ -26,7 +26,7 @@ from selector.physics.drive.parts.axis import Axis, AxisState, RigidMechanics
 from selector.physics.drive.parts.catalogue import Parts
 from selector.physics.drive.simulation import AxisRun, advised_step_s, circle_step_s, simulate_axis, steps_per_period
 from selector.physics.drive.trajectory import Motion, Reference
-from selector.physics.model_fields import Parameter, file_with, value_of
+from selector.physics.model_fields import ModelOfFile, Parameter, file_with, value_of
 from selector.recording import Channel, Recording
 from selector.types import Vector
 from selector.units import CANONICAL_UNITS
@@ -136,17 +136,11 @@ class DriveSimulation:
 
 
 @dataclass(frozen=True)
-class DriveModel:
+class DriveModel(ModelOfFile[DriveFile]):
     """The feed drive that a model file describes; made by `drive_model`."""
 
-    file: DriveFile  #: The file's content
     #: Values of the columns that it refers to, see `model_file.columns_needed`; empty without such
     columns: Columns = field(default_factory=dict)
-
-    @property
-    def name(self) -> str:
-        """What the file calls it."""
-        return self.file.model.name
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ from selector.physics.gauging.model_file import (
     parameters,
     sampling_s,
 )
-from selector.physics.model_fields import Parameter, file_with, refused, unlikely_values
+from selector.physics.model_fields import ModelOfFile, Parameter, file_with, refused, unlikely_values
 from selector.physics.model_text import key_text
 from selector.physics.simulation_kind import Progress, unheard
 from selector.recording import Channel, Recording
@@ -156,15 +156,8 @@ class GaugingSimulation:
 
 
 @dataclass(frozen=True)
-class GaugingModel:
+class GaugingModel(ModelOfFile[GaugingFile]):
     """The gauging that a model file describes; made by `gauging_model`."""
-
-    file: GaugingFile  #: The file's content
-
-    @property
-    def name(self) -> str:
-        """What the file calls it."""
-        return self.file.model.name
 
     @property
     def outputs(self) -> tuple[Channel, ...]:

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
-from selector.physics.model_fields import Parameter
+from selector.physics.model_fields import ModelOfFile, Parameter
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.thermal.finding_table import FINDINGS
 from selector.physics.thermal.model_file import (
@@ -156,16 +156,10 @@ _AXES = ("X", "Y", "Z", "A", "B", "C")
 
 
 @dataclass(frozen=True)
-class FileModel:
+class FileModel(ModelOfFile[ModelFile]):
     """The model that a model file describes; made by `thermal_model`."""
 
-    file: ModelFile  #: The file's content
     machine: HeatMachine | ModalModel  #: The equations that were built from it
-
-    @property
-    def name(self) -> str:
-        """What the file calls it."""
-        return self.file.model.name
 
     @property
     def inputs(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from selector.findings import Finding
-from selector.physics.model_fields import Parameter, file_with
+from selector.physics.model_fields import ModelOfFile, Parameter, file_with
 from selector.physics.simulation_kind import Progress, unheard
 from selector.physics.vibration.chains import Chain
 from selector.physics.vibration.model_file import (
@@ -50,15 +50,8 @@ class VibrationSimulation:
 
 
 @dataclass(frozen=True)
-class VibrationModel:
+class VibrationModel(ModelOfFile[VibrationFile]):
     """The vibrating structure that a model file describes; made by `vibration_model`."""
-
-    file: VibrationFile  #: The file's content
-
-    @property
-    def name(self) -> str:
-        """What the file calls it."""
-        return self.file.model.name
 
     @property
     def outputs(self) -> tuple[Channel, ...]:
