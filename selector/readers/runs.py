@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from selector.errors import ReadError
 from selector.findings import Finding, Where
-from selector.readers.cells import is_time_name
+from selector.readers.cells import is_time, is_time_name
 from selector.readers.clock.clock import Clock, TimeOptions, clock
 from selector.readers.clock.ticking import ticks
 from selector.readers.finding_table import DUPLICATE_HEADER, FINDINGS, UNREADABLE_CELLS
@@ -251,13 +251,13 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
             continue
         labels = [_label(value) for value in column.values]
         names = sorted({label for label in labels if label is not None})
-        if None in labels or not 2 <= len(names) <= _MOST_SENSORS:
+        if None in labels or not 2 <= len(names) <= _MOST_SENSORS or any(is_time(name) for name in names):
             continue
         of_row = np.searchsorted(names, np.array(labels, dtype=object).astype(str))
         counts, changed = np.bincount(of_row), np.flatnonzero(np.diff(of_row))
         rest = [one for one in table.columns if one is not column]
-        clocks = [one.values.astype(np.float64) for one in rest if one.kind != "text"]
-        turned = [all(values[changed + 1] < values[changed]) for values in clocks]
+        clocks = [one.values.astype(str if one.kind == "text" else np.float64) for one in rest]
+        turned = [np.array_equal(np.flatnonzero(values[1:] < values[:-1]), changed) for values in clocks]
         takes_turns = len(changed) > _TURNS * len(table)
         is_even = counts.min() >= _LEAST_ROWS and counts.max() <= _ALIKE * counts.min()
         if not is_even or not (takes_turns or (len(changed) + 1 == len(names) and any(turned))):

@@ -45,6 +45,7 @@ def test_absolute_clocks(reads, stamps, start):
     # days of a spreadsheet resolve about 1 µs, epochs and texts are exact
     assert np.allclose(reading.recording.time_s("r1"), [0, 30, 60], atol=1e-3)
     assert reading.reading["time"]["unit"] == "datetime"
+    assert all(start in one.statement for one in reading.findings if one.id == "absolute-clock")
 
 
 @pytest.mark.parametrize(

@@ -73,3 +73,36 @@ def test_words_of_a_state_are_no_sensors(tmp_path):
     reading = read([tmp_path / "states.csv"])
     assert "sensor-column" not in {one.id for one in reading.findings}
     assert reading.runs[0].rows == 200
+
+
+@pytest.mark.parametrize("first", ["2026-03-01", "01.03.2026"])
+@pytest.mark.parametrize("clock", ["%H:%M:%S", "seconds"])
+def test_a_date_beside_a_time_of_day_is_no_sensor(tmp_path, first, clock):
+    style = "%Y-%m-%d" if first.startswith("2026") else "%d.%m.%Y"
+    stamps = pd.date_range("2026-03-01 23:00", periods=120, freq="60s")
+    time = stamps.strftime(clock) if clock != "seconds" else stamps.hour * 3600 + stamps.minute * 60
+    falling = 30.0 - 0.01 * np.arange(120)
+    pd.DataFrame({"Date": stamps.strftime(style), "Time": time, "T1 [degC]": falling}).to_csv(
+        tmp_path / "night.csv", index=False
+    )
+    reading = read([tmp_path / "night.csv"])
+    assert "sensor-column" not in {one.id for one in reading.findings}
+    assert reading.runs[0].rows == 120
+    if clock != "seconds":
+        assert (reading.runs[0].start or "")[:16] == "2026-03-01T23:00"
+
+
+def test_a_phase_that_changes_once_is_no_sensor(tmp_path):
+    phase = np.repeat(["heating", "cooling"], 60)
+    table = pd.DataFrame({"t [s]": 60.0 * np.arange(120), "phase": phase, "T1 [degC]": 30.0 - 0.01 * np.arange(120)})
+    table.to_csv(tmp_path / "phases.csv", index=False)
+    reading = read([tmp_path / "phases.csv"])
+    assert "sensor-column" not in {one.id for one in reading.findings}
+    assert reading.runs[0].rows == 120
+
+
+def test_sensors_that_follow_each_other_may_have_dates(tmp_path):
+    table = long_table()
+    table["t [s]"] = (pd.Timestamp("2026-03-01 08:00") + pd.to_timedelta(table["t [s]"].round(), unit="s")).astype(str)
+    table.rename(columns={"t [s]": "time"}).to_csv(tmp_path / "long.csv", index=False)
+    assert len(read([tmp_path / "long.csv"]).channels) == len(NAMES)

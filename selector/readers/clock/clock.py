@@ -286,7 +286,7 @@ def _numeric(table: Table, column: Column, wanted: str | None) -> Clock | None:
     elif read.base_s is not None and named is None and in_file is None:
         guessed = ("unit",)
         told = f"Time column {column.header!r} of {table.file.name} counts {read.unit}: the run starts at "
-        told += f"{np.datetime64(int(read.base_s), 's')}."
+        told += f"{np.datetime64(round(read.base_s + np.nanmin(read.seconds)), 's')}."
         findings.append(FINDINGS.finding("absolute-clock", told, Where(channel=column.header), {"unit": read.unit}))
     unit = "datetime" if read.base_s is not None else read.unit
     return Clock(read.seconds, read.base_s, None, (column.header,), unit, read.unit == "day", guessed, tuple(findings))
