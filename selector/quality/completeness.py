@@ -89,17 +89,17 @@ def starts(survey: Survey) -> Iterator[Finding]:
         return
     ambient = survey.columns("ambient")
     temperatures, displacements = survey.columns("temperature"), survey.columns("displacement")
-    level = {run: np.array([_start(survey, run, c) for c in range(len(survey.channels))]) for run in survey.runs}
-    room = {run: present_median(level[run][ambient]) if ambient else 0.0 for run in survey.runs}
-    for run in survey.runs:
-        others = [other for other in survey.runs if other != run]
+    level = np.array([[_start(survey, run, c) for c in range(len(survey.channels))] for run in survey.runs])
+    room = np.array([[present_median(of_run[ambient, k]) for k in (0, 1)] for of_run in level])
+    for r, run in enumerate(survey.runs):
         warm: dict[str, float] = {}
         for columns, limit, thermal in ((temperatures, _WARM_K, True), (displacements, _WARM_UM, False)):
-            if thermal and not ambient:
-                continue  # without the room's temperature a warm day looks like a warm machine
             for c in columns:
-                usual = present_median(np.array([level[o][c] - (room[o] if thermal else 0.0) for o in others]))
-                off = level[run][c] - (room[run] if thermal else 0.0) - usual
+                # NaN without the room's temperature: a warm day looks like a warm machine
+                above = level[:, c] - (room if thermal else 0.0)
+                others = np.delete(above, r, axis=0)
+                # a quick machine has left its start after five samples, and a first sample may be a spike
+                off = min((above[r, k] - present_median(others[:, k]) for k in (0, 1)), key=abs)
                 if np.isfinite(off) and abs(off) > limit:
                     warm[survey.channels[c].name] = float(off)
         if not warm:
@@ -129,11 +129,11 @@ def late_gauges(survey: Survey) -> Iterator[Finding]:
                 yield FINDINGS.finding(GAUGE_BEGINS_LATE, told, where, {"begins_s": begin}, level="info")
 
 
-def _start(survey: Survey, run: str, column: int) -> float:
-    """Level at the start of a run; NaN when nothing of the start is there."""
-    rows = survey.series(run, column).rows
-    there = rows.size > 0 and rows[0] <= 0.02 * survey.time[run].size
-    return survey.scale(run, column).start if there else float("nan")
+def _start(survey: Survey, run: str, column: int) -> tuple[float, float]:
+    """Median of the first samples of a run, and the first; NaN when nothing of the start is there."""
+    series = survey.series(run, column)
+    there = series.rows.size > 0 and series.rows[0] <= 0.02 * survey.time[run].size
+    return (survey.scale(run, column).start, float(series.x[0])) if there else (np.nan, np.nan)
 
 
 def _values(survey: Survey, run: str, column: int) -> np.ndarray:

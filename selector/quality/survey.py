@@ -51,7 +51,7 @@ class Scale:
     #: low and high: Smallest and largest value
     low: float
     high: float
-    start: float  #: Median of the first twentieth of the run (at least five samples)
+    start: float  #: Median of the first two-hundredth of the run (at least five samples)
     span: float  #: Distance of the 2nd and the 98th percentile
     quantum: float  #: Step of the resolution; far below the noise when the values are not on a grid
     #: Robust standard deviation of the white part of the noise, from second differences; holds the rounding to the

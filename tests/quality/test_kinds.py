@@ -347,6 +347,18 @@ def test_short_run_and_warm_start(tables):
     assert {f.level for f in hits} == {"info"}
 
 
+def test_a_quick_machine_that_is_seldom_sampled_starts_like_the_others(tables):
+    for k, run in enumerate(tables):
+        table = tables[run] = tables[run].iloc[::10]
+        table["Z"] = 15.0 * (k + 1) * (1.0 - np.exp(-np.arange(len(table)) / 3.0))
+    assert [f for f in inspect(plain_recording(tables)) if f.id == "run-starts-warm"] == []
+    tables["r2"].iloc[0, tables["r2"].columns.get_loc("Z")] = 40.0
+    assert [f for f in inspect(plain_recording(tables)) if f.id == "run-starts-warm"] == []
+    tables["r2"]["Z"] += 25.0
+    hits = [f for f in inspect(plain_recording(tables)) if f.id == "run-starts-warm"]
+    assert [(f.where.run, list(f.evidence["channels"])) for f in hits] == [("r2", ["Z"])]
+
+
 @pytest.mark.parametrize(("rows", "ids"), [(14, {"gap"}), (200, {"gauge-begins-late"})])
 def test_a_gauge_that_begins_late_is_told_once(tables, rows, ids):
     tables["r2"].iloc[:rows, tables["r2"].columns.get_loc("Z")] = np.nan
