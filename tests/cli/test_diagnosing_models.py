@@ -26,11 +26,14 @@ role = "voltage"
 unit = "V"
 """
 
+# half as long as those of tests/diagnosis/test_modelled.py, which looks at how well sizes are found
+WAYS = (([40.0, 10.0, 0.0], 9000.0), ([30.0, 0.0], 4000.0), ([35.0, 5.0, 20.0, 0.0], 7000.0))
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("axis")
-    recording = axis_recording()
+    recording = axis_recording(ways=WAYS)
     for run in recording.runs:
         table = recording.frame.loc[run]
         table.to_csv(path / f"{run}.csv", index_label="time_s", float_format="%.12g")

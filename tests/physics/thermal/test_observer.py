@@ -129,7 +129,7 @@ def test_missing_readings_and_samples_that_are_dense():
 
 
 def test_another_speed_is_no_stop_and_is_told_by_the_misfit():
-    readings, _ = day()
+    readings, _ = day(until_s=7200.0)
     seen = followed(replace(readings, temperature_degc=20.0 + 1.5 * (readings.temperature_degc - 20.0)))
     assert seen.misfit > FAR_OFF
 
