@@ -116,8 +116,7 @@ class _Guarded:
         self._positions()
         for one in self._outputs:
             one.zeroed(self._at)
-        w.assign(self._since, self._since + dt)
-        w.at_most(self._since, LONGEST_S)
+        w.assign(self._since, self._since + dt, most=LONGEST_S)
         if self._is_touch is not None:
             w.remark("a touch-off is taken when it becomes valid, and acts with the next sample")
             for output in self._outputs:
@@ -129,8 +128,7 @@ class _Guarded:
             w.assign(self._since, 0.0)
         self._choose_mode()
         slewed = w.variable("slewed_s")
-        w.assign(slewed, dt)
-        w.at_most(slewed, LONGEST_STEP_S)
+        w.assign(slewed, dt, most=LONGEST_STEP_S)
         for one in self._outputs:
             one.moved(self._mode, slewed, self._at, self._back)
         return w.program(self._model.name)
@@ -175,7 +173,7 @@ class _Guarded:
         w.assign(off, 0.0)
         with w.when(self._standstill > 0.0):
             w.assign(off, self._standstill)
-        w.at_most(off, LONGEST_S)
+        w.limit(off, most=LONGEST_S)
         for sensor in self._sensors.values():
             sensor.passed(off)
         anew: Expression | None = None
@@ -201,8 +199,7 @@ class _Guarded:
     def _sample(self) -> None:
         w = self._w
         with w.when(is_code(self._mode, Mode.TEST)):
-            w.assign(self._test_left, self._test_left - self._since)
-            w.at_least(self._test_left, 0.0)
+            w.assign(self._test_left, self._test_left - self._since, least=0.0)
         for output in self._outputs:
             if output.adapted is not None:
                 output.adapted.passed(self._since)
@@ -258,8 +255,7 @@ class _Guarded:
                     with w.when(self._can_be_used(model.fallbacks[k])):
                         w.assign(self._follows, Mode.FALLBACK + k)
         with w.when(is_code(self._follows, Mode.HOLD)):
-            w.assign(self._held, self._held + self._since)
-            w.at_most(self._held, LONGEST_S)
+            w.assign(self._held, self._held + self._since, most=LONGEST_S)
             if guard.hold_at_most_s is not None:
                 with w.when(self._held > guard.hold_at_most_s):
                     w.assign(self._follows, Mode.RAMP_TO_ZERO)

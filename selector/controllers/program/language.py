@@ -189,24 +189,21 @@ class Writing:
             self._variables[name] = Variable(name, kind, place, about, initial)
         return self._variables[name]
 
-    def assign(self, to: Variable, value: Expression | float) -> None:
-        """Appends an assignment."""
+    def assign(self, to: Variable, value: Expression | float, **bounds: Expression | float) -> None:
+        """Appends an assignment, and that `to` stays within bounds, see `limit`."""
         self._open[-1].append(Assign(to, _as_kind(to.kind, value)))
+        self.limit(to, **bounds)
 
-    def limit(self, of: Variable, low: Expression | float, high: Expression | float) -> None:
-        """Appends: `of` becomes low if below it, high if above it."""
-        self.at_least(of, low)
-        self.at_most(of, high)
-
-    def at_least(self, of: Variable, low: Expression | float) -> None:
-        """Appends: `of` becomes low if below it."""
-        with self.when(of < low):
-            self.assign(of, low)
-
-    def at_most(self, of: Variable, high: Expression | float) -> None:
-        """Appends: `of` becomes high if above it."""
-        with self.when(of > high):
-            self.assign(of, high)
+    def limit(
+        self, of: Variable, *, least: Expression | float | None = None, most: Expression | float | None = None
+    ) -> None:
+        """Appends: `of` becomes `least` if below it, `most` if above it."""
+        if least is not None:
+            with self.when(of < least):
+                self.assign(of, least)
+        if most is not None:
+            with self.when(of > most):
+                self.assign(of, most)
 
     def remark(self, text: str) -> None:
         """Appends a line for the reader."""

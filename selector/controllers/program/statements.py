@@ -176,8 +176,7 @@ class WatchedSensor:
         with w.when(~self._has_anchor):
             self._take_anchor()
         with w.otherwise():
-            w.assign(allowed, self._anchor_age)
-            w.at_least(allowed, ANCHOR_S)
+            w.assign(allowed, self._anchor_age, least=ANCHOR_S)
             w.assign(allowed, Real(rate_per_min / 60.0) * allowed)
             w.assign(change, r - self._anchor)
             with w.when((change > allowed) | (change < -allowed)):
@@ -222,20 +221,17 @@ class WatchedSensor:
         w, item = self._w, self._item
         x = w.variable("x")
         w.assign(x, self._reading - self._start if item.reference == "rise" else self._reading)
-        w.assign(self.x, x)
-        w.limit(self.x, item.valid_min, item.valid_max)
+        w.assign(self.x, x, least=item.valid_min, most=item.valid_max)
         return x
 
     def _credit(self, clock: Variable, elapsed: Variable, most_s: float, longest_s: float = LONGEST_S) -> None:
         """A sample counts for so long at most."""
         credit = self._w.variable("credit_s")
-        self._w.assign(credit, elapsed)
-        self._w.at_most(credit, most_s)
+        self._w.assign(credit, elapsed, most=most_s)
         self._add(clock, credit, longest_s)
 
     def _add(self, clock: Variable, elapsed: Variable, longest_s: float = LONGEST_S) -> None:
-        self._w.assign(clock, clock + elapsed)
-        self._w.at_most(clock, longest_s)
+        self._w.assign(clock, clock + elapsed, most=longest_s)
 
 
 class SlewedCorrection:
@@ -275,8 +271,7 @@ class SlewedCorrection:
                 self.stopped()
                 w.assign(zero.waits, True)
                 if along is not None:
-                    w.assign(zero.where, at[along.part.axis])
-                    w.limit(zero.where, along.part.valid_min_m, along.part.valid_max_m)
+                    w.assign(zero.where, at[along.part.axis], least=along.part.valid_min_m, most=along.part.valid_max_m)
 
     def stopped(self) -> None:
         """The control was off: the correction begins at zero."""
@@ -297,7 +292,7 @@ class SlewedCorrection:
             w.assign(test, self._test)
         with w.when((test < 0.0) | (test > 0.0)):
             w.assign(is_test, True)
-        w.limit(test, -clamp, clamp)
+        w.limit(test, least=-clamp, most=clamp)
 
     def touched(self, becomes_valid: Expression) -> None:
         """What the probe shows while this correction acts is taken."""
@@ -332,7 +327,7 @@ class SlewedCorrection:
                         away = self._zero.where - along.part.reference_m
                         w.assign(self._zero.um, own + w.variable("steep") * away)
                 w.assign(own, own - self._zero.um)
-            w.limit(own, -limits.clamp_um, limits.clamp_um)
+            w.limit(own, least=-limits.clamp_um, most=limits.clamp_um)
             w.assign(change, own - self._aim)
             with w.when((change >= limits.dead_band_um) | (change <= -limits.dead_band_um)):
                 w.assign(self._aim, own)
@@ -341,9 +336,8 @@ class SlewedCorrection:
                 w.assign(size, self._aim)
                 with w.when(self._aim < 0.0):
                     w.assign(size, -self._aim)
-                w.assign(most, (Real(limits.clamp_um) - size) / limits.reach_m)
-                w.at_most(most, limits.slope_clamp_um_per_m)
-                w.limit(steep, -most, most)
+                w.assign(most, (Real(limits.clamp_um) - size) / limits.reach_m, most=limits.slope_clamp_um_per_m)
+                w.limit(steep, least=-most, most=most)
                 w.assign(along.aim, steep)
 
     def moved(self, mode: Variable, slewed: Variable, at: Mapping[str, Variable], back: Mapping[str, Variable]) -> None:
@@ -371,8 +365,7 @@ class SlewedCorrection:
                 w.assign(to, 0.0)
             towards(w, along.slope, to, along.rest, slewed, limits.slope_slew_um_per_m_s)
             away = along.where - along.part.reference_m
-            w.assign(to, self._k0 + along.slope * away)
-            w.limit(to, -limits.clamp_um, limits.clamp_um)
+            w.assign(to, self._k0 + along.slope * away, least=-limits.clamp_um, most=limits.clamp_um)
             with w.when(along.is_back):
                 whole = w.variable("whole")
                 w.assign(whole, to)
@@ -392,13 +385,11 @@ class SlewedCorrection:
     def _carried(self, along: _Along, at: Variable, back: Variable) -> None:
         """The correction moves with its axis; after its position was lost, no faster than the slew limit."""
         w, clamp, where = self._w, self._limits.clamp_um, self._w.variable("where")
-        w.assign(where, at)
-        w.limit(where, along.part.valid_min_m, along.part.valid_max_m)
+        w.assign(where, at, least=along.part.valid_min_m, most=along.part.valid_max_m)
         with w.when(back):
             w.assign(along.is_back, True)
         with w.otherwise():
-            w.assign(self._correction, self._correction + along.slope * (where - along.where))
-            w.limit(self._correction, -clamp, clamp)
+            w.assign(self._correction, self._correction + along.slope * (where - along.where), least=-clamp, most=clamp)
         w.assign(along.where, where)
 
     def _turn(self, displacement: Variable) -> None:
@@ -474,8 +465,7 @@ class AdaptedOutput:
 
     def passed(self, seconds: Variable) -> None:
         """Time went by."""
-        self._w.assign(self._age, self._age + seconds)
-        self._w.at_most(self._age, LONGEST_S)
+        self._w.assign(self._age, self._age + seconds, most=LONGEST_S)
 
     def stopped(self) -> None:
         """The control was off: a touch-off that waited is gone."""
@@ -531,19 +521,16 @@ class AdaptedOutput:
         surprise, of_offset, variance, square, away, share = (
             w.variable(name) for name in ("surprise", "of_offset", "variance", "square", "away", "share")
         )
-        w.assign(self._v, self._v + Real(of.offset_um2_per_s) * self._age)
-        w.at_most(self._v, LARGEST_NUMBER)
+        w.assign(self._v, self._v + Real(of.offset_um2_per_s) * self._age, most=LARGEST_NUMBER)
         w.assign(surprise, error - self._offset)
         w.assign(of_offset, self._v)
         if self._has_gain:
             of_gain = w.variable("of_gain")
-            w.assign(self._u, self._u + Real(of.gain_per_s) * self._age)
-            w.at_most(self._u, LARGEST_NUMBER)
+            w.assign(self._u, self._u + Real(of.gain_per_s) * self._age, most=LARGEST_NUMBER)
             w.assign(surprise, surprise - self._gain * m)
             w.assign(of_offset, self._v + self._c * m)
             w.assign(of_gain, self._c + self._u * m)
-            w.assign(variance, of_offset + of_gain * m + of.noise_um2)
-            w.at_least(variance, of.noise_um2)
+            w.assign(variance, of_offset + of_gain * m + of.noise_um2, least=of.noise_um2)
         else:
             w.assign(variance, self._v + of.noise_um2)
         w.assign(self._age, 0.0)
@@ -568,19 +555,14 @@ class AdaptedOutput:
             w.assign(self._has_doubt, False)
             w.assign(self._has_two, False)
             w.assign(share, of_offset / variance)
-            w.assign(self._offset, self._offset + share * surprise)
-            w.limit(self._offset, -of.offset_limit_um, of.offset_limit_um)
-            w.assign(self._v, self._v - share * of_offset)
-            w.limit(self._v, 0.0, LARGEST_NUMBER)
+            w.assign(self._offset, self._offset + share * surprise, least=-of.offset_limit_um, most=of.offset_limit_um)
+            w.assign(self._v, self._v - share * of_offset, least=0.0, most=LARGEST_NUMBER)
             if self._has_gain:
                 of_gain, part = w.variable("of_gain"), w.variable("share_of_gain")
                 w.assign(part, of_gain / variance)
-                w.assign(self._gain, self._gain + part * surprise)
-                w.limit(self._gain, -of.gain_limit, of.gain_limit)
-                w.assign(self._c, self._c - share * of_gain)
-                w.limit(self._c, -LARGEST_NUMBER, LARGEST_NUMBER)
-                w.assign(self._u, self._u - part * of_gain)
-                w.limit(self._u, 0.0, LARGEST_NUMBER)
+                w.assign(self._gain, self._gain + part * surprise, least=-of.gain_limit, most=of.gain_limit)
+                w.assign(self._c, self._c - share * of_gain, least=-LARGEST_NUMBER, most=LARGEST_NUMBER)
+                w.assign(self._u, self._u - part * of_gain, least=0.0, most=LARGEST_NUMBER)
 
 
 def _is_within(of: Variable, high: float, low: float | None = None) -> Expression:

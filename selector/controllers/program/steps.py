@@ -41,8 +41,7 @@ def towards(w: Writing, now: Variable, to: Variable, rest: Variable, slewed: Var
     """A step no faster than the slew limit; what rounding gives or takes of it is made up for in the next."""
     most, reach, low, high = (w.variable(name) for name in ("most", "reach", "low", "high"))
     w.assign(most, Real(slew) * slewed + rest)
-    w.assign(reach, most)
-    w.at_least(reach, 0.0)
+    w.assign(reach, most, least=0.0)
     w.assign(low, now - reach)
     w.assign(high, now + reach)
     w.assign(rest, 0.0)
