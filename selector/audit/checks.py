@@ -1,11 +1,10 @@
 """Whether what the patent prints follows from its own numbers and from one recording: grouping, models, effects."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from selector.audit.printed import (
     CLOSURE,
@@ -28,60 +27,53 @@ from selector.audit.printed import (
     judged,
 )
 from selector.sensors.groups import LambdaStep, lambda_axis, lambda_cut, transitive_closure
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 
-def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> list[AuditLine]:
+def r2_lines(rises: Mapping[str, Vector], responses: Mapping[str, Vector]) -> Iterator[AuditLine]:
     """Printed pairs of R² on the reconstruction; contradictions (b) and (d). Rises [K], responses [µm]."""
-    lines = []
     for pair in PAIRS:
         sensors = " & ".join("Δ" + name for name in pair.sensors)
         found = {name: r2_pair([rises[s] for s in pair.sensors], values) for name, values in responses.items()}
         for position, (label, printed) in enumerate((("R²", pair.r2), ("adjusted R²", pair.adjusted_r2))):
             values = {name: both[position] for name, both in found.items()}
-            lines.append(
-                judged(
-                    "R² and adjusted R²",
-                    f"{label} of {sensors}",
-                    f"{printed:.4f}",
-                    ", ".join(f"{value:.4f} ({name})" for name, value in values.items()),
-                    all(abs(value - printed) <= ENTRY_HALF_UNIT for value in values.values()),
-                    "linear regression on the reconstruction, built to have it for both displacements because the "
-                    "patent does not say for which one its table is",
-                    yes="agrees by construction",
-                )
+            yield judged(
+                "R² and adjusted R²",
+                f"{label} of {sensors}",
+                f"{printed:.4f}",
+                ", ".join(f"{value:.4f} ({name})" for name, value in values.items()),
+                all(abs(value - printed) <= ENTRY_HALF_UNIT for value in values.values()),
+                "linear regression on the reconstruction, built to have it for both displacements because the "
+                "patent does not say for which one its table is",
+                yes="agrees by construction",
             )
     two, three = PAIRS
     smallest = [fewest_samples(pair, len(pair.sensors)) for pair in PAIRS]
     with_products = [fewest_samples(three, len(m.terms) - 1) for m in (Z_THREE_SENSORS, Y_THREE_SENSORS)]
-    return [
-        *lines,
-        checked(
-            "adding T5",
-            f"it rises from {two.adjusted_r2} to {three.adjusted_r2}",
-            three.adjusted_r2 < two.adjusted_r2,
-            falls_to=three.adjusted_r2,
-        ),
-        checked(
-            "observations",
-            f"m ≥ {max(smallest)}",
-            two=smallest[0],
-            three=smallest[1],
-            z=with_products[0],
-            y=with_products[1],
-            samples=len(next(iter(responses.values()))),
-        ),
-        _m_is_observations(two),
-    ]
+    yield checked(
+        "adding T5",
+        f"it rises from {two.adjusted_r2} to {three.adjusted_r2}",
+        three.adjusted_r2 < two.adjusted_r2,
+        falls_to=three.adjusted_r2,
+    )
+    yield checked(
+        "observations",
+        f"m ≥ {max(smallest)}",
+        two=smallest[0],
+        three=smallest[1],
+        z=with_products[0],
+        y=with_products[1],
+        samples=len(next(iter(responses.values()))),
+    )
+    yield _m_is_observations(two)
 
 
-def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vector) -> list[AuditLine]:
+def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vector) -> Iterator[AuditLine]:
     """Every printed coefficient against a regression on the reconstruction, and the four models against each other.
 
     Raises KeyError: `rises` lacks T1, T3 or T5.
     """
     key = (rises["T1"], rises["T3"], rises["T5"])
-    lines = []
     for model, values, column in (
         (Z_TWO_SENSORS, z, "Z"),
         (Y_TWO_SENSORS, y, "Y"),
@@ -91,32 +83,27 @@ def model_lines(rises: Mapping[str, Vector], z: Vector, y: Vector, z_second: Vec
         found = _coefficients(model.columns(*key), values)
         for term, text, ours in zip(model.terms, model.printed, found, strict=True):
             decimals = len(text.split(".")[1])
-            lines.append(
-                judged(
-                    "models",
-                    f"{model.name}: {'·'.join(f'Δ{name}' for name in term) or 'constant'}",
-                    text.replace("-", "−"),
-                    f"{ours:.{decimals}f}".replace("-", "−"),
-                    abs(float(text) - ours) <= 0.5 * 10.0**-decimals,
-                    f"least squares on the reconstruction, response {column}, which was solved for to have it",
-                    yes="agrees by construction",
-                )
+            yield judged(
+                "models",
+                f"{model.name}: {'·'.join(f'Δ{name}' for name in term) or 'constant'}",
+                text.replace("-", "−"),
+                f"{ours:.{decimals}f}".replace("-", "−"),
+                abs(float(text) - ours) <= 0.5 * 10.0**-decimals,
+                f"least squares on the reconstruction, response {column}, which was solved for to have it",
+                yes="agrees by construction",
             )
     joint = _coefficients(Z_THREE_SENSORS.columns(*key), z)
     gap = (Z_THREE_SENSORS.columns(*key) @ Z_THREE_SENSORS.coefficients) - (
         Z_TWO_SENSORS.columns(*key) @ Z_TWO_SENSORS.coefficients
     )
-    return [
-        *lines,
-        checked(
-            "models of Z",
-            ", ".join(f"{value:.4f}".replace("-", "−") for value in joint),
-            bool(np.abs(joint - Z_THREE_SENSORS.coefficients).max() <= ENTRY_HALF_UNIT),
-            coefficients=", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
-            gap_um=gap.std(),
-        ),
-        _at_rest(),
-    ]
+    yield checked(
+        "models of Z",
+        ", ".join(f"{value:.4f}".replace("-", "−") for value in joint),
+        bool(np.abs(joint - Z_THREE_SENSORS.coefficients).max() <= ENTRY_HALF_UNIT),
+        coefficients=", ".join(text.replace("-", "−") for text in Z_THREE_SENSORS.printed),
+        gap_um=gap.std(),
+    )
+    yield _at_rest()
 
 
 def fewest_samples(pair: PrintedPair, n_terms: int) -> int:
@@ -140,7 +127,7 @@ def r2_pair(regressors: list[Vector], response: Vector) -> tuple[float, float]:
     return 1 - share, 1 - (m - 1) / (m - p - 1) * share
 
 
-def _coefficients(columns: NDArray[np.float64], response: Vector) -> Vector:
+def _coefficients(columns: Matrix, response: Vector) -> Vector:
     scale = np.linalg.norm(columns, axis=0)
     return np.asarray(np.linalg.lstsq(columns / scale, response, rcond=None)[0] / scale, dtype=np.float64)
 
@@ -160,7 +147,7 @@ def _at_rest() -> AuditLine:
     return checked("at rest", constants, False)
 
 
-def similarity_lines(rises: NDArray[np.float64]) -> list[AuditLine]:
+def similarity_lines(rises: Matrix) -> list[AuditLine]:
     """R against the correlations of the reconstructed recording, `rises` of shape (n_samples, 8) [K]; P eq. 1."""
     found = np.asarray(np.corrcoef(rises, rowvar=False), dtype=np.float64)
     lines = [
@@ -250,39 +237,35 @@ def group_lines() -> list[AuditLine]:
     ]
 
 
-def representative_lines(rises: NDArray[np.float64], z: NDArray[np.float64], y: NDArray[np.float64]) -> list[AuditLine]:
+def representative_lines(rises: Matrix, z: Vector, y: Vector) -> Iterator[AuditLine]:
     """Which sensor of each group of the cut correlates best with each displacement [µm], P step 4."""
-    lines = []
     for response, values in (("Z", z), ("Y", y)):
         r = np.array([np.corrcoef(column, values)[0, 1] for column in rises.T])
         best = [max(group, key=lambda k: abs(r[k])) for group in lambda_cut(SIMILARITY, LEVEL).members]
         ours = tuple(SENSORS[k] for k in best)
-        lines.append(
-            judged(
-                "groups",
-                f"representatives by correlation with {response}",
-                ", ".join(REPRESENTATIVES),
-                ", ".join(f"{SENSORS[k]} (r = {r[k]:.4f})" for k in best),
-                ours == REPRESENTATIVES,
-                f"best of each of the {len(best)} groups; on the reconstruction r = "
-                + ", ".join(f"{r[k]:.4f} ({name})" for k, name in enumerate(SENSORS))
-                + ". Two groups give two representatives, never three"
-                + (
-                    ". Sensor 4, near both bearings, follows Z = 6.05 X1 + 2.67 X2 more closely than sensor 1 unless "
-                    "sensor 1 spreads at least 1.87 times as much as sensor 3 (R and the formula; residual neglected)"
-                    if response == "Z"
-                    else ""
-                ),
-            )
+        yield judged(
+            "groups",
+            f"representatives by correlation with {response}",
+            ", ".join(REPRESENTATIVES),
+            ", ".join(f"{SENSORS[k]} (r = {r[k]:.4f})" for k in best),
+            ours == REPRESENTATIVES,
+            f"best of each of the {len(best)} groups; on the reconstruction r = "
+            + ", ".join(f"{r[k]:.4f} ({name})" for k, name in enumerate(SENSORS))
+            + ". Two groups give two representatives, never three"
+            + (
+                ". Sensor 4, near both bearings, follows Z = 6.05 X1 + 2.67 X2 more closely than sensor 1 unless "
+                "sensor 1 spreads at least 1.87 times as much as sensor 3 (R and the formula; residual neglected)"
+                if response == "Z"
+                else ""
+            ),
         )
-    return lines
 
 
 def _pairs() -> list[tuple[int, int]]:
     return [(a, b) for a in range(len(SENSORS)) for b in range(a + 1, len(SENSORS))]
 
 
-def _twice(matrix: NDArray[np.float64], a: int, b: int) -> str:
+def _twice(matrix: Matrix, a: int, b: int) -> str:
     first, second = f"{matrix[a, b]:.4f}", f"{matrix[b, a]:.4f}"
     return first if first == second else f"{first} and {second}"
 
@@ -305,11 +288,10 @@ BEARING_RISE_K = (6.0, 10.0)
 CLAIMED_PERCENT = (80.0, 90.0)
 
 
-def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
+def effect_lines(rises: Mapping[str, Vector]) -> Iterator[AuditLine]:
     """The claim "80–90 % less" against the printed micrometres, and the other printed effects; rises [K]."""
     told = partial(judged, "effects")
     low, high = CLAIMED_PERCENT
-    lines = []
     for item, before, after in (
         ("Z, largest, compensated", 100.0, (10.0,)),
         ("Z, mean of the warm phase, compensated", 80.0, (6.0, 8.0)),
@@ -324,30 +306,25 @@ def effect_lines(rises: Mapping[str, Vector]) -> list[AuditLine]:
         micrometres = f"{before:g} → {'–'.join(f'{value:g}' for value in after)} µm"
         if "oil" in item:
             worse = less[-1] < low
-            lines.append(told(item, micrometres, ours, worse, "less than compensation reaches, as the patent says"))
+            yield told(item, micrometres, ours, worse, "less than compensation reaches, as the patent says")
             continue
         holds = low <= less[0] and less[-1] <= high + 1e-9
-        lines.append(
-            told(
-                item,
-                f"{micrometres}, {low:g}–{high:g} % less",
-                ours,
-                holds,
-                "within the claimed range" if holds else "the printed micrometres give more than the claim",
-                no="in tension",
-            )
+        yield told(
+            item,
+            f"{micrometres}, {low:g}–{high:g} % less",
+            ours,
+            holds,
+            "within the claimed range" if holds else "the printed micrometres give more than the claim",
+            no="in tension",
         )
     residual = 50.0 * (1 - PAIRS[0].r2) ** 0.5
-    return [
-        *lines,
-        *_reach_lines(),
-        checked("largest Y", f"at most {_reach(Y_TWO_SENSORS):.1f} µm for the mean of both gauges"),
-        checked("error after", f"R² 0.9989 leaves at most {residual:.1f} µm rms", residual >= 6.0),
-        checked("mean Y", "at most 40.5 µm for the mean of gauges that reach 25 and 56 µm", False),
-        checked(
-            "protocol", f"bearings of the reconstruction rise {rises['T1'].max():.1f} and {rises['T3'].max():.1f} K"
-        ),
-    ]
+    yield from _reach_lines()
+    yield checked("largest Y", f"at most {_reach(Y_TWO_SENSORS):.1f} µm for the mean of both gauges")
+    yield checked("error after", f"R² 0.9989 leaves at most {residual:.1f} µm rms", residual >= 6.0)
+    yield checked("mean Y", "at most 40.5 µm for the mean of gauges that reach 25 and 56 µm", False)
+    yield checked(
+        "protocol", f"bearings of the reconstruction rise {rises['T1'].max():.1f} and {rises['T3'].max():.1f} K"
+    )
 
 
 def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
@@ -372,26 +349,23 @@ def symbol_lines(rises: Mapping[str, Vector], z: Vector) -> list[AuditLine]:
     ]
 
 
-def _reach_lines() -> list[AuditLine]:
-    lines, told = [], partial(judged, "effects")
+def _reach_lines() -> Iterator[AuditLine]:
+    told = partial(judged, "effects")
     for item, printed_um, model in (
         ("Z, largest", 100.0, Z_TWO_SENSORS),
         ("Z, mean of the warm phase", 80.0, Z_TWO_SENSORS),
         ("Y, mean of the warm phase", 41.0, Y_TWO_SENSORS),
     ):
         reach = _reach(model)
-        lines.append(
-            told(
-                f"{item}, with bearings that rise 6–10 K",
-                f"{printed_um:g} µm",
-                f"at most {reach:.1f} µm",
-                reach >= printed_um,
-                f"the printed two-sensor model of {model.direction} at its best corner of 6–10 K"
-                + ("" if reach >= printed_um else "; that run was warmer, or the model does not hold for it"),
-                no="in tension",
-            )
+        yield told(
+            f"{item}, with bearings that rise 6–10 K",
+            f"{printed_um:g} µm",
+            f"at most {reach:.1f} µm",
+            reach >= printed_um,
+            f"the printed two-sensor model of {model.direction} at its best corner of 6–10 K"
+            + ("" if reach >= printed_um else "; that run was warmer, or the model does not hold for it"),
+            no="in tension",
         )
-    return lines
 
 
 def _reach(model: PrintedModel) -> float:

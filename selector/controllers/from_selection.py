@@ -1,6 +1,6 @@
 """From a selection to the model file that a control is given."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -88,7 +88,7 @@ def model_file_of(
         name=f"displacement {' and '.join(selection.models)}",
         inputs=inputs,
         states=_states(recipe, scaling),
-        outputs=_outputs(selection.models, by_name, rise=rise),
+        outputs=tuple(_outputs(selection.models, by_name, rise=rise)),
         guard=Guard(
             limits=tuple(_limits(selection, name, ungauged) for name in selection.models),
             on_fault="fallback" if fallbacks else "hold",
@@ -174,7 +174,7 @@ def _fallback(
         without=(of.without,),
         inputs=tuple(item.model_copy(update=_scaled(scaling, item.name)) for item in own),
         states=_states(of.recipe, scaling),
-        outputs=_outputs(of.models, channels, rise=rise),
+        outputs=tuple(_outputs(of.models, channels, rise=rise)),
     )
 
 
@@ -190,25 +190,21 @@ def _states(recipe: Recipe, scaling: Scaling) -> tuple[State, ...]:
     )
 
 
-def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool) -> tuple[Output, ...]:
-    outputs = []
+def _outputs(models: Mapping[str, FittedModel], channels: dict[str, Channel], *, rise: bool) -> Iterator[Output]:
     for name, model in models.items():
         coefficients = model.coefficients.tolist()
         errors = np.sqrt(np.maximum(np.diag(model.covariance), 0.0)).tolist()
-        outputs.append(
-            Output(
-                name=model.response,
-                axis=channels[name].axis,
-                reference="rise" if rise else "absolute",
-                intercept=coefficients[0],
-                intercept_standard_error=errors[0],
-                terms=tuple(
-                    Term(powers=dict(term.powers), coefficient=coefficient, standard_error=error)
-                    for term, coefficient, error in zip(model.terms, coefficients[1:], errors[1:], strict=True)
-                ),
-            )
+        yield Output(
+            name=model.response,
+            axis=channels[name].axis,
+            reference="rise" if rise else "absolute",
+            intercept=coefficients[0],
+            intercept_standard_error=errors[0],
+            terms=tuple(
+                Term(powers=dict(term.powers), coefficient=coefficient, standard_error=error)
+                for term, coefficient, error in zip(model.terms, coefficients[1:], errors[1:], strict=True)
+            ),
         )
-    return tuple(outputs)
 
 
 def _limits(selection: ProvenModel, name: str, ungauged: Array) -> OutputLimits:

@@ -68,25 +68,21 @@ def largest_reading(item: Input) -> float:
     return largest + (WARMEST_START_DEGC if item.unit == "degC" else largest)
 
 
-def single_precision_findings(model: ModelFile, file: str) -> tuple[Finding, ...]:
+def single_precision_findings(model: ModelFile, file: str) -> Iterator[Finding]:
     """The bound per output of the program in `file`; a warning where it is beyond `WORTH_A_WARNING_UM`."""
-    found = []
     for name, bound_um in rounding_errors_um(model).items():
         is_large = bound_um > WORTH_A_WARNING_UM
-        found.append(
-            FINDINGS.finding(
-                "single-precision-bound",
-                f"{file}: {name} differs from the model in float64 by at most {_above(bound_um)} µm inside the "
-                "valid ranges, all roundings at their worst.",
-                evidence={"file": file, "output": name, "bound_um": bound_um},
-                suggestion="use double precision where there is one; centres far from the valid range, terms that "
-                "cancel each other and memory of many hours make it large"
-                if is_large
-                else "",
-                level="warning" if is_large else "info",
-            )
+        yield FINDINGS.finding(
+            "single-precision-bound",
+            f"{file}: {name} differs from the model in float64 by at most {_above(bound_um)} µm inside the "
+            "valid ranges, all roundings at their worst.",
+            evidence={"file": file, "output": name, "bound_um": bound_um},
+            suggestion="use double precision where there is one; centres far from the valid range, terms that "
+            "cancel each other and memory of many hours make it large"
+            if is_large
+            else "",
+            level="warning" if is_large else "info",
         )
-    return tuple(found)
 
 
 def single_precision_lines(model: ModelFile) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Timed corrections of a duty cycle as an NC subprogram, for a control that counts the time itself."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -85,7 +85,7 @@ def timed_program(
                 where="--nc", advice="part it with --operations: each begins with a new zero",
             )  # fmt: skip
     signs = {axis: 1.0 if name in inverted else -1.0 for name, axis in zip(programs, taken, strict=True)}
-    operations = _operations(dict(zip(taken, programs.values(), strict=True)))
+    operations = list(_operations(dict(zip(taken, programs.values(), strict=True))))
     return (_fanuc if target == "fanuc" else _sinumerik)(operations, signs)
 
 
@@ -98,9 +98,8 @@ class _Timed:
     steps: tuple[tuple[str, int, float], ...]  #: Axis, from when [whole s], displacement that is taken off [µm]
 
 
-def _operations(programs: Mapping[str, CorrectionProgram]) -> list[_Timed]:
+def _operations(programs: Mapping[str, CorrectionProgram]) -> Iterator[_Timed]:
     """Of the programs (axis → program), which have the same operations."""
-    found = []
     for number, of_axes in enumerate(zip(*(one.operations for one in programs.values()), strict=True), start=1):
         steps = tuple(
             # down, so that none is late
@@ -109,8 +108,7 @@ def _operations(programs: Mapping[str, CorrectionProgram]) -> list[_Timed]:
             for at, um in zip(one.times_s[1:].tolist(), one.offsets_um[1:].tolist(), strict=True)
         )
         if steps:
-            found.append(_Timed(number, math.ceil(of_axes[0].end_s - of_axes[0].start_s) + STAYS_S, steps))
-    return found
+            yield _Timed(number, math.ceil(of_axes[0].end_s - of_axes[0].start_s) + STAYS_S, steps)
 
 
 FANUC_FILE, _FANUC_PROGRAM = "O9110.nc", 9110

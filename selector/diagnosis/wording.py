@@ -1,6 +1,6 @@
 """A diagnosis in sentences: what was left out, where, how sure that is, what it is worth, and what to do now."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pandas as pd
@@ -57,12 +57,11 @@ def _small(found: Diagnosis) -> bool:
     return any(one.id == SMALL_MISFIT for one in found.findings)
 
 
-def _turned(found: Diagnosis) -> list[str]:
+def _turned(found: Diagnosis) -> Iterator[str]:
     """Responses that were simulated with the other sign; beside parameters of a model a gain says nothing of that.
 
     Nor does one beside friction by speed, where the simulation goes as the recording does.
     """
-    said = []
     for response in () if "model" in found.recalibration else found.comparison.responses:
         gain = recalibration_of(found.recalibration.get(response, {})).get("gain")
         recorded, simulated = (
@@ -70,8 +69,7 @@ def _turned(found: Diagnosis) -> list[str]:
         )
         goes_against = recorded.cov(simulated) < 0.0
         if goes_against and gain is not None and gain.high is not None and gain.value < 0.0 > gain.high:
-            said.append(f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}.")
-    return said
+            yield f"{response} is simulated with the opposite sign: its gain should be {_digits(gain.value)}."
 
 
 def what_to_do(found: Diagnosis) -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Files → a Recording, with everything that was found and guessed on the way, and its description."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -94,9 +94,8 @@ def provenance_of(run: TimedRun) -> dict[str, Any]:
     }
 
 
-def placed(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
+def placed(runs: Sequence[TimedRun], planned: Plan) -> Iterator[Finding]:
     """Findings of all runs with the names of run and channel; those about columns that were not read are left away."""
-    out: list[Finding] = []
     for run in runs:
         channel_of_header = {p.headers[run.name]: p.name for p in planned.channels if run.name in p.headers}
         for finding in run.findings:
@@ -105,8 +104,7 @@ def placed(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
                 continue
             channel = channel_of_header.get(header) if header is not None else None
             where = replace(finding.where, channel=channel or header, run=run.name, file=run.file.name)
-            out.append(replace(finding, where=where))
-    return out
+            yield replace(finding, where=where)
 
 
 def condensed(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -348,15 +346,13 @@ def _run_info(run: TimedRun) -> RunInfo:
     return RunInfo(run.name, str(run.file), run.sha256, len(run.time_s), length_s, run.period_s, *begins, run.beside)
 
 
-def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> list[ChannelInfo]:
-    out = []
+def _channel_info(planned: Plan, runs: Sequence[TimedRun]) -> Iterator[ChannelInfo]:
     for channel in planned.channels:
         column = channel.headers[next(run.name for run in runs if run.name in channel.headers)]
         units = tuple(dict.fromkeys(channel.units.values()))
         of = channel_of(channel)
         info = ChannelInfo(of.name, column, of.role, of.unit, ", ".join(units), channel.guessed, of.place, of.axis)
-        out.append(replace(info, xyz_m=of.xyz_m, units_of_runs=dict(channel.units) if len(units) > 1 else {}))
-    return out
+        yield replace(info, xyz_m=of.xyz_m, units_of_runs=dict(channel.units) if len(units) > 1 else {})
 
 
 def _how(runs: Sequence[TimedRun]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A study to be explored: the recordings read once, then every λ and every set of sensors at once."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -314,7 +314,7 @@ class Exploration:
         return Cut(
             step,
             plain_level(step),
-            _groups(question, found.grouping, screening),
+            tuple(_groups(question, found.grouping, screening)),
             screening.representatives,
             {size: trial.set.sensors for size, trial in choice.by_size.items()},
             choice.trial.set.sensors,
@@ -356,17 +356,15 @@ def plain_level(step: LambdaStep) -> float:
     return step.high
 
 
-def _groups(question: Question, grouping: Grouping, screening: Screening) -> tuple[SensorGroup, ...]:
+def _groups(question: Question, grouping: Grouping, screening: Screening) -> Iterator[SensorGroup]:
     """The groups of the only round, each with the reason for its representatives."""
     (one,) = screening.rounds
     relevance = dict(zip(question.sensors, grouping.relevance, strict=True))
     taken = set(screening.representatives)
-    found = []
     for members in one.groups:
         names = tuple(question.sensors[i] for i in members)
         chosen = tuple(name for name in names if name in taken)
-        found.append(SensorGroup(names, chosen, _because(question, names, chosen, relevance)))
-    return tuple(found)
+        yield SensorGroup(names, chosen, _because(question, names, chosen, relevance))
 
 
 def _because(question: Question, names: Sequence[str], chosen: Sequence[str], relevance: Mapping[str, float]) -> str:

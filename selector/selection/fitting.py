@@ -169,9 +169,8 @@ class Fallback:
 
 def fallbacks_of(
     question: Question, recipe: Recipe, source: RunSource, runs: Sequence[str], parts: Sequence[Part], ridge: float
-) -> tuple[Fallback, ...]:
+) -> Iterator[Fallback]:
     """One fallback per input of a model, on the same time constants; none for an input without which none is left."""
-    found = []
     for name in recipe.design.inputs:
         rest = recipe_without(question, recipe, name)
         if rest is None:
@@ -182,15 +181,12 @@ def fallbacks_of(
             squares += (error**2).sum(axis=0)
             n += len(error)
         rmse = np.sqrt(squares / n) if n else np.full(len(squares), np.nan)
-        found.append(
-            Fallback(
-                name,
-                rest,
-                final_models(rest, rows, ridge=ridge),
-                dict(zip(rest.design.responses, map(float, rmse), strict=True)),
-            )
+        yield Fallback(
+            name,
+            rest,
+            final_models(rest, rows, ridge=ridge),
+            dict(zip(rest.design.responses, map(float, rmse), strict=True)),
         )
-    return tuple(found)
 
 
 def recipe_without(question: Question, recipe: Recipe, name: str) -> Recipe | None:

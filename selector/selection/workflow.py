@@ -115,7 +115,7 @@ def select(
     parts, choices = [*parts, *beside], [*choices, *(choice for _ in beside)]
     ridge = ridge_penalty(recipe, rows, parts) if question.options.ridge else NO_RIDGE
     models = final_models(recipe, rows, ridge=ridge[0])
-    fallbacks = fallbacks_of(question, recipe, fitted, surveyed.runs, parts, ridge[0])
+    fallbacks = tuple(fallbacks_of(question, recipe, fitted, surveyed.runs, parts, ridge[0]))
     say("proving on unseen runs", 0.85)
     proof = Proof(
         folds.left_out,

@@ -1,6 +1,6 @@
 """The sheet that goes to the machine with an exported program: wiring, sign test, limits, restart, proof."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -266,13 +266,11 @@ def rehearsal_table(replay: Replay) -> Table:
     )  # fmt: skip
 
 
-def _courses(model: ModelFile, replay: Replay) -> list[Drawing]:
-    drawn = []
+def _courses(model: ModelFile, replay: Replay) -> Iterator[Drawing]:
     for run in replay.runs[:MOST_RUNS_DRAWN]:
         for k, output in enumerate(model.outputs):
             recorded = run.recorded_um[:, k]
             text = "" if np.isfinite(recorded).any() else "This run has no recorded displacement."
             # as seen at the tool, whatever way the control counts
             seen = -run.correction_um[:, k] if is_turned(output) else run.correction_um[:, k]
-            drawn.append(Drawing(replayed_run(run.run, output.name, run.time_s, seen, recorded), text))
-    return drawn
+            yield Drawing(replayed_run(run.run, output.name, run.time_s, seen, recorded), text)

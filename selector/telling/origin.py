@@ -87,9 +87,8 @@ def description_account(description: Mapping[str, Any]) -> Account:
     )
 
 
-def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> list[tuple[str, Table]]:
+def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> Iterator[tuple[str, Table]]:
     """(caption, table) of the runs, the channels and the way of reading; a screen has no room for places."""
-    found = []
     runs = _entries(description.get("runs"))
     rows: list[tuple[str, ...]]
     if runs:
@@ -104,7 +103,7 @@ def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> li
             )
             for run in runs
         ]
-        found.append(("Runs", table(["run", "file", ">rows", ">duration", ">step", "start"], rows)))
+        yield "Runs", table(["run", "file", ">rows", ">duration", ">step", "start"], rows)
     channels = _entries(description.get("channels"))
     if channels:
         rows = [
@@ -120,11 +119,10 @@ def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> li
             for channel in channels
         ]
         headings = ["channel", "column", "role", "unit", "unit in file", *(["place"] if places else []), "guessed"]
-        found.append(("Channels", table(headings, rows)))
+        yield "Channels", table(headings, rows)
     reading = description.get("reading")
     if isinstance(reading, Mapping) and reading:
-        found.append(("Way of reading", table(["", ""], [(_words(key), value) for key, value in _facts(reading)])))
-    return found
+        yield "Way of reading", table(["", ""], [(_words(key), value) for key, value in _facts(reading)])
 
 
 def drift_table(description: Mapping[str, Any]) -> Table | None:

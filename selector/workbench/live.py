@@ -108,12 +108,7 @@ class Live:
         self._level: float | None = None
         self._taken: tuple[str, ...] = ()
         self._response: str | None = None
-        self._looks = 0
-
-    @property
-    def looks(self) -> int:
-        """How often it was looked elsewhere."""
-        return self._looks
+        self.looks = 0  #: How often it was looked elsewhere
 
     def exploration(
         self, number: int, reading: Reading | None, options: Options, faults: Sequence[Finding] = ()
@@ -169,7 +164,7 @@ class Live:
     ) -> None:
         """Looks at another λ (which lets a taken set go), another set (none: that of the cut), another displacement."""
         with self._lock:
-            self._looks += 1
+            self.looks += 1
             if level is not None:
                 self._level, self._taken = level, ()
             if taken is not None:

@@ -33,7 +33,7 @@ _LINE = re.compile(r"lr_param\.temp_comp(_\w+)?\s+(-?\d+)\s*(#.*)?")
 
 def beckhoff_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """An axis list per output, the table of what the PLC writes by ADS, and the function block that it comes from."""
-    axes = _axes(model)
+    axes = list(_axes(model))
     head = [f"# {line}" for line in heading(model, is_sign_verified=is_sign_verified)]
     files = {
         f"temp_comp_{k}.lis": "\n".join([*head, *_axis_list(output)]) + "\n"
@@ -62,9 +62,8 @@ def ads_offset(axis_id: int, number: int) -> int:
     return axis_id << 16 | number
 
 
-def _axes(model: ModelFile) -> list[str]:
+def _axes(model: ModelFile) -> Iterator[str]:
     require_own_axes(model, "TwinCAT CNC axis lists, outputs")
-    axes: list[str] = []
     for output in model.outputs:
         axis = output.axis
         if axis is None:
@@ -81,8 +80,7 @@ def _axes(model: ModelFile) -> list[str]:
                 where="TwinCAT CNC axis lists, outputs",
                 advice="use the PLC program alone (target tcpou) with a compensation that takes both axes",
             )
-        axes.append(plain(axis))
-    return axes
+        yield plain(axis)
 
 
 def _sgn32(value: Fraction, what: str) -> int:

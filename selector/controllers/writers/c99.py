@@ -1,6 +1,6 @@
 """Plain C99 without any library: a header and a source file, in double or single precision."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -54,7 +54,7 @@ def c_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """Double precision in ``thermal_correction.*``, single in ``thermal_correction_f.*`` if it can."""
     try:
         in_single = c_files(model, precision="float", name=SINGLE_NAME, is_sign_verified=is_sign_verified)
-        findings = single_precision_findings(model, f"{SINGLE_NAME}.c")
+        findings = tuple(single_precision_findings(model, f"{SINGLE_NAME}.c"))
     except OptionError as error:
         in_single = {}
         findings = (
@@ -80,23 +80,21 @@ def c_parts(program: Program, precision: Precision) -> dict[str, list[str]]:
     """Lines for a struct ``m``: its members, their initial values, temporaries, statements."""
     language = _C(precision)
     return {
-        "members": _members(program, precision),
+        "members": list(_members(program, precision)),
         "initial": [f"    m->{one.name} = {language.initial(one)};" for one in _lasting(program)],
         "temporaries": [f"    {_type(one, precision)} {one.name};" for one in program.of("temporary")],
         "body": list(language.lines(program.body, 1)),
     }
 
 
-def _members(program: Program, precision: Precision) -> list[str]:
+def _members(program: Program, precision: Precision) -> Iterator[str]:
     """Members of the struct, one a line, with what they mean."""
-    lines = []
     for place, title in PLACES.items():
-        lines.append(f"    /* {title} */")
+        yield f"    /* {title} */"
         for one in _lasting(program):
             if one.place == place:
                 about = f" /* {plain(one.about)} */" if one.about else ""
-                lines.append(f"    {_type(one, precision)} {one.name};{about}")
-    return lines
+                yield f"    {_type(one, precision)} {one.name};{about}"
 
 
 def _lasting(program: Program) -> Sequence[Variable]:

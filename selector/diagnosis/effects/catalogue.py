@@ -128,12 +128,10 @@ def effect_of(id: str) -> Effect:  # noqa: A002 - the word of the contract
     return known[id]
 
 
-def _shipped() -> list[Effect]:
-    effects = []
+def _shipped() -> Iterator[Effect]:
     for family in _FAMILIES:
         package = importlib.import_module(f"{shipped.__name__}.{family}")
         for module in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
             effect = getattr(importlib.import_module(f"{package.__name__}.{module}"), "EFFECT", None)
             if isinstance(effect, Effect):
-                effects.append(effect)
-    return effects
+                yield effect

@@ -87,7 +87,7 @@ def resonances_of(comparison: Comparison, response: str) -> tuple[tuple[float, f
 
 def filter_between(comparison: Comparison, source: str, response: str) -> LinearResponse | None:
     """How one simulated course follows another; None if a filter does not explain it."""
-    runs = _shortened(even_runs(comparison))
+    runs = list(_shortened(even_runs(comparison)))
     u, y = (comparison.simulated_course(name) for name in (source, response))
     return _fitted([run.on(u)[:, None] for run in runs], [run.on(y) for run in runs], (source,))
 
@@ -136,7 +136,7 @@ def simulated_peaks_hz(comparison: Comparison, response: str) -> tuple[float, ..
 def _found(comparison: Comparison, response: str) -> tuple[LinearResponse, ...]:
     simulated = comparison.simulated_course(response)
     names = inputs(comparison, response)
-    runs = _shortened(even_runs(comparison))
+    runs = list(_shortened(even_runs(comparison)))
     y = [run.on(simulated) for run in runs]
     u = [np.column_stack([run.on(course(comparison, n)) for n in names]) if names else None for run in runs]
     if names:
@@ -175,18 +175,16 @@ def _beside_rotation(
     return _fitted(inputs_, y[: len(inputs_)], names)
 
 
-def _shortened(runs: tuple[EvenRun, ...]) -> list[EvenRun]:
+def _shortened(runs: tuple[EvenRun, ...]) -> Iterator[EvenRun]:
     """The runs that are long enough, cut so that all together stay within the rows that a fit needs."""
     usable = [run for run in runs if len(run.clock_s) > 40]
     most = _MOST_ROWS // max(len(usable), 1)
-    cut = []
     for run in usable:
         n = min(len(run.time_s), most)
         rows = slice(run.rows.start, run.rows.start + n)
         time = run.time_s[:n]
         clock = time if run.is_even else run.clock_s[run.clock_s <= time[-1]]
-        cut.append(EvenRun(rows, time, clock))
-    return cut
+        yield EvenRun(rows, time, clock)
 
 
 def _fitted(u: list[Matrix], y: list[Vector], names: tuple[str, ...]) -> LinearResponse | None:

@@ -1,6 +1,6 @@
 """A subset problem made ready for the compiled search: cross-products, checked, scaled; how far a search is."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -191,7 +191,7 @@ def valid_diagonal(problem: Problem) -> tuple[Matrix, tuple[Finding, ...]]:
         part = _diagonal(problem.gram[np.ix_(rest, rest)] - link @ inverse @ link.T)
         if part is not None:
             full[rest] = part
-    return full, _findings(problem, null)
+    return full, tuple(_findings(problem, null))
 
 
 def _diagonal(gram: Matrix) -> Matrix | None:
@@ -204,18 +204,12 @@ def _diagonal(gram: Matrix) -> Matrix | None:
     return diagonal[:t] if done else None
 
 
-def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
+def _findings(problem: Problem, null: Matrix) -> Iterator[Finding]:
     constant = np.diag(problem.gram) <= 0.0
-    found = []
     if constant.any():
         columns = np.flatnonzero(constant).tolist()
-        found.append(
-            FINDINGS.finding(
-                "constant-column",
-                f"Columns {columns} do not vary: they add nothing to any set.",
-                evidence={"columns": columns},
-            )
-        )
+        told = f"Columns {columns} do not vary: they add nothing to any set."
+        yield FINDINGS.finding("constant-column", told, evidence={"columns": columns})
     links = np.abs(null @ null.T) > 1e-6
     links[constant] = False
     left = {int(j) for j in np.flatnonzero(np.diag(links))}
@@ -228,15 +222,9 @@ def _findings(problem: Problem, null: Matrix) -> tuple[Finding, ...]:
             group |= more
         left -= group
         columns = sorted(group)
-        found.append(
-            FINDINGS.finding(
-                "dependent-columns",
-                f"Columns {columns} are linearly dependent (to 1e-10 of their sums of squares): several sets of them "
-                "explain the same, and one of those is reported.",
-                evidence={"columns": columns},
-            )
-        )
-    return tuple(found)
+        told = f"Columns {columns} are linearly dependent (to 1e-10 of their sums of squares): several sets of them "
+        told += "explain the same, and one of those is reported."
+        yield FINDINGS.finding("dependent-columns", told, evidence={"columns": columns})
 
 
 def scaled(matrix: Matrix) -> tuple[Matrix, Matrix, float]:

@@ -1,7 +1,7 @@
 """What does a simulated feed drive amount to: what its error goes with, whether it sticks, its loops and circles."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -113,13 +113,12 @@ def _told_apart(speed: Vector, direction: Vector) -> list[tuple[str, ...]]:
     return [(name,) for name in PARTS]
 
 
-def _added_squares(design: Vector, error: Vector, groups: list[list[int]]) -> list[tuple[int, float]]:
+def _added_squares(design: Vector, error: Vector, groups: list[list[int]]) -> Iterator[tuple[int, float]]:
     """(group, sum of squares that it adds), the group that adds most first, then again among the others."""
     # least squares need no more of the rows than this triangle
     triangle = np.asarray(np.linalg.qr(np.column_stack([design, error]), mode="r"))
     target = triangle[:, -1]
     left, used = list(range(len(groups))), list[int]()
-    added: list[tuple[int, float]] = []
     explained = 0.0
     while left:
         sums = {}
@@ -128,11 +127,10 @@ def _added_squares(design: Vector, error: Vector, groups: list[list[int]]) -> li
             fitted = columns @ np.linalg.lstsq(columns, target, rcond=1e-9)[0]
             sums[group] = float(fitted @ fitted)
         best = max(left, key=lambda group: sums[group])
-        added.append((best, sums[best] - explained))
+        yield best, sums[best] - explained
         explained = sums[best]
         used += groups[best]
         left.remove(best)
-    return added
 
 
 _CREEPS, _JUMPS = 0.5, 2.0  #: Shares of the commanded speed below which the table creeps and above which it jumps.

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError, OptionError, RecordingError
+from selector.errors import InputError, Misfit, OptionError, RecordingError, refuse
 from selector.findings import Finding, Where
 from selector.readers.cells import is_counter_name, is_time_name, time_part
 from selector.readers.finding_table import FINDINGS
@@ -113,28 +113,19 @@ def missing_everywhere(runs: Sequence[TimedRun], name: str, wanted: str) -> Reco
     )
 
 
-def check_overrides(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> None:
-    """Raise if an override names a channel or role that does not exist."""
+def _misfits(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides) -> Iterator[Misfit]:
+    """Overrides that name a channel or role that does not exist."""
     headers = [c.header for run in runs for c in run.columns]
     known = {*headers, *(name_and_unit(h)[0] for h in headers), *(machine.channels if machine is not None else ())}
     for option, mapping in (("--unit", overrides.units), ("--role", overrides.roles)):
         for name in mapping:
             if name not in known:
                 near = closest(name, known)
-                raise OptionError(
-                    f"no channel or column {name!r}",
-                    expected="one of " + ", ".join(sorted(known)[:20]) + (f" (nearest: {near!r})" if near else ""),
-                    where=option,
-                    advice="correct the name",
-                )
+                expected = "one of " + ", ".join(sorted(known)[:20]) + (f" (nearest: {near!r})" if near else "")
+                yield f"no channel or column {name!r}", expected, option, "correct the name"
     for name, role in overrides.roles.items():
         if role not in ROLES:
-            raise OptionError(
-                f"role {role!r} for {name!r}",
-                expected="one of " + ", ".join(ROLES),
-                where="--role",
-                advice="correct the role",
-            )
+            yield f"role {role!r} for {name!r}", "one of " + ", ".join(ROLES), "--role", "correct the role"
 
 
 @dataclass(frozen=True)
@@ -179,7 +170,7 @@ def plan(runs: Sequence[TimedRun], machine: Machine | None, overrides: Overrides
     unit is unknown or does not fit the role. Raises OptionError: An override names a channel or role that does not
     exist.
     """
-    check_overrides(runs, machine, overrides)
+    refuse(_misfits(runs, machine, overrides), OptionError)
     result = (
         _declared(runs, machine, overrides) if machine is not None and machine.channels else _inferred(runs, overrides)
     )

@@ -196,7 +196,7 @@ def coefficients_table(selection: Selection, response: str) -> Table:
     """The model in physical units."""
     return table(
         ["term", ">coefficient ± standard error", "unit", ">VIF"],
-        coefficient_rows(selection, response),
+        list(coefficient_rows(selection, response)),
         "Standard errors are robust to autocorrelation within runs. VIF belongs to the centred, scaled terms in which "
         "the model was fitted; above 10 a term moves together with the others. Where there are powers or products, the "
         "coefficient of a single sensor is its slope where all variables are zero, and in the picture where they have "

@@ -1,5 +1,7 @@
 """The model as a person would write it: readings and rises, coefficients in physical units with their errors."""
 
+from collections.abc import Iterator
+
 from selector.models.design import Term
 from selector.number_text import SUPERSCRIPTS, number_text
 from selector.selection import Selection
@@ -18,9 +20,8 @@ def formula_text(selection: Selection, response: str) -> str:
     return f"{response} = {' + '.join(parts) or '0'}"
 
 
-def legend_rows(selection: Selection) -> list[tuple[str, str]]:
+def legend_rows(selection: Selection) -> Iterator[tuple[str, str]]:
     """(symbol, meaning) of every variable in the formula."""
-    rows = []
     for name in selection.recipe.design.variables:
         lag, source = selection.recipe.design.lag_and_source(name)
         if _is_rise(selection, source):
@@ -29,24 +30,21 @@ def legend_rows(selection: Selection) -> list[tuple[str, str]]:
             meaning = f"reading of {source} [{unit_of(selection, name)}]"
         if lag:
             meaning += f", lagged with the time constant {lag.tau_s:.6g} s"
-        rows.append((variable_text(selection, name), meaning))
-    return rows
+        yield variable_text(selection, name), meaning
 
 
-def coefficient_rows(selection: Selection, response: str) -> list[tuple[str, str, str, str]]:
+def coefficient_rows(selection: Selection, response: str) -> Iterator[tuple[str, str, str, str]]:
     """(term, coefficient ± standard error, unit, VIF), the intercept first."""
     model = selection.models[response]
     terms, coefficients, errors = model.physical()
     vif = {tuple(sorted(term.powers)): float(value) for term, value in zip(model.terms, model.vif, strict=True)}
-    rows = []
     if model.has_intercept:
-        rows.append(("intercept", uncertain_text(float(coefficients[0]), float(errors[0]), least=0), "µm", NONE))
+        yield "intercept", uncertain_text(float(coefficients[0]), float(errors[0]), least=0), "µm", NONE
     for term, value, error in zip(terms, coefficients[1:], errors[1:], strict=True):
         inflation = vif.get(tuple(sorted(term.powers)))
         unit = _unit_of_term(selection, term)
         text = uncertain_text(float(value), float(error), least=0)
-        rows.append((term_text(selection, term), text, unit, number_text(inflation)))
-    return rows
+        yield term_text(selection, term), text, unit, number_text(inflation)
 
 
 def term_text(selection: Selection, term: Term) -> str:

@@ -1,6 +1,6 @@
 """The drawings of a selection: what unseen data say, which sensors move together, the model, its range and faults."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ def drawings(selection: Selection, description: Mapping[str, Any]) -> dict[str, 
     }
 
 
-def _traces(selection: Selection, response: str) -> list[Drawing]:
+def _traces(selection: Selection, response: str) -> Iterator[Drawing]:
     """Every left-out run, or of many the worst and some of all sorts."""
     runs = list(dict.fromkeys(trace.run for trace in selection.proof.traces))
     error = {part.name: part.rmse_um for part in selection.proof.per_response[response]}
@@ -42,12 +42,10 @@ def _traces(selection: Selection, response: str) -> list[Drawing]:
         )
         runs = [run for run in runs if run in wanted]
     chunks = [runs[i : i + RUNS_PER_PICTURE] for i in range(0, len(runs), RUNS_PER_PICTURE)]
-    found = []
     for i, chunk in enumerate(chunks):
         drawn = figures.measured_and_predicted(selection, response, chunk)
         title = f"{response} measured and predicted, continued" if i else ""
-        found.append(Drawing(drawn, "" if i else text, title))
-    return found
+        yield Drawing(drawn, "" if i else text, title)
 
 
 def _grouping(selection: Selection) -> list[Drawing]:

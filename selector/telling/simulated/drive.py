@@ -1,7 +1,7 @@
 """What is told of a simulated feed drive: how far it was off, what that goes with, its loop, how round it goes."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -170,15 +170,13 @@ def errors_table(axes: Sequence[AxisInRun]) -> Table:
     return table(["run", "axis", ">largest", ">rms", "unit", "goes with", ">at limits"], rows, note)
 
 
-def _parameters(model: DriveModel) -> list[tuple[str, float, str, str]]:
+def _parameters(model: DriveModel) -> Iterator[tuple[str, float, str, str]]:
     """(name, value, unit, where it is from) of every number of the axes."""
     values = plain_values(model.file)
-    found = []
     for name, one in model.parameters.items():
         parts = name.split(".")
         said = SAID if is_said(values, parts) else _otherwise(values, parts, one.value)
-        found.append((name, one.value, one.unit, said))
-    return found
+        yield name, one.value, one.unit, said
 
 
 def _otherwise(values: Mapping[str, Any], path: list[str], value: float) -> str:

@@ -1,6 +1,7 @@
 """What is told of simulated gauging: sizes, capability, filter and threshold, parts in time, the gauge."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -62,7 +63,7 @@ def gauging_account(result: SimulationResult, drawn: bool) -> Account:
     capable = summary.capability
     return simulation_account(
         result,
-        size_sentences(summary, wanted_um, tolerance, is_ground=done.sizes is not None),
+        list(size_sentences(summary, wanted_um, tolerance, is_ground=done.sizes is not None)),
         (
             section(
                 "sizes",
@@ -93,7 +94,7 @@ def gauging_account(result: SimulationResult, drawn: bool) -> Account:
 
 def size_sentences(
     summary: GaugingSummary, wanted_um: float, tolerance: Tolerance | None, *, is_ground: bool = True
-) -> list[str]:
+) -> Iterator[str]:
     """Mean, spread, capability and what would improve it, the most important first.
 
     `is_ground` is False of recorded runs: the sizes are then not theirs.
@@ -107,18 +108,18 @@ def size_sentences(
     if capable is not None:
         first += f": Cpk is {number_text(capable.cpk)}, and {_out_of_tolerance(capable)} out of tolerance"
     advice, *more = _advice(summary)
-    told = [f"{first}; {advice}.", *more]
+    yield f"{first}; {advice}."
+    yield from more
     if capable is not None and tolerance is not None:
         middle = (tolerance.lower_um + tolerance.upper_um) / 2.0
         if abs(wanted_um - middle) > _OFF_CENTRE * (tolerance.upper_um - tolerance.lower_um):
-            told.append(
+            yield (
                 f"The wanted size, {number_text(wanted_um)} µm, is not the middle of the tolerance, "
                 f"{number_text(middle)} µm: parts that are as wanted are still nearer to one limit."
             )
     given_up = len(sizes.size_um) - len(sizes.finished_um)
     if given_up:
-        told.append(f"Of {len(sizes.size_um)} parts {given_up} never reached a threshold; they are not counted above.")
-    return told
+        yield f"Of {len(sizes.size_um)} parts {given_up} never reached a threshold; they are not counted above."
 
 
 def verdict(summary: GaugingSummary) -> Verdict:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +84,7 @@ def vibration_account(result: SimulationResult, drawn: bool) -> Account:
     drawings = _drawings(result) if drawn else {}
     return simulation_account(
         result,
-        _sentences(result),
+        list(_sentences(result)),
         (
             section(
                 "errors",
@@ -121,40 +121,38 @@ def vibration_account(result: SimulationResult, drawn: bool) -> Account:
     )
 
 
-def _sentences(result: SimulationResult) -> list[str]:
+def _sentences(result: SimulationResult) -> Iterator[str]:
     """What matters most, and what it comes from."""
     model, summary = result.simulated.model, result.summary
-    said = []
     turning = [one for one in motion_courses(result) if any(np.ptp(rpm) > 0 for rpm in one.speeds_rpm.values())]
     if turning:
         worst = max(turning, key=lambda one: float(np.abs(one.motions_um[RELATIVE]).max()))
         motion_um = np.abs(worst.motions_um[RELATIVE])
         k = int(np.argmax(motion_um))
         rpms = [f"{name} at {rpm[k]:.4g} r/min" for name, rpm in worst.speeds_rpm.items() if np.ptp(rpm) > 0]
-        said.append(
+        yield (
             f"The tool moves against the workpiece by up to {number_text(float(motion_um[k]))} µm, after "
             f"{span_text(float(worst.time_s[k]))}, with {listed(rpms)}."
         )
         speeds = [f"{name} {rpm:.4g} r/min" for name, rpm in summary.shaft_rpm.items()]
-        said.append(f"What follows is about the mean speeds: {listed(speeds)}.")
+        yield f"What follows is about the mean speeds: {listed(speeds)}."
     carried = carrying(model, summary)
     if summary.errors:
-        said.append(error_sentence(highest(summary.errors), carried))
+        yield error_sentence(highest(summary.errors), carried)
     elif summary.lines:
         line = max(summary.lines, key=lambda one: one.motion_um[RELATIVE])
-        said.append(
+        yield (
             f"The tool moves most against the workpiece at {line.frequency_hz:.4g} Hz, with an amplitude of "
             f"{number_text(line.motion_um[RELATIVE])} µm. It comes from {line.source}"
             f"{carried_text(carried, line.frequency_hz)}."
         )
     if summary.stability is not None:
-        said.append(stability_sentence(summary.stability))
-    said.append(motion_sentence(summary))
+        yield stability_sentence(summary.stability)
+    yield motion_sentence(summary)
     if model.file.run.method == "chains":
-        said.append("The motions are those of the chain method.")
+        yield "The motions are those of the chain method."
     if summary.accuracy:
-        said.append(chains_sentence(summary.accuracy))
-    return said
+        yield chains_sentence(summary.accuracy)
 
 
 def motion_courses(result: SimulationResult) -> list[Course]:
@@ -539,7 +537,7 @@ def _data(model: VibrationModel, summary: VibrationSummary) -> dict[str, Any]:
         "method": model.file.run.method,
         "shaft_rpm": dict(summary.shaft_rpm),
         "split_hz": summary.split_hz,
-        "modes": _modes_data(summary.modes),
+        "modes": list(_modes_data(summary.modes)),
         "lines": [dict(vars(one)) for one in summary.lines],
         "amplitudes": {final: dict(vars(one)) for final, one in summary.amplitudes.items()},
         "periodic_errors": [dict(vars(one)) for one in summary.errors],
@@ -567,22 +565,18 @@ def _stability_data(limit: StabilityLimit | None) -> dict[str, Any] | None:
     }
 
 
-def _modes_data(modes: StructureModes) -> list[dict[str, Any]]:
-    found = []
+def _modes_data(modes: StructureModes) -> Iterator[dict[str, Any]]:
     for k, frequency in enumerate(modes.frequency_hz.tolist()):
         shape: list[complex] = modes.shapes[:, k].tolist()
         largest = max(shape, key=abs)
-        found.append(
-            {
-                "frequency_hz": frequency,
-                "loss_factor": float(modes.loss_factor[k]),
-                "shape": {
-                    name: [(part / largest).real, (part / largest).imag]
-                    for name, part in zip(modes.members, shape, strict=True)
-                },
-            }
-        )
-    return found
+        yield {
+            "frequency_hz": frequency,
+            "loss_factor": float(modes.loss_factor[k]),
+            "shape": {
+                name: [(part / largest).real, (part / largest).imag]
+                for name, part in zip(modes.members, shape, strict=True)
+            },
+        }
 
 
 def _accuracy_data(one: ChainAccuracy) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Simulate: a machine from a model file, its parameters as fields, and pictures that follow them."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -103,7 +103,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         if state == drawn:
             raise dash.exceptions.PreventUpdate
         # fields stay as they are while somebody types in them
-        fields = dash.no_update if wanted == shown else _fields(asked)
+        fields = dash.no_update if wanted == shown else list(_fields(asked))
         # the pictures of before stay until there are new ones
         is_waiting = account is None and wanted == shown and not isinstance(pictures, html.Div)
         return fields, dash.no_update if is_waiting else pictures, wanted, state
@@ -190,9 +190,8 @@ def _simulated(asked: Simulation) -> Account:
     return account_of(SimulationResult(kind.name, done, summary, findings, Path(asked.model), options), drawn=True)
 
 
-def _fields(asked: Simulation) -> list[Component]:
+def _fields(asked: Simulation) -> Iterator[Component]:
     """The parameters, a part of the machine each to be unfolded."""
-    found: list[Component] = []
     for part, inside in groupby(_parameters(asked).items(), lambda one: ".".join(one[0].split(".")[:2][:-1] or [""])):
         fields = [
             parts.field(
@@ -203,5 +202,4 @@ def _fields(asked: Simulation) -> list[Component]:
             for name, one in inside
         ]
         title = html.Summary(f"{part.replace('_', ' ') or 'machine'} ({len(fields)})")
-        found.append(html.Details([title, html.Div(fields, className="fields")]))
-    return found
+        yield html.Details([title, html.Div(fields, className="fields")])

@@ -78,7 +78,7 @@ def test_pieces_repeat_what_they_were_cut_from_and_leave_out_what_they_cannot():
     true = machine().displacement_um(TURNS, TIME_S)
     idle = recorded("idle", noise(6), np.zeros(len(TIME_S)))
     tests = [recorded("a", true + noise(7)), idle]
-    repeats = piecewise_repeats(tests, characteristics(tests, ("Z", "Y")))
+    repeats = list(piecewise_repeats(tests, characteristics(tests, ("Z", "Y"))))
     assert [one.run for one in repeats] == ["a"]
     # Z only grows while it heats, and its cooling begins where the heating ended
     assert repeats[0].rmse_um[0] == pytest.approx(NOISE_UM, rel=0.3)

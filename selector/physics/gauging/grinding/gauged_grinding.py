@@ -1,7 +1,7 @@
 """What is ground and gauged together, step by step: one part over time, and the sizes of a batch by Monte Carlo."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from selector.errors import InputError
+from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
 from selector.physics.gauging.finding_table import FINDINGS
 from selector.physics.gauging.gauge.characteristic import Characteristic
@@ -166,29 +166,23 @@ def feeds_s(grinding: Grinding, relay: Relay, ends_um: Sequence[float]) -> float
     return total
 
 
-def require_few_steps(of_feeds: float, of_thresholds: float, parts: int) -> None:
-    """InputError if one part, or all, takes too many steps.
+def _misfits(of_feeds: float, of_thresholds: float, parts: int) -> Iterator[Misfit]:
+    """One part, or all, that takes too many steps.
 
     `of_feeds` are the steps of one part that ends where it is wanted, `of_thresholds` where its thresholds are.
     """
     most = MOST_STEPS_OF_PART
     if max(of_feeds, of_thresholds) > most:
-        slow = of_feeds > most
-        raise InputError(
-            f"{max(of_feeds, of_thresholds):.3g} steps of the calculation for one part",
-            expected=f"at most {most:.0e}",
-            where="key grinding.stages" if slow else "key thresholds.volts",
-            advice="give feeds, allowances, filter, noise and turns the right power of ten"
-            if slow
-            else "set them within what is ground, or leave them out: they follow from the sizes wanted",
-        )
+        found = f"{max(of_feeds, of_thresholds):.3g} steps of the calculation for one part"
+        where, advice = "key grinding.stages", "give feeds, allowances, filter, noise and turns the right power of ten"
+        if of_feeds <= most:
+            where = "key thresholds.volts"
+            advice = "set them within what is ground, or leave them out: they follow from the sizes wanted"
+        yield found, f"at most {most:.0e}", where, advice
     if of_thresholds * parts > MOST_STEPS:
-        raise InputError(
-            f"{parts} parts of {of_thresholds:.3g} steps of the calculation",
-            expected=f"at most {MOST_STEPS:.0e} steps in all",
-            where="key run.parts",
-            advice="grind fewer parts, or give slower noise (noise.rate_per_s)",
-        )
+        found = f"{parts} parts of {of_thresholds:.3g} steps of the calculation"
+        advice = "grind fewer parts, or give slower noise (noise.rate_per_s)"
+        yield found, f"at most {MOST_STEPS:.0e} steps in all", "key run.parts", advice
 
 
 TABLE = 4096  #: Points of a characteristic, evenly spread, between which the loop goes straight.
@@ -224,7 +218,7 @@ def part_plan(setup: GaugedGrinding, parts: int, steps: int | None = None) -> Pl
     step_s = gauge.time_constant_s / (steps_per_filter(setup) if steps is None else steps)
     lowest = _lowest_um(setup)
     of_feeds, of_thresholds = (slower * _steps_until(setup, step_s, ends) for ends in (_wanted_um(setup), lowest))
-    require_few_steps(of_feeds, max(of_feeds, of_thresholds), parts)
+    refuse(_misfits(of_feeds, max(of_feeds, of_thresholds), parts))
     curve, ripple = setup.characteristic, setup.crest
     table, start, step = _NO_TABLE if curve is None else _tabulated(curve.allowance_um, curve.voltage_at)
     crest, crest_from, crest_step = (

@@ -1,7 +1,7 @@
 """The C-frame machining centre as a field, for other programs too, and reduced with its laws as a machine that runs."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -181,7 +181,7 @@ def machine_laws(physics: Physics = "everything") -> Laws:
     is a function of the speed alone, and temperatures are linear in it.
     """
     softening = _SOFTENING_PER_K if physics == "everything" else 0.0
-    return Laws(heat=_heat(softening), films=_films(moving=physics != "linear"))
+    return Laws(heat=tuple(_heat(softening)), films=_films(moving=physics != "linear"))
 
 
 def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
@@ -194,16 +194,14 @@ def parts_beside() -> tuple[Network, tuple[Contact, ...]]:
     return network, (Contact("hydraulic line", "hydraulic unit", 3.0),)
 
 
-def _heat(softening_per_k: float) -> tuple[HeatLaw, ...]:
-    laws = []
+def _heat(softening_per_k: float) -> Iterator[HeatLaw]:
     for source, told in _NUMBERS["heat"].items():
         law = HeatLaw(source, **told)
         if law.speed_w:
             law = replace(law, reference_rpm=MAX_RPM)
         if source in LUBRICATED:
             law = replace(law, softening_per_k=softening_per_k, at=source)
-        laws.append(law)
-    return tuple(laws)
+        yield law
 
 
 def _films(*, moving: bool) -> tuple[FilmLaw, ...]:

@@ -173,7 +173,7 @@ def with_law(fit: Fit, data: ModeData, law_kind: Law) -> Fit:
     return searched(spec, data, start, fit.weights)
 
 
-def law_candidates(fit: Fit, data: ModeData) -> list[tuple[Fit, Vector]]:
+def law_candidates(fit: Fit, data: ModeData) -> Iterator[tuple[Fit, Vector]]:
     """Fits with every law that the tests can tell apart, simplest first, with their errors at left-out speeds.
 
     With tests at two levels, or none that can be left out, the errors are those of left-out stretches of time.
@@ -190,12 +190,10 @@ def law_candidates(fit: Fit, data: ModeData) -> list[tuple[Fit, Vector]]:
         kinds.append("mode-powers")
     if several:
         kinds.append("levels")
-    found = []
     for kind in kinds:
         one = fit if kind == fit.spec.law_kind else with_law(fit, data, kind)
         errors = law_errors(one, data, folds) if folds else held_out_um(one, data, time_folds(data), own_zeros=False)
-        found.append((one, errors))
-    return found
+        yield one, errors
 
 
 MOST_MODES = 7
@@ -260,7 +258,7 @@ def _chosen(tests: Sequence[ThermalTest], responses: Sequence[str]) -> ModalFit:
         if float(np.log(_scores(freed_best, data) / _scores(best, data)).mean()) < -WARM_GAIN:
             spec, tried, best = freed, freed_tried, freed_best
     final = searched(best.spec, data, best.theta, block_weights(data, best))
-    laws = law_candidates(final, data)
+    laws = list(law_candidates(final, data))
     final = laws[_simplest([errors for _, errors in laws])][0]
     return _finished(tests, responses, data, final, tried)
 

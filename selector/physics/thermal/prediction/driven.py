@@ -26,7 +26,7 @@ def driven_answer(model: DrivenModel, ask: Asked) -> Answer:
     return Answer(
         course=lambda of, time: model.displacement_um(of, time, hall, follows=follows),
         findings=tuple(_findings(model, ask, hall, start)),
-        repeats=_repeats(model),
+        repeats=tuple(_repeats(model)),
         modes=modes_of(np.sort(model.fit.tau_s), model.tau_low_s, model.tau_high_s),
         residual_um=model.residual_um,
         heldout_um=heldout,
@@ -57,17 +57,15 @@ def _hall(model: DrivenModel, ask: Asked) -> AmbientCourse | None:
     return AmbientCourse(ask.hall.time_s, np.column_stack(courses), model.ambients)
 
 
-def _repeats(model: DrivenModel) -> tuple[RepeatedTest, ...]:
+def _repeats(model: DrivenModel) -> Iterator[RepeatedTest]:
     """Every test from the state in which it began, with a zero of its own."""
-    repeats = []
     for part, name in zip(model.parts, model.part_names, strict=True):
         time, measured = samples(model.tests[part.run])
         rows = (time >= part.from_s) & (time < part.to_s)
         course = model.course_of(part, time[rows])
         zero = fitted_um(measured[rows] - course, np.ones((int(rows.sum()), 1)))
         speed = model.cyclogram_of(part.run).speed_at(time[rows])
-        repeats.append(RepeatedTest(name, time[rows] - part.from_s, speed, measured[rows], course + zero))
-    return tuple(repeats)
+        yield RepeatedTest(name, time[rows] - part.from_s, speed, measured[rows], course + zero)
 
 
 def _findings(model: DrivenModel, ask: Asked, hall: AmbientCourse | None, start: Start) -> Iterator[Finding]:

@@ -330,7 +330,7 @@ def _piecewise(ask: Asked) -> Answer:
             advice="take the modal method, or leave --start out",
         )  # fmt: skip
     curves = characteristics(ask.tests, ask.responses)
-    repeats = piecewise_repeats(ask.tests, curves)
+    repeats = tuple(piecewise_repeats(ask.tests, curves))
     findings = [
         *warm_start_findings(ask.tests, ask.responses),
         *piecewise_displacement_um(curves, ask.cyclogram, np.array([ask.cyclogram.end_s]))[1],

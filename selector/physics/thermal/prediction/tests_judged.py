@@ -63,13 +63,12 @@ def modal_repeats(
     )
 
 
-def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteristics]) -> tuple[RepeatedTest, ...]:
+def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteristics]) -> Iterator[RepeatedTest]:
     """The tests as pieces of the characteristics repeat them, each with a zero of its own.
 
     Runs in which the spindle never turns, or turns faster than the characteristics reach, are not repeated.
     """
     data = mode_data(tests)
-    repeats = []
     for run, test in enumerate(tests):
         cyclogram = _at_levels(data.cyclogram(run), data)
         time, measured = samples(test)
@@ -80,8 +79,7 @@ def piecewise_repeats(tests: Sequence[ThermalTest], curves: Sequence[Characteris
         except InputError:
             continue
         rest = fitted_um(measured - first, np.ones((len(time), 1)))
-        repeats.append(RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest))
-    return tuple(repeats)
+        yield RepeatedTest(test.run, time, cyclogram.speed_at(time), measured, first + rest)
 
 
 def samples(test: ThermalTest) -> tuple[Vector, Vector]:
@@ -232,7 +230,7 @@ def contradiction_findings(
 ) -> Iterator[Finding]:
     """A warning for every run that heats the other way than most, or is repeated far worse than the others."""
     for r, name in enumerate(responses):
-        opposite = _opposite(tests, r)
+        opposite = list(_opposite(tests, r))
         worse = {} if opposite else _worse(repeats, r)
         for run in opposite:
             yield FINDINGS.finding(
@@ -251,7 +249,7 @@ def contradiction_findings(
             )  # fmt: skip
 
 
-def _opposite(tests: Sequence[ThermalTest], r: int) -> list[str]:
+def _opposite(tests: Sequence[ThermalTest], r: int) -> Iterator[str]:
     """Names of the runs whose first heating goes against that of at least half of the others."""
     curves = []
     for test in tests:
@@ -266,7 +264,6 @@ def _opposite(tests: Sequence[ThermalTest], r: int) -> list[str]:
         heated = course[first:after] - float(np.mean(course[: max(1, first)]))
         if float(np.ptp(heated)) > 2.0 * IN_NOISE * _noise_um(course):
             curves.append((test.run, time[first:after] - time[first], heated))
-    named = []
     for run, time, heated in curves:
         signs = []
         for other, other_time, other_heated in curves:
@@ -276,8 +273,7 @@ def _opposite(tests: Sequence[ThermalTest], r: int) -> list[str]:
                 size = float(np.linalg.norm(one) * np.linalg.norm(two))
                 signs.append(size > 0.0 and float(one @ two) < OPPOSITE * size)
         if signs and np.mean(signs) > 0.5:
-            named.append(run)
-    return named
+            yield run
 
 
 def _worse(repeats: Sequence[RepeatedTest], r: int) -> dict[str, tuple[float, float]]:

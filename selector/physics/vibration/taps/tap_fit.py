@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
 from scipy.special import stdtrit
 
-from selector.errors import InputError
+from selector.errors import InputError, Misfit, refuse
 from selector.findings import Finding
 from selector.physics.vibration.finding_table import FINDINGS
 from selector.physics.vibration.structure.structure import joint_ends, structure_modes
@@ -137,7 +137,7 @@ class _Problem:
         joints = [(key, k + 1) for key in ("stiffness_n_per_m", "dissipation") for k in range(len(structure.joints))]
         keys = [*(f"members.{name}.mass_kg" for name in structure.names), *(f"joints.{k}.{key}" for key, k in joints)]
         self.places = [keys.index(name) for name in self.names]
-        self._require_usable(band)
+        refuse(self._misfits(band))
 
     def decoded(self, x: Vector) -> Vector:
         """Values of the parameters."""
@@ -205,26 +205,20 @@ class _Problem:
         inside = np.clip(start, self.low + 1e-6 * self.spread, self.high - 1e-6 * self.spread)
         return least_squares(rows, inside, slopes, bounds=(self.low, self.high), loss=loss, x_scale="jac", max_nfev=200)
 
-    def _require_usable(self, band: tuple[float, float]) -> None:
-        """Raises InputError if too few lines count, or no unit explains how large the compliances are."""
+    def _misfits(self, band: tuple[float, float]) -> Iterator[Misfit]:
+        """Too few lines that count, or compliances that are as large as no unit explains."""
         for one, lines in zip(self.responses, self.used, strict=True):
             if np.count_nonzero(lines) < _LEAST_LINES:
-                raise InputError(
-                    f"{np.count_nonzero(lines)} of {len(lines)} lines that count, from {one.frequency_hz[0]:.4g} to "
-                    f"{one.frequency_hz[-1]:.4g} Hz",
-                    expected=f"{_LEAST_LINES} with a coherence of {LEAST_COHERENCE} from {band[0]:g} to {band[1]:g} Hz",
-                    where=one.called,
-                    advice="widen --band, tap harder, or leave this response out",
-                )
+                reach = f"from {one.frequency_hz[0]:.4g} to {one.frequency_hz[-1]:.4g} Hz"
+                found = f"{np.count_nonzero(lines)} of {len(lines)} lines that count, {reach}"
+                expected = f"{_LEAST_LINES} with a coherence of {LEAST_COHERENCE} from {band[0]:g} to {band[1]:g} Hz"
+                yield found, expected, one.called, "widen --band, tap harder, or leave this response out"
         for one, (seen, own, _) in zip(self.responses, self.compliances(self.centre), strict=True):
             times = float(np.median(np.abs(seen)) / np.median(np.abs(own)))
             if not 1.0 / _ABSURD < times < _ABSURD:
-                raise InputError(
-                    f"a compliance that is {times:.2g} times that of the model",
-                    expected=f"within a factor of {_ABSURD:g}",
-                    where=one.called,
-                    advice="give the units with --unit, e.g. --unit m/s^2/N, or correct masses and stiffnesses",
-                )
+                found = f"a compliance that is {times:.2g} times that of the model"
+                advice = "give the units with --unit, e.g. --unit m/s^2/N, or correct masses and stiffnesses"
+                yield found, f"within a factor of {_ABSURD:g}", one.called, advice
 
 
 def _half_widths(problem: _Problem, x: Vector) -> tuple[Vector, Matrix]:
