@@ -1,4 +1,7 @@
-"""True machines beside open models of them: cases are as they say, and effects that a file can have are put into it."""
+"""True machines beside open models of them: cases are as they say, and effects that a file can have are put into it.
+
+Whole answers: of two cases benchmarks/bench_open_models.py, of smaller machines tests/diagnosis/test_modelled.py.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ import pytest
 
 from proving_ground.runner import questions
 from proving_ground.scenarios import scenarios
-from selector.diagnosis.open_model.modelled import diagnosis_of_model
 from selector.diagnosis.open_model.refitting import refitted
 from selector.diagnosis.open_model.switches import switches, through_model
 from selector.physics.model_fields import model_file_text
@@ -44,39 +46,30 @@ def test_what_an_effect_leaves_lies_above_the_noise(name):
     assert np.array_equal(case.recording.frame.to_numpy(), again.recording.frame.to_numpy())
 
 
-def test_two_sources_of_heat_are_both_put_into_the_model():
-    case = case_of("two: pump and coolant/heated", seed=0)
-    found = diagnosis_of_model(case.model, case.recording, responses=case.responses)
-    assert {effect.id for effect in found.answer.effects} == {"thermal.second_source", "thermal.coolant"}
-    assert found.improved is not None
-    assert len(found.improved.added) == 2
-
-
-def test_bristles_beside_an_axis_of_one_mass_are_no_three_other_effects():
-    """Rubbing that gives way before it slips looks like break-away, play and friction by direction at once."""
-    case = case_of("drive.coulomb/axis", seed=50)
-    answer = diagnosis_of_model(case.model, case.recording, responses=case.responses, seed=50).answer
-    assert [effect.id for effect in answer.effects] == ["drive.coulomb"]
-    assert {"drive.stribeck", "drive.backlash"} <= {effect.id for effect in answer.also_seen}
-
-
 def test_coolant_is_looked_for_among_recorded_channels():
     model = case_of("thermal.coolant/heated").model
     assert not hasattr(model.file.conditions, "coolant_on") or "coolant_on" not in str(model.text())
     assert {one.place for one in switches(model) if one.id == "thermal.coolant"} == {"spindle", "headstock", "column"}
 
 
-@pytest.mark.parametrize("name", ["clean/shaken", "clean/gauged"])
-def test_files_keep_what_is_put_into_them_and_off_is_the_simpler_model(name):
-    case = case_of(name)
-    model = case.model
+def known_switches(model):
     known = [one for one in switches(model) if one.id in ("vibration.imbalance", "vibration.mode", "gauging.lag")]
     assert known
-    for one in known[:4]:
+    return known[:4]
+
+
+@pytest.mark.parametrize("name", ["clean/shaken", "clean/gauged"])
+def test_files_keep_what_is_put_into_them(name):
+    model = case_of(name).model
+    for one in known_switches(model):
         changed = model.with_changes(one.changes(one.sizes))
         text = model_file_text(changed.file.model_dump(exclude_unset=True))
         read = simulation_kinds()[model.kind].family().parsed(text)
         assert read == changed.file
         assert set(one.parameters) <= set(changed.parameters)
-    shown = through_model(model, refitted(model, case.recording, responses=case.responses))
+
+
+def test_what_a_switch_changes_is_finite_in_every_response():
+    case = case_of("clean/gauged")
+    shown = through_model(case.model, refitted(case.model, case.recording, responses=case.responses))
     assert all(np.isfinite(columns[name]).all() for columns in shown.columns.values() for name in case.responses)
