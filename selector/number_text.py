@@ -1,6 +1,7 @@
 """How numbers and lists are written for people, on the screen, in reports and in figures."""
 
 import math
+import re
 from collections.abc import Sequence
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -33,3 +34,9 @@ def number_text(value: float | None, digits: int = 3) -> str:
 def listed(names: Sequence[str], word: str = "and") -> str:
     """Names in a sentence."""
     return "".join(names) if len(names) < 2 else ", ".join(names[:-1]) + f" {word} " + names[-1]
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Key under which ``r2`` sorts before ``r10``."""
+    parts = re.split(r"(\d{1,18})", name.casefold())
+    return tuple((1, int(part), "") if part.isascii() and part.isdigit() else (0, 0, part) for part in parts)

@@ -7,7 +7,8 @@ from types import ModuleType
 from typing import Any
 
 from selector.errors import OptionError, ReadError
-from selector.readers.files import MACHINE_FILE, has_name_of_recording, natural_key
+from selector.number_text import natural_key
+from selector.readers.files import MACHINE_FILE, has_name_of_recording
 from selector.study.study_file import Recordings
 
 

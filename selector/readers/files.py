@@ -8,6 +8,7 @@ from pathlib import Path
 
 from selector.errors import InputError, ReadError
 from selector.findings import Finding, Where
+from selector.number_text import natural_key
 from selector.readers.binary.mat import read_mat
 from selector.readers.binary.parquet import read_parquet
 from selector.readers.binary.tdms import read_mdf, read_tdms
@@ -166,12 +167,6 @@ def _inside(folder: Path) -> tuple[list[Path], list[Finding]]:
 def has_name_of_recording(path: Path) -> bool:
     """Whether a file in a folder is a recording by its name: an ending of recordings, and no README."""
     return path.suffix.lower() in _EXTENSIONS and not _DOCUMENT.fullmatch(path.name)
-
-
-def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
-    """Key under which ``r2`` sorts before ``r10``."""
-    parts = re.split(r"(\d{1,18})", name.casefold())
-    return tuple((1, int(part), "") if part.isascii() and part.isdigit() else (0, 0, part) for part in parts)
 
 
 def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:

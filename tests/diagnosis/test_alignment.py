@@ -241,3 +241,26 @@ def test_resolution_is_the_grid_of_the_readings(step, offset, seed):
     # one hundredth: the grid is known from some hundred steps
     assert resolution(counts * step + offset) == pytest.approx(step, rel=1e-2)
     assert resolution(np.random.default_rng(seed).normal(size=400)) < 1e-2 * 1.0
+
+
+def test_runs_are_compared_alike_in_whatever_order_they_are_given():
+    time = np.arange(200) * 2.0
+    courses = {run: {"Z": np.sin(time / 50.0) + noisy(200, k, 0.1)} for k, run in enumerate(("r1", "r2", "r10"))}
+    given = {"": ("r1", "r2", "r10"), "r10": ("r10", "r1", "r2")}
+    one, same = (
+        comparison_of(
+            recording({run: (time, courses[run]) for run in runs}),
+            recording({run: (time, {"Z": np.sin(time / 50.0)}) for run in runs}),
+            holdout=holdout or "last",
+        )
+        for holdout, runs in given.items()
+    )
+    assert one.runs == same.runs == ("r1", "r2", "r10")
+    assert np.array_equal(one.recorded["Z"], same.recorded["Z"])
+    assert np.array_equal(one.held_out, same.held_out)
+
+
+def test_the_last_given_is_held_out():
+    comparison = comparison_of(*pair(runs=("b", "c", "a")))
+    assert comparison.runs == ("a", "b", "c")
+    assert np.array_equal(comparison.held_out, comparison.run_index == 0)

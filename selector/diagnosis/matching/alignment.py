@@ -13,6 +13,7 @@ from selector.diagnosis.matching.runs import exchanged_runs
 from selector.diagnosis.matching.usable import at_readings, without_codes, without_extremes, without_useless
 from selector.errors import InputError, OptionError
 from selector.findings import Finding, Where
+from selector.number_text import natural_key
 from selector.recording import Recording
 from selector.types import Mask, Matrix, Vector
 
@@ -179,6 +180,9 @@ def comparison_of(
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
+    holdout = reached[-1] if holdout == "last" and len(reached) > 1 else holdout
+    # the answer is the same in whatever order the runs are given
+    reached.sort(key=natural_key)
     require_same_time_unit(
         {run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached}
     )
@@ -358,7 +362,7 @@ def _read_at(
 def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask:
     """Rows that nothing is fitted to, shape (n_rows,)."""
     share = LAST_PART
-    if holdout in runs or (holdout == "last" and len(runs) > 1):
+    if holdout in runs:
         if len(runs) == 1:
             raise OptionError(
                 f"{holdout!r}, the only run that is compared",
@@ -366,8 +370,7 @@ def _held_out(runs: Sequence[str], time: Sequence[Vector], holdout: str) -> Mask
                 where="--holdout",
                 advice="leave it out: of a single run the last 30 % are kept for the proof; or give more runs",
             )
-        kept = holdout if holdout in runs else runs[-1]
-        return np.repeat([run == kept for run in runs], [len(part) for part in time])
+        return np.repeat([run == holdout for run in runs], [len(part) for part in time])
     if holdout != "last":
         try:
             share = float(holdout)
