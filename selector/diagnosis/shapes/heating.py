@@ -83,7 +83,7 @@ def lacking(comparison: Comparison, response: str) -> str | None:
     role = comparison.channel(response).role
     if role not in _WARMED:
         return f"heat shows in displacements and temperatures, and {response} is a channel of role {role}"
-    if comparison.longest_s < SHORTEST_S:
+    if role == "displacement" and comparison.longest_s < SHORTEST_S:
         return f"the longest run takes {duration(comparison.longest_s)}, heat needs {duration(SHORTEST_S)} or more"
     if len(comparison.time_s) < 20 * len(comparison.runs):
         return "fewer than 20 samples a run"

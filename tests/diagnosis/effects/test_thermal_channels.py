@@ -243,3 +243,29 @@ def test_coolant_whose_temperature_is_recorded_has_no_free_level():
     names = [name for v in THERMAL["thermal.coolant"].variants(of, "Z") for name in v.names]
     assert names
     assert not any("more than in" in name for name in names)
+
+
+def test_a_temperature_is_late_in_minutes_and_from_the_level_at_which_its_run_starts():
+    n, step_s, tau_s = 60, 5.0, 20.0
+    switched = np.tile(np.repeat([10.0, 0.0], 10), 3)
+    courses = [switched, 10.0 - switched]  # one run begins hot, the other cold; each takes five minutes
+    settled = Comparison(
+        runs=("r1", "r2"),
+        starts=(0, n, 2 * n),
+        time_s=np.tile(np.arange(n) * step_s, 2),
+        channels=(Channel("T", "temperature", "degC"),),
+        recorded={"T": np.zeros(2 * n)},
+        simulated={"T": np.concatenate(courses)},
+        responses=("T",),
+        held_out=np.arange(2 * n) >= n,
+    )
+    true = lagged(settled, settled.simulated["T"], tau_s, settled=True)
+    comparison = replace(settled, recorded={"T": true})
+    assert lacking(comparison, "T") is None
+    mismatch, fitted = comparison.difference("T"), ~comparison.held_out
+    left = []
+    for variant in THERMAL["thermal.memory"].variants(comparison, "T"):
+        base = np.column_stack([variant.columns, np.ones(2 * n), comparison.simulated["T"]])
+        size = np.linalg.lstsq(base[fitted], mismatch[fitted], rcond=None)[0]
+        left.append(float(np.sqrt(np.mean((mismatch - base @ size)[~fitted] ** 2))))
+    assert min(left) < 0.01 * float(np.std(mismatch[~fitted]))

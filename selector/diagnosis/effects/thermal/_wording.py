@@ -30,15 +30,17 @@ def late(
     taus_s: Sequence[float] = (),
     place: str | None = None,
     regime: str | None = None,
+    settled: bool = False,
 ) -> Variant:
     """Heats that a channel stands for behind lags: (what, course, lag [s]) of every column, with the place of it.
 
     `taus_s`, by default the lags of all columns, are the delays of the answer: the first, and the last of several.
+    With `settled` the lags start at the first value of every run, else at 0.
     """
     lags = [float(tau_s) for tau_s in taus_s or [part[-1] for part in parts]]
     delays = {"tau_s": Quantity(lags[0], "s")} | ({"slow_tau_s": Quantity(lags[-1], "s")} if len(lags) > 1 else {})
     return Variant(
-        np.column_stack([lagged(comparison, heat, float(tau_s)) for _, heat, tau_s in parts]),
+        np.column_stack([lagged(comparison, heat, float(tau_s), settled=settled) for _, heat, tau_s in parts]),
         tuple(f"{words} delayed by {tau_s / 60:.3g} min" if tau_s else words for words, _, tau_s in parts),
         {**(shape or {}), **delays},
         place=place or place_of(comparison, name),

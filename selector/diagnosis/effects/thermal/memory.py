@@ -1,6 +1,7 @@
 """The displacement follows past heating: a lag or slow mode of heat that the simulation knows, but not its delay."""
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -26,18 +27,20 @@ _WARM_START_K = 1.0
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 10)
     for name, words, heat in _heats(comparison, response):
+        # runs may begin at different levels of the simulated course, and settled there
+        of_course = partial(late, comparison, name, settled=name == response)
         # how long a record is says nothing of how quick a lag in it may be
         for tau_s in (*quick_time_constants(comparison, float(taus[0])), *taus):
-            yield late(comparison, name, [(words, heat, tau_s)])
+            yield of_course([(words, heat, tau_s)])
         for some in ((1, 5), (1, 8), (3, 6), (3, 9), (5, 8), (1, 4, 8), (3, 6, 9)):
-            yield late(comparison, name, [(words, heat, taus[k]) for k in some])
+            yield of_course([(words, heat, taus[k]) for k in some])
         if comparison.channel(name).role == "temperature" and name != response:
             for tau_s in taus[3::2]:
                 yield late(comparison, name, [(words, heat, 0.0), (words, heat, tau_s)], taus_s=(tau_s,))
         if _warm_start(comparison, response):
             for tau_s in taus[4::2]:
                 earlier = "what was left of earlier heat", start_decay(comparison, float(tau_s)), 0.0
-                yield late(comparison, name, [(words, heat, tau_s), earlier], taus_s=(tau_s,))
+                yield of_course([(words, heat, tau_s), earlier], taus_s=(tau_s,))
 
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
@@ -45,7 +48,7 @@ def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector
     simulated = simulated_rise(comparison, response)
     found = []
     if excited(simulated):
-        found.append((response, f"simulated {response}", simulated))
+        found.append((response, f"simulated {response}", comparison.simulated_course(response)))
     speed = sources(comparison, response).spindle
     law = spindle_law(comparison, response)
     if speed is not None and law is not None:
