@@ -54,8 +54,7 @@ from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.wording import headline, is_data
 from selector.types import Matrix, Vector
 
-#: Of the share of the mismatch that the largest effect explains: what explains less is not named beside it.
-_TRIFLE = 0.02
+_TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
 _LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
 _MOST = 0.5
 _HARM = 1.05
@@ -316,7 +315,8 @@ def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
     """
     is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0
     is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
-    is_trifle |= effect.share < TENTH * largest and effect.suspected and effect.id != "data.stuck"
+    little = max(TENTH * largest, _TRIFLE if is_data(effect.id) else 0.0)
+    is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
     is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)

@@ -113,6 +113,44 @@ def test_a_little_misfit_of_one_run_is_told_and_is_not_missing(of_movement, runs
         assert "one run alone" in told[0].statement
 
 
+MOVED_S = np.arange(N) * 0.01
+COMMAND = 0.1 * np.sin(0.7 * MOVED_S) + 0.03 * np.sin(1.9 * MOVED_S)
+
+
+def followed(recorded, simulated):
+    """Three runs of an axis that follows a command [m]; the last is held out."""
+    thirds = (0, N // 3, 2 * N // 3, N)
+    channels = (Channel("x", "position", "m", axis="X"), Channel("command", "position_command", "m", axis="X"))
+    held_out = np.arange(N) >= thirds[2]
+    return Comparison(
+        ("r1", "r2", "r3"), thirds, np.tile(MOVED_S[: thirds[1]], 3), channels,
+        {"x": recorded, "command": COMMAND}, {"x": simulated}, ("x",), held_out,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("of_error", "is_silent"), [(0.01, True), (0.3, False)])
+def test_a_misfit_of_a_position_is_measured_by_how_far_it_is_off_its_command(of_error, is_silent):
+    error = -0.004 * np.gradient(COMMAND, MOVED_S)
+    spells = np.sin(31.0 * MOVED_S) * (np.sin(2.3 * MOVED_S) > 0.0)
+    misfit = of_error * np.std(error) * (spells / np.std(spells) + 0.05 * noise(11))
+    found = diagnosis(followed(COMMAND + error + misfit, COMMAND + error), seed=0)
+    told = [one for one in found.findings if one.id == "small-misfit"]
+    assert not found.effects
+    assert (found.verdict != "unexplained") == is_silent == bool(told)
+    if is_silent:
+        assert told[0].evidence["share_of_movement"] == pytest.approx(of_error, rel=0.1)
+        assert "off command" in told[0].statement
+
+
+def test_a_late_position_is_told_as_a_delay_without_friction_that_adds_nothing():
+    late = np.interp(MOVED_S - 0.035, MOVED_S, COMMAND) + 2e-5 * noise(12)
+    found = diagnosis(followed(late, COMMAND), seed=0)
+    assert found.verdict == "miscalibrated"
+    told = found.recalibration["x"]
+    assert set(told) == {"offset", "gain", "delay"}
+    assert told["delay"].value == pytest.approx(0.035, abs=0.002)
+
+
 @pytest.mark.parametrize("size", [1.0, 0.001])
 @pytest.mark.parametrize("are_repeats", [True, False])
 def test_noise_is_told_as_noise_however_little_it_is(size, are_repeats):

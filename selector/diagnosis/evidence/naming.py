@@ -16,6 +16,7 @@ from selector.diagnosis.evidence.response import Bench
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
 from selector.diagnosis.matching.runs import pure_error, rms
+from selector.diagnosis.shapes.axis import motion
 from selector.diagnosis.shapes.force_response import PLACE_ROLES
 from selector.diagnosis.shapes.input_faults import InputFault
 from selector.diagnosis.shapes.residual import read_by
@@ -94,13 +95,14 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 
 _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
-#: How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows: the more it
-#: surely carries, the more.
-_HALF, _CARRIED = 0.5, 0.6
+#: How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows, the more the
+#: more it surely carries, or that explains less than is left: it may be a part of that.
+_HALF = 0.5
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.96)
 _FAR_ABOVE = 4.0
+_ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
 _INPUT_FAULT = 0.9  #: Confidence of a fault that a channel's own course shows and nothing else explains.
 
@@ -122,7 +124,8 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     gap = found.closed.get(id_)
     if is_structured(found, main):
         carried = 0.0 if gap is None or gap.low is None else float(np.clip(gap.low, 0.0, 1.0))
-        confidence = min(confidence, _CARRIED + (1.0 - _CARRIED) * carried, found.ahead.get(id_, 1.0))
+        carried *= _is_more_than_left(found, main, told[main][1])
+        confidence = min(confidence, _HALF + _HALF * carried, found.ahead.get(id_, 1.0))
     confidence = float(np.interp(confidence, *_RIGHT))
     if id_ in found.doubted:
         confidence = min(confidence, _HALF)
@@ -146,7 +149,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, p_value)),
         share=share,
-        cannot_be_told_from=found.rivals[id_],
+        cannot_be_told_from=tuple(dict.fromkeys((*found.rivals[id_], *_at_one_speed(comparison, main, id_)))),
         experiment=effect.experiment,
         channels=tuple(
             name for name in sorted(gains, key=lambda one: -gains[one]) if name == main or gains[name] > _SHOWN
@@ -157,6 +160,18 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         is_fitted=True,
         sources=fitted.variant.sources,
     )
+
+
+def _at_one_speed(comparison: Comparison, response: str, id_: str) -> tuple[str, ...]:
+    """What repeats along the way of an axis that goes at one speed, and has a frequency there like a line in time."""
+    channel = comparison.channel(response)
+    moving = motion(comparison, channel.axis) if id_ == "vibration.line" else None
+    if moving is None:
+        return ()
+    slow, usual, fast = np.percentile(np.abs(moving.velocity_m_per_s[~comparison.held_out]), (5.0, 50.0, 95.0))
+    if fast - slow > _ONE_SPEED * usual:
+        return ()
+    return ("drive.pitch_error" if channel.role in PLACE_ROLES else "drive.ripple",)
 
 
 def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
@@ -175,6 +190,12 @@ def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
 def is_structured(found: Search, response: str) -> bool:
     """Whether more is left of a response than noise."""
     return found.misfit.get(response, 1.0) > 1.0 or is_far_above_noise(found, response)
+
+
+def _is_more_than_left(found: Search, response: str, share: float) -> bool:
+    """Whether an effect explains more than is left beside it, its changes from sample to sample apart."""
+    bench, named = found.benches[response], numbers(found.named, response)
+    return share * bench.mean_square([]) > bench.mean_square(named) - bench.quick(bench.residual(named)) ** 2
 
 
 def is_far_above_noise(found: Search, response: str) -> bool:
@@ -367,7 +388,7 @@ def is_small(comparison: Comparison, found: Search, response: str, size: float =
     it, where recalibration has made the error much smaller, in unseen rows as well: that is what is to be done first.
     """
     is_little = size < _LITTLE_BESIDE * _movement(comparison, found, response) and is_recalibrated(found, response)
-    is_little &= _of_movement(comparison, found, response) < _ALL_LEFT and not _is_kept(comparison, response)
+    is_little &= _of_movement(comparison, found, response) < _ALL_LEFT
     is_trifle = _is_trifle(comparison, found, response, is_noise=not is_structured(found, response))
     return is_little or is_trifle or _is_as_repeated(comparison, found, response)
 
@@ -378,7 +399,7 @@ def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -
     Nothing in such a record tells noise that wanders, and a law that is not quite its own, from what comes again.
     """
     bench = found.benches[response]
-    if np.ptp(bench.runs) > 0 or _is_kept(comparison, response):
+    if np.ptp(bench.runs) > 0:
         return False
     left = max(_left_alone(found, response), unseen_rms(bench, []))
     return left < _ALL_LEFT * _movement(comparison, found, response)
@@ -399,12 +420,14 @@ def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> boo
 
 def _is_trifle(comparison: Comparison, found: Search, response: str, *, is_noise: bool) -> bool:
     least = _NOTHING if is_noise else _LITTLE
-    return not _is_kept(comparison, response) and _of_movement(comparison, found, response) < least
+    return _of_movement(comparison, found, response) < least
 
 
-def _is_kept(comparison: Comparison, response: str) -> bool:
-    """Whether it is a position that a control loop keeps, of whose way no share says what matters."""
-    return bool(comparison.with_role("position_command")) and comparison.channel(response).role in PLACE_ROLES
+def _kept_at(comparison: Comparison, response: str) -> str | None:
+    """The command of a position that a control loop keeps."""
+    of = comparison.channel(response)
+    commands = comparison.with_role("position_command") if of.role in PLACE_ROLES else ()
+    return next((name for name in commands if comparison.channel(name).axis == of.axis), next(iter(commands), None))
 
 
 def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) -> tuple[Finding, ...]:
@@ -414,7 +437,9 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
         if name not in small and not (is_structured(found, name) and is_small(comparison, found, name)):
             continue
         share = _of_movement(comparison, found, name)
-        why = f"only {100.0 * share:.2g} % of its movement (rms)"
+        command = _kept_at(comparison, name)
+        of = "its movement" if command is None else f"what it is off {command}"
+        why = f"only {100.0 * share:.2g} % of {of} (rms)"
         if _is_as_repeated(comparison, found, name):
             why = "no more than repeats of a programme differ by"
         elif share >= _LITTLE and is_little_in_one_run(comparison, found, name):
@@ -426,7 +451,12 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
 
 
 def _movement(comparison: Comparison, found: Search, response: str) -> float:
-    return float(np.nanstd(comparison.recorded[response][found.benches[response].fitted]))
+    """How far a response moves, or a position is off its command: 0 where that is of another unit, and not known."""
+    of, command = comparison.recorded[response], _kept_at(comparison, response)
+    if command is not None:
+        same = comparison.channel(response).unit == comparison.channel(command).unit
+        of = of - comparison.recorded[command] if same else np.zeros(len(of))
+    return float(np.nanstd(of[found.benches[response].fitted]))
 
 
 def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
