@@ -149,3 +149,18 @@ def test_what_recalibration_takes_is_not_borne_out():
     found = unnamed(tap())
     owned = {name: replace(bench, own={"vibration.mode": slice(0, 0)}) for name, bench in found.benches.items()}
     assert borne_out(tap(), replace(found, benches=owned), seed=0).named == {}
+
+
+@pytest.mark.parametrize("hz", [20.0, 23.7, 60.0])
+def test_a_hum_in_one_run_is_a_line_or_at_one_speed_a_ripple(hz):
+    n = 6000
+    time_s = np.arange(n) * 0.002
+    noise = np.random.default_rng(4).standard_normal(n)
+    channels = (Channel("x", "position", "m", axis="X"), Channel("F", "force", "N", axis="X"))
+    recorded = {"x": 0.1 * time_s, "F": 40.0 + 5.0 * np.sin(2.0 * np.pi * hz * time_s) + noise}
+    made = Comparison(("r1",), (0, n), time_s, channels, recorded, {"F": np.full(n, 40.0)}, ("F",), time_s > 8.4)
+    (effect,) = diagnosis(made, seed=0).effects
+    assert effect.id == "vibration.line"
+    assert effect.parameters["frequency_hz"].value == pytest.approx(hz, rel=1e-3)
+    assert effect.parameters["amplitude"].value == pytest.approx(5.0, rel=0.05)
+    assert "drive.ripple" in effect.cannot_be_told_from

@@ -32,6 +32,7 @@ _BEYOND, _MORE = 1.25, 0.03  #: Times the most that a shape at a wrong time expl
 #: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
 _MATTERS = 0.12
 _AS_GOOD, _MOST_ALIKE = 0.6, 3
+_AT_ANY_TIME = ("vibration.line", "vibration.imbalance")  #: Waves of any phase, which are the same at a wrong time.
 
 
 def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
@@ -49,7 +50,8 @@ def borne_out(comparison: Comparison, found: Search, *, seed: int) -> Search:
         shares = {id_: one for id_, one in shares.items() if id_ in found.standing and id_ not in bench.own}
         told[name] = (shares, by_chance, left)
         for id_, (share, _) in shares.items():
-            if share > max(_LEAST, _BEYOND * by_chance.max() + _MORE, best[0]):
+            chance = 0.0 if id_ in _AT_ANY_TIME else _BEYOND * by_chance.max() + _MORE
+            if share > max(_LEAST, chance, best[0]):
                 best = (share, id_, name)
     share, id_, name = best
     if not id_:
