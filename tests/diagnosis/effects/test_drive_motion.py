@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.drive._forces import held_back
+from selector.diagnosis.effects.drive._forces import held_back, leads
 from selector.diagnosis.effects.drive.backlash import _widths
 from selector.diagnosis.effects.drive.coulomb import EFFECT as COULOMB
 from selector.diagnosis.effects.drive.pitch_error import EFFECT as PITCH_ERROR
@@ -261,3 +261,15 @@ def test_friction_may_turn_with_the_speed_where_a_force_is_compared():
     columns = [variant.columns[:, 0] for variant in COULOMB.variants(comparison, "F")]
     # the speed is told by the recorded one, smoothed
     assert max(float(np.corrcoef(column, friction)[0, 1]) for column in columns) > 0.999
+
+
+@pytest.mark.parametrize("lead_mm", [1.93, 2.0, 2.11])
+def test_a_lead_is_found_between_the_lines_of_its_spectrum(lead_mm):
+    time_s = np.arange(6000) * PERIOD_S
+    place_m = 0.03 * np.sin(0.5 * time_s)  # some 30 turns
+    error_m = 4e-6 * np.sin(2.0 * np.pi * place_m / (1e-3 * lead_mm))
+    noise_m = 3e-7 * np.random.default_rng(2).standard_normal(len(time_s))
+    channels = (Channel("command", "position_command", "m", axis="X"), Channel("x", "position", "m", axis="X"))
+    made = comparison_with(channels, {"command": place_m, "x": place_m + error_m + noise_m}, x=place_m)
+    found = leads(made, "X", of_force=False)
+    assert min(abs(1e3 * one / lead_mm - 1.0) for one in found) < 1e-3

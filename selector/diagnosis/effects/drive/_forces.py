@@ -199,7 +199,17 @@ def _highest(place: Vector, courses: list[Vector], comparison: Comparison, speed
         height += power / np.maximum(background, 1e-300 + 1e-6 * float(power.max()))
     is_long = frequency[inside] * way < _FEW_TURNS
     taken = [*_apart(np.where(is_long, 0.0, height), N_PEAKS), *_apart(np.where(is_long, height, 0.0), N_LONG)]
-    return tuple(sorted({float(1.0 / frequency[inside][k]) for k in taken}, reverse=True))
+    # of few turns a line stands on the foot of what drifts along the way
+    tops = [frequency[inside][k] + (0.0 if is_long[k] else frequency[1] * _beside(height, k)) for k in taken]
+    return tuple(sorted({float(1.0 / top) for top in tops}, reverse=True))
+
+
+def _beside(height: Vector, k: int) -> float:
+    """Where between its neighbours the top of a peak is, by the parabola through them [steps of the grid]."""
+    if not 0 < k < len(height) - 1:
+        return 0.0
+    before, top, after = height[k - 1 : k + 2]
+    return float(np.clip(0.5 * (before - after) / min(before - 2.0 * top + after, -1e-300), -0.5, 0.5))
 
 
 def _apart(height: Vector, most: int) -> list[int]:
