@@ -307,9 +307,11 @@ def _as_good(question: Question, trials: Sequence[Trial], samples: Array) -> lis
     if options.within is not None:
         return [trial for trial in trials if is_within_noise(question, trial, best)]
     as_good = within_one_standard_error(np.array([trial.errors for trial in trials]), samples)
-    # what is little in the mean over the responses may be much of one
-    as_good &= np.array([(trial.rmse_um <= best.rmse_um * (1.0 + MOST_ABOVE_BEST)).all() for trial in trials])
-    return [one for one, good in zip(trials, as_good, strict=True) if good or is_within_noise(question, one, best)]
+    return [
+        trial
+        for trial, is_good in zip(trials, as_good, strict=True)
+        if is_good or is_within_noise(question, trial, best)
+    ]
 
 
 def _margin_um(question: Question, best_um: Array) -> Array:

@@ -114,10 +114,8 @@ def _compared(
         found.append(told("chosen", trial, _why_equal(question, trial, top)))
     fewer = choice.by_size.get(len(trial.set.sensors) - 1)
     if fewer is not None and fewer.error > trial.error and not (question.options.cost or question.options.target):
-        near_um = top.rmse_um * (1.0 + MOST_ABOVE_BEST)
-        far = [name for name, is_far in zip(models, fewer.rmse_um > near_um, strict=True) if is_far]
-        of = f" of {listed(far)}" if len(far) < len(models) else ""
-        why = f"more than {100 * MOST_ABOVE_BEST:.0f} %{of}" if far else f"more than {_ONE_ERROR}"
+        far = fewer.error > top.error * (1.0 + MOST_ABOVE_BEST)
+        why = f"more than {100 * MOST_ABOVE_BEST:.0f} %" if far else f"more than {_ONE_ERROR}"
         asked = question.options.within
         why = why if asked is None else f"more than the {asked:g} µm that were asked for"
         found.append(told(f"best with {len(fewer.set.sensors)}", fewer, why))

@@ -9,7 +9,7 @@ import numpy as np
 from selector.findings import Finding
 from selector.models.design import Form, Rows, datum_of, rows_of
 from selector.models.least_squares import fault_gains, validity_hull
-from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, HeldOut, response_power
+from selector.models.moments import WORTH_OF_A_SENSOR, HeldOut, response_power
 from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
@@ -256,11 +256,11 @@ def _poorest_of(errors: Errors, offer: Offer, noise: Array) -> Plan:
     """
     of_offer = {plan: error for plan, error in errors.items() if plan[0] == offer}
     best = min(of_offer.values(), key=_rms)
-    near, most = np.minimum(noise, WORTH_OF_A_SENSOR * best), (1.0 + MOST_ABOVE_BEST) * best
+    near = np.minimum(noise, WORTH_OF_A_SENSOR * best)
     return next(
         plan
         for plan, error in of_offer.items()
-        if (_rms(error) <= WORTH_A_RICHER_MODEL * _rms(best) and (error <= most).all()) or (error - best <= near).all()
+        if _rms(error) <= WORTH_A_RICHER_MODEL * _rms(best) or (error - best <= near).all()
     )
 
 
