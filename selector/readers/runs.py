@@ -256,11 +256,10 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
         of_row = np.searchsorted(names, np.array(labels, dtype=object).astype(str))
         counts, changed = np.bincount(of_row), np.flatnonzero(np.diff(of_row))
         rest = [one for one in table.columns if one is not column]
-        clocks = [one.values.astype(str if one.kind == "text" else np.float64) for one in rest]
-        turned = [np.array_equal(np.flatnonzero(values[1:] < values[:-1]), changed) for values in clocks]
         takes_turns = len(changed) > _TURNS * len(table)
         is_even = counts.min() >= _LEAST_ROWS and counts.max() <= _ALIKE * counts.min()
-        if not is_even or not (takes_turns or (len(changed) + 1 == len(names) and any(turned))):
+        follows = len(changed) + 1 == len(names) and any(_begins_anew(one, changed) for one in rest)
+        if not is_even or not (takes_turns or follows):
             continue
         told = f"Column {column.header!r} of {table.file.name} tells {len(names)} sensors apart: {listed(names, 8)}."
         findings = (*table.findings, FINDINGS.finding("sensor-column", told, evidence={"sensors": names}))
@@ -268,6 +267,14 @@ def split_sensors(table: Table, declared: Sequence[str]) -> dict[str, Table]:
         parts = [_part(table, rest, rows, table.name, () if k else findings) for k, rows in enumerate(of_sensor)]
         return dict(zip(names, parts, strict=True))
     return {}
+
+
+def _begins_anew(column: Column, changed: Indices) -> bool:
+    """Whether it goes on like a clock and back where the sensor changes, not like a speed that falls with a state."""
+    values = column.values.astype(str if column.kind == "text" else np.float64)
+    goes_back = np.flatnonzero(values[1:] < values[:-1])
+    steps = [np.count_nonzero(part[1:] > part[:-1]) for part in np.split(values, changed + 1)]
+    return bool(np.array_equal(goes_back, changed) and min(steps) >= _LEAST_ROWS - 1)
 
 
 def tables_of_runs(table: Table, declared: Sequence[str]) -> Iterator[list[tuple[str, Table]]]:

@@ -101,6 +101,24 @@ def test_a_phase_that_changes_once_is_no_sensor(tmp_path):
     assert reading.runs[0].rows == 120
 
 
+@pytest.mark.parametrize(("beside", "values"), [("speed [rpm]", [3000, 0]), ("mode", ["run", "idle"])])
+def test_a_phase_that_changes_with_a_speed_or_another_state_is_no_sensor(tmp_path, beside, values):
+    rising = 20.0 + np.sin(np.arange(120) / 15.0)
+    phase = np.repeat(["heating", "cooling"], 60)
+    table = pd.DataFrame({"t [s]": 60.0 * np.arange(120), "T1 [degC]": rising, "phase": phase})
+    table[beside] = np.repeat(values, 60)
+    table.to_csv(tmp_path / "phases.csv", index=False)
+    assert read([tmp_path / "phases.csv"]).runs[0].rows == 120
+
+
+def test_two_staircases_under_one_label_are_no_sensors(tmp_path):
+    speed = np.tile(np.repeat([1000, 2000, 3000, 4000], 30), 2)
+    test = np.repeat(["first", "second"], 120)
+    table = pd.DataFrame({"t [s]": 60.0 * np.arange(240), "T1 [degC]": np.cos(np.arange(240)), "speed [rpm]": speed})
+    table.assign(part=test).to_csv(tmp_path / "stairs.csv", index=False)
+    assert "sensor-column" not in {one.id for one in read([tmp_path / "stairs.csv"]).findings}
+
+
 def test_sensors_that_follow_each_other_may_have_dates(tmp_path):
     table = long_table()
     table["t [s]"] = (pd.Timestamp("2026-03-01 08:00") + pd.to_timedelta(table["t [s]"].round(), unit="s")).astype(str)
