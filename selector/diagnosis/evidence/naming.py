@@ -451,12 +451,21 @@ def told_of_small(comparison: Comparison, found: Search, small: frozenset[str]) 
 
 
 def _movement(comparison: Comparison, found: Search, response: str) -> float:
-    """How far a response moves, or a position is off its command: 0 where that is of another unit, and not known."""
+    """How far a response moves, or a position is off its command.
+
+    That is 0, and not known, where the only commands are of another unit, or of another axis: such a position is
+    further off them than it moves.
+    """
     of, command = comparison.recorded[response], _kept_at(comparison, response)
-    if command is not None:
-        same = comparison.channel(response).unit == comparison.channel(command).unit
-        of = of - comparison.recorded[command] if same else np.zeros(len(of))
-    return float(np.nanstd(of[found.benches[response].fitted]))
+    fitted = found.benches[response].fitted
+    moved = float(np.nanstd(of[fitted]))
+    if command is None:
+        return moved
+    axes = {comparison.channel(name).axis for name in (response, command)} - {None}
+    if len(axes) > 1 or comparison.channel(response).unit != comparison.channel(command).unit:
+        return 0.0
+    off = float(np.nanstd((of - comparison.recorded[command])[fitted]))
+    return off if off < moved else 0.0
 
 
 def _of_movement(comparison: Comparison, found: Search, response: str) -> float:
