@@ -260,6 +260,16 @@ def test_runs_are_compared_alike_in_whatever_order_they_are_given():
     assert np.array_equal(one.held_out, same.held_out)
 
 
+def test_names_that_sort_alike_are_in_one_order_too():
+    for names in (("r1", "r01"), ("b", "B")):
+        assert comparison_of(*pair(runs=names)).runs == comparison_of(*pair(runs=names[::-1])).runs
+
+
+def test_a_run_called_last_is_held_out_by_its_name():
+    comparison = comparison_of(*pair(runs=("first", "last", "mid")))
+    assert np.array_equal(comparison.held_out, comparison.run_index == comparison.runs.index("last"))
+
+
 def test_the_last_given_is_held_out():
     comparison = comparison_of(*pair(runs=("b", "c", "a")))
     assert comparison.runs == ("a", "b", "c")

@@ -180,9 +180,10 @@ def comparison_of(
     findings += [
         _left_out(run, "the simulation has no value at any of its times") for run in runs if run not in reached
     ]
-    holdout = reached[-1] if holdout == "last" and len(reached) > 1 else holdout
-    # the answer is the same in whatever order the runs are given
-    reached.sort(key=natural_key)
+    if holdout == "last" and "last" not in reached and len(reached) > 1:
+        holdout = reached[-1]
+    # the answer is the same in whatever order the runs are given, of r1 and r01 or B and b as well
+    reached.sort(key=lambda run: (natural_key(run), run))
     require_same_time_unit(
         {run: (float(np.ptp(recording.time_s(run))), float(np.ptp(simulation.time_s(run)))) for run in reached}
     )
