@@ -160,7 +160,9 @@ def test_a_hum_in_one_run_is_a_line_or_at_one_speed_a_ripple(hz):
     recorded = {"x": 0.1 * time_s, "F": 40.0 + 5.0 * np.sin(2.0 * np.pi * hz * time_s) + noise}
     made = Comparison(("r1",), (0, n), time_s, channels, recorded, {"F": np.full(n, 40.0)}, ("F",), time_s > 8.4)
     (effect,) = diagnosis(made, seed=0).effects
-    assert effect.id == "vibration.line"
-    assert effect.parameters["frequency_hz"].value == pytest.approx(hz, rel=1e-3)
-    assert effect.parameters["amplitude"].value == pytest.approx(5.0, rel=0.05)
-    assert "drive.ripple" in effect.cannot_be_told_from
+    assert {effect.id, *effect.cannot_be_told_from} >= {"vibration.line", "drive.ripple"}
+    if effect.id == "vibration.line":
+        assert effect.parameters["frequency_hz"].value == pytest.approx(hz, rel=1e-3)
+        assert effect.parameters["amplitude"].value == pytest.approx(5.0, rel=0.05)
+    else:
+        assert effect.parameters["lead_mm"].value == pytest.approx(1e3 * 0.1 / hz, rel=1e-2)

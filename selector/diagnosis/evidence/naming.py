@@ -149,7 +149,7 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
         confidence=float(np.clip(confidence, 0.01, 0.99)) * (1.0 if is_checked else _UNCHECKED),
         p_value=float(min(1.0, p_value)),
         share=share,
-        cannot_be_told_from=tuple(dict.fromkeys((*found.rivals[id_], *_at_one_speed(comparison, main, id_)))),
+        cannot_be_told_from=tuple(dict.fromkeys((*found.rivals[id_], *_at_one_speed(comparison, found, main, id_)))),
         experiment=effect.experiment,
         channels=tuple(
             name for name in sorted(gains, key=lambda one: -gains[one]) if name == main or gains[name] > _SHOWN
@@ -162,16 +162,16 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     )
 
 
-def _at_one_speed(comparison: Comparison, response: str, id_: str) -> tuple[str, ...]:
-    """What repeats along the way of an axis that goes at one speed, and has a frequency there like a line in time."""
+def _at_one_speed(comparison: Comparison, found: Search, response: str, id_: str) -> tuple[str, ...]:
+    """What repeats along the way of an axis that goes at one speed, for a line in time; a line, for what repeats so."""
     channel = comparison.channel(response)
-    moving = motion(comparison, channel.axis) if id_ == "vibration.line" else None
-    if moving is None:
+    along = "drive.pitch_error" if channel.role in PLACE_ROLES else "drive.ripple"
+    twin = {"vibration.line": along, along: "vibration.line" if "vibration.line" in found.standing else None}.get(id_)
+    moving = motion(comparison, channel.axis) if twin is not None else None
+    if twin is None or moving is None:
         return ()
     slow, usual, fast = np.percentile(np.abs(moving.velocity_m_per_s[~comparison.held_out]), (5.0, 50.0, 95.0))
-    if fast - slow > _ONE_SPEED * usual:
-        return ()
-    return ("drive.pitch_error" if channel.role in PLACE_ROLES else "drive.ripple",)
+    return () if fast - slow > _ONE_SPEED * usual else (twin,)
 
 
 def as_carried(effect: NamedEffect, found: Search) -> NamedEffect:
