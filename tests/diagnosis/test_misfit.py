@@ -15,6 +15,7 @@ from selector.diagnosis.evidence.misfit import misfit, tempered
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.matching.alignment import resolution
 from selector.diagnosis.matching.runs import pure_error, repeats
+from selector.diagnosis.shapes.signals import lagged
 from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from selector.telling.diagnosed.account import diagnosis_account
@@ -223,3 +224,18 @@ def test_names_are_no_surer_than_what_they_carry_to_unseen_rows(carried):
         assert gap is not None
         assert effect.confidence <= max(gap.high or 0.0, 0.01)
     assert carried > 0.3 or max(names.values(), default=0.0) < 0.5
+
+
+def test_memory_of_runs_that_begin_warm_is_named_though_its_course_is_much_larger_than_the_mismatch():
+    time, runs = np.arange(360) * 60.0, ("r1", "r2", "r3", "r4")
+    heats = [20.0 * np.exp(-time / 2000.0) * k + 15.0 * (1 + k) * (np.sin(time / 3000.0) > 0.3) for k in range(4)]
+    made = Comparison(
+        runs, tuple(360 * k for k in range(5)), np.tile(time, 4), (Channel("Z", "displacement", "um", axis="Z"),),
+        {"Z": np.zeros(1440)}, {"Z": np.concatenate(heats)}, ("Z",), np.arange(1440) >= 1080,
+    )  # fmt: skip
+    true = lagged(made, made.simulated["Z"], 200.0, settled=True)
+    found = diagnosis(
+        replace(made, recorded={"Z": true + 0.3 * np.random.default_rng(6).standard_normal(1440)}), seed=0
+    )
+    assert [one.id for one in found.effects] == ["thermal.memory"]
+    assert found.effects[0].parameters["tau_s"].value == pytest.approx(200.0, rel=0.2)
