@@ -95,8 +95,8 @@ def _next(grid: Sequence[float], value: float, step: int) -> float:
 
 
 _UNCHECKED = 0.9  #: What is left of a confidence that nothing held out could bear out.
-#: How sure a doubted name is at most, and where structure is left one that carries nothing to unseen rows, the more the
-#: more it surely carries, or that explains less than is left: it may be a part of that.
+#: How sure a doubted name is at most; and, where structure is left, one that carries nothing to unseen rows (surer the
+#: more it surely carries) or that explains less than is left, of which it may be a part.
 _HALF = 0.5
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
