@@ -16,6 +16,7 @@ from selector.readers.finding_table import FINDINGS
 from selector.readers.roles.names import closest
 from selector.readers.tables import Overrides, Table, listed
 from selector.readers.text.delimited import read_delimited
+from selector.readers.text.klippy import is_klippy_log, read_klippy
 from selector.readers.workbook import read_excel
 
 MACHINE_FILE = "machine.toml"
@@ -28,6 +29,7 @@ _READERS: dict[str, Callable[[Path, bytes, Overrides], list[Table]]] = {
     "mat": read_mat,
     "tdms": read_tdms,
     "mdf": read_mdf,
+    "klippy": read_klippy,
 }
 _ENDINGS = (
     ".csv .tsv .txt .dat .asc .log .lvm .prn .tab .xlsx .xlsm .xlsb .xls .ods .parquet .pq .feather .arrow .mat "
@@ -176,7 +178,7 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
             head = stream.read(4096)
             form = file_format(path, head)
             size = path.stat().st_size
-            if form == "delimited" and size > MAX_TEXT_BYTES:
+            if form in ("delimited", "klippy") and size > MAX_TEXT_BYTES:
                 raise ReadError(
                     f"{size / 1e9:.1f} GB of text",
                     expected=f"at most {MAX_TEXT_BYTES / 1e9:.0f} GB",
@@ -204,7 +206,7 @@ def tables_of(path: Path, overrides: Overrides) -> tuple[list[Table], str]:
 
 
 def file_format(path: Path, head: bytes) -> str:
-    """One of ``delimited``, ``excel``, ``parquet``, ``mat``, ``tdms``, ``mdf``, by the first bytes, not the ending."""
+    """The key of `_READERS` for a file, by its first bytes, not by its ending."""
     if not head.strip(b"\0 \t\r\n\xef\xbb\xbf\xff\xfe"):
         raise ReadError(
             "an empty file" if not head else "a file of blanks",
@@ -227,4 +229,4 @@ def file_format(path: Path, head: bytes) -> str:
         return "mat"
     if path.suffix.lower() == ".mat" and b"\0" in head[:20]:
         return "mat"
-    return "delimited"
+    return "klippy" if is_klippy_log(head) else "delimited"

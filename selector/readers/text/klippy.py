@@ -1,0 +1,118 @@
+"""klippy.log → tables: what Klipper notes of a printer every second, and what its probe found."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from selector.errors import ReadError
+from selector.readers.finding_table import FINDINGS
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of
+
+_HEAD = re.compile(
+    rb"^(Starting Klippy\.\.\.|Args: \[.*klippy\.py|=+ (Config file =|Log rollover at )|Stats \d+\.\d: )", re.MULTILINE
+)
+_START = re.compile(r"Start printer at (.{1,40}) \(\d+\.\d+ (\d+\.\d+)\)")
+_STATS = re.compile(r"Stats (\d+\.\d+): ")
+_TEMPERATURE = re.compile(r"(\S{1,80}): (?:target=\S{1,20} )?temp=(-?\d+(?:\.\d+)?)(?=\s|$)")
+_NUMBER = r"(-?\d+(?:\.\d+)?)"
+_PROBED = re.compile(rf"(?:// )?(?:Result:? |probe:? )(?:at {_NUMBER},{_NUMBER} )?.*?\bz={_NUMBER}")
+_SAME_PLACE_MM = 0.5
+
+
+def is_klippy_log(head: bytes) -> bool:
+    """Whether a file that begins so is a log of Klipper's."""
+    return _HEAD.search(head) is not None
+
+
+def read_klippy(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
+    """One table a start of the printer: temperatures [°C] a line ``Stats``, and Z [µm] where something was probed.
+
+    Z falls from 0 by what the probed height has risen since the first probing, which is what the nozzle came down. Only
+    the place of the first one counts: elsewhere the bed has another height. A printer that is started anew is homed
+    anew, and so has another zero.
+
+    Raises ReadError if there are no two lines ``Stats`` with a temperature.
+    """
+    lines = data.decode("utf-8", "replace").splitlines()
+    starts = [number for number, line in enumerate(lines) if _START.match(line)]
+    parts = zip([0, *starts], [*starts, len(lines)], strict=True)
+    tables = [table for a, b in parts if (table := _table(path, lines[a:b], a)) is not None]
+    if not tables:
+        raise ReadError(
+            f"a log of Klipper's with {sum(bool(_STATS.match(line)) for line in lines)} lines Stats",
+            expected="two at least, with temperatures, of one start of the printer",
+            where=path.name,
+            advice="record while a heater is on or the printer moves: Klipper writes such lines only then",
+        )
+    if len(tables) == 1:
+        return tables
+    told = f"{path.name} has {len(tables)} starts of the printer; what followed each was read as a run of its own."
+    first, *others = (replace(one, name=f"{one.name}_{k}") for k, one in enumerate(tables, start=1))
+    finding = FINDINGS.finding("starts-are-runs", told, evidence={"starts": len(tables)})
+    return [replace(first, findings=(finding,)), *others]
+
+
+def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
+    """What follows one start of the printer; `before` lines precede it in the file."""
+    rows: list[tuple[int, float, dict[str, float], float]] = []
+    probings = _Probings()
+    for number, line in enumerate(lines, start=before + 1):
+        if stats := _STATS.match(line):
+            told = {name: float(value) for name, value in _TEMPERATURE.findall(line)}
+            if told:
+                rows.append((number, float(stats[1]), told, probings.taken()))
+        elif probed := _PROBED.match(line):
+            probings.add(*probed.groups())
+    if len(rows) < 2:
+        return None
+    numbers, times, temperatures, heights = zip(*rows, strict=True)
+    names = list(dict.fromkeys(name for told in temperatures for name in told))
+    checked_width(len(names), path.name)
+    checked_size(len(names) * len(rows), path.name)
+    columns = [Column(name, np.array([told.get(name, np.nan) for told in temperatures]), "°C") for name in names]
+    if np.isfinite(heights).any():
+        columns.append(Column("Z", np.array(heights), "µm"))
+    time_s = np.array(times) - times[0]
+    reading = reading_of("klippy", encoding="utf-8")
+    return Table(
+        path.stem, path, tuple(columns), reading, (), np.array(numbers), time_s, _wall_clock(lines[0], times[0])
+    )
+
+
+def _wall_clock(line: str, at_s: float) -> np.datetime64 | None:
+    """Local time at a time of Klipper's clock [s], by the line in which the printer starts."""
+    start = _START.match(line)
+    try:
+        told = datetime.strptime(start[1], "%a %b %d %H:%M:%S %Y") if start else None
+    except ValueError:
+        return None
+    if start is None or told is None:
+        return None
+    return np.datetime64(told, "ms") + np.timedelta64(round(1000.0 * (at_s - float(start[2]))), "ms")
+
+
+class _Probings:
+    """What was probed at the place of the first probing, by what the nozzle came down since."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, float, float] | None = None
+        self._at = (0.0, 0.0)
+        self._last_um = np.nan
+
+    def add(self, x_mm: str | None, y_mm: str | None, z_mm: str) -> None:
+        """What a line says, the place only if it names one."""
+        if x_mm is not None and y_mm is not None:
+            self._at = float(x_mm), float(y_mm)
+        if self._first is None:
+            self._first = (*self._at, float(z_mm))
+        if max(abs(a - b) for a, b in zip(self._at, self._first, strict=False)) < _SAME_PLACE_MM:
+            self._last_um = round(1000.0 * (self._first[2] - float(z_mm)), 3)
+
+    def taken(self) -> float:
+        """Z [µm] since the last call, or NaN."""
+        last_um, self._last_um = self._last_um, np.nan
+        return last_um
