@@ -21,6 +21,7 @@ _STEPS = {
     "would let it be named.",
 }
 _LEAST_FALL = 0.02
+_NEAR = 0.5  #: Share of the mismatch from which what is not borne out is told with the verdict.
 _SURE = 0.9  #: Confidence from which a fault of the data is no fault of the simulation.
 
 
@@ -318,8 +319,14 @@ def _unexplained(found: Diagnosis) -> str:
     if size > 0.0:
         unit = found.comparison.channel(first.channel).unit
         text += f", where recording and simulation differ by {amount(size, unit)} rms"
-    is_switched = any(one.id == UNRECORDED_SWITCH for one in found.findings)
-    return f"{text}. {'It comes and goes as by a switch that nobody recorded: see the findings.' * is_switched}".strip()
+    sentences = [f"{text}."]
+    if any(one.id == UNRECORDED_SWITCH for one in found.findings):
+        sentences.append("It comes and goes as by a switch that nobody recorded: see the findings.")
+    near = [one for one in found.also_seen if one.share >= _NEAR and not is_data(one.id)]
+    for one in sorted(near, key=lambda one: -one.share)[:1]:
+        fitted = f"{name_of(one.id)}, {100.0 * one.share:.0f} % of the fitted mismatch in {one.channel}"
+        sentences.append(f"Nearest comes {fitted}, but the rows that were not fitted do not bear it out.")
+    return " ".join(sentences)
 
 
 def _size_in(comparison: Comparison, channel: str, places: Sequence[Place]) -> float:

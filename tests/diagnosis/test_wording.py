@@ -141,6 +141,16 @@ def test_the_unexplained_has_place_time_and_size_but_no_name():
     assert not any(name_of(effect.id) in text for effect in catalogue())
 
 
+def test_what_explains_half_but_is_not_borne_out_is_told_with_the_verdict():
+    found = answer("unexplained")
+    courses = {"Z": np.zeros(len(found.comparison.time_s))}
+    memory = memory_effect(courses["Z"], share=0.82, suspected=True)
+    text = headline(replace(found, also_seen=(memory,)))
+    assert f"Nearest comes {name_of('thermal.memory')}, 82 % of the fitted mismatch in Z" in text
+    for other in (replace(memory, share=0.4), replace(zero_effect(courses["Z"]), share=0.9)):
+        assert "Nearest" not in headline(replace(found, also_seen=(other,)))
+
+
 @pytest.mark.parametrize(
     "verdict", ["missing-physics", "data-fault", "miscalibrated", "nothing-missing", "unexplained"]
 )
