@@ -6,7 +6,7 @@ FOLDER has a folder for every rig, as `python -m benchmarks.real.collect FOLDER 
 are published is said for those that are missing. RESULTS receives a file a case, and the table as table.txt and
 table.json; what is there already is not asked again (`--again` does). `--check` builds the cases and shows what was
 read, without asking anything, `--list` shows what is declared of them. The half that is set apart by lot (`--lot` shows
-it) is asked once, when the method stands: with `--final`.
+it) is asked once, when the method stands: with `--final`; so is the third set.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 from benchmarks.real.case import RealCase
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import SECOND, SENTENCE, SHIPPED, SOURCES, halves
+from benchmarks.real.sources import EVERY, SENTENCE, SHIPPED, halves
 
 SEED = 0
 
@@ -43,8 +43,8 @@ def main() -> None:
     if options.one:
         print(json.dumps(answered(_named(options.one), options.recordings)))
         return
-    if options.half == "apart" and not (options.final or options.check or options.list):
-        sys.exit("the half set apart is asked once, when the method stands: --final")
+    if options.half in ("apart", "third") and not (options.final or options.check or options.list):
+        sys.exit(f"the half {options.half} is asked once, when the method stands: --final")
     chosen = [case for case in CASES if half_of[case.rig] == options.half and _asked(case, options.case)]
     if options.list:
         print("\n\n".join(declared(case) for case in chosen))
@@ -70,7 +70,7 @@ def main() -> None:
 
 def declared(case: RealCase) -> str:
     """What is said of a case before it is asked."""
-    source = next((source for source in (*SOURCES, *SECOND) if source.rig == case.rig), None)
+    source = next((source for source in EVERY if source.rig == case.rig), None)
     origin = "see docs/reference/sources.md" if source is None else f"{source.published}; licence: {source.licence}"
     told = {
         "from": origin,
@@ -141,7 +141,7 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=Path())
     parser.add_argument("--out", type=Path)
-    parser.add_argument("--half", choices=("development", "apart", "second"), default="development")
+    parser.add_argument("--half", choices=("development", "apart", "second", "third"), default="development")
     parser.add_argument("--case", nargs="+", default=[], help="cases whose name holds one of these")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--limit", type=float, default=600.0, help="seconds a case")
@@ -163,7 +163,7 @@ def _named(name: str) -> RealCase:
 
 
 def _tell_missing(rigs: set[str]) -> None:
-    published = {source.rig: source.published for source in (*SOURCES, *SECOND)}
+    published = {source.rig: source.published for source in EVERY}
     for rig in sorted(rigs):
         print(f"no folder {rig}: {published.get(rig, 'see docs/reference/sources.md')}", file=sys.stderr)
 

@@ -2,8 +2,8 @@
 
 python -m benchmarks.real.collect FOLDER CLONES
 
-CLONES holds a clone, or a bare repository, of each: `owner+name`, `owner/name` or `name`, or a folder `repo` or `.git`
-inside of it. What is there already is not written again.
+CLONES holds a clone, or a bare repository, of each: `owner+name`, `owner/name` or `name`, or a folder `repo`, `.git`
+or `repo/.git` inside of it. What is there already is not written again.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import argparse
 import subprocess
 from pathlib import Path
 
-from benchmarks.real.sources import SECOND, SOURCES, Source
+from benchmarks.real.sources import EVERY, Source
 
 
 def main() -> None:
@@ -20,7 +20,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("clones", type=Path)
     options = parser.parse_args()
-    for source in (*SOURCES, *SECOND):
+    for source in EVERY:
         clone = clone_of(source, options.clones)
         if clone is None:
             print(f"{source.rig:16s} no clone; {source.published}")
@@ -33,7 +33,7 @@ def clone_of(source: Source, clones: Path) -> Path | None:
     """The git folder of a repository among the clones."""
     owner, name = source.repository.split("/")
     for folder in (clones / f"{owner}+{name}", clones / owner / name, clones / name):
-        for git in (folder / "repo", folder / ".git", folder):
+        for git in (folder / "repo" / ".git", folder / "repo", folder / ".git", folder):
             if (git / "HEAD").is_file():
                 return git
     return None

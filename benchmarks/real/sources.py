@@ -9,7 +9,7 @@ from typing import Literal
 
 Licensed = Literal["free", "in place"]
 """A cut may be shipped; to be read in place only."""
-Half = Literal["development", "apart", "second"]
+Half = Literal["development", "apart", "second", "third"]
 
 SENTENCE = "the apart half is not looked at before the method stands: 2026-11-23"
 """Decides by lot, together with a rig's name, which rigs are set apart."""
@@ -89,6 +89,7 @@ SOURCES: tuple[Source, ...] = (
     Source("heated_bar", "KaiTaiTong/AlBarHeatingSimulation", "42fdd51", "none", "in place", ("*Data*", "README.md")),
 )  # fmt: skip
 
+_LAB = "ARTS-Laboratory"
 _JOINTS = "longshike/NNFM-A-Novel-Neural-Network-Modeling-Approach-for-Robot-Flexible-Joints-Friction"
 
 SECOND: tuple[Source, ...] = (
@@ -120,6 +121,51 @@ SECOND: tuple[Source, ...] = (
 )  # fmt: skip
 """Rigs of a second exam: declared and asked once on 2026-11-27, by somebody who had not seen the method made."""
 
+THIRD: tuple[Source, ...] = (
+    Source("throttle", "labcontrol-data/vehicleCAN", "42d5438", "MIT", "free", (
+        "data/dataIdentificatinThrottle_*20-Feb-2016_15h[678]m.mat", "README.md", "LICENSE")),
+    Source("open_arm", "YIZHIXIAOCANGSHU/Friction-Identification-for-Manipulators", "f915751", "none", "in place", (
+        "results/real_uart_capture.npz", "results/real_uart_capture_collect_joint_[367].npz", "README.md")),
+    Source("surgical_arm", "liamjosephnolan/thesis_matlab", "45553c7", "none", "in place", (
+        "pitch_prbs_response/old/prbs_roll_0_pitch_0.csv", "pitch_prbs_response/prbs_roll_0_pitch_0.csv",
+        "pitch_prbs_response/prbs_roll_20_pitch_0.csv", "prbs_pitch_V5.csv", "README.md")),
+    Source("eccentric", "nicolazande/camber-control", "cb9a8f8", "none", "in place", (
+        "actuators/EccA/data/load-square-wave-*.txt", "README.md")),
+    Source("rotation_servo", "amantiwary10/Servo-Motor-System-Identification", "e66bd1f", "none", "in place", (
+        "Data/Optical Probe/*Clock/T*/StepsTest_*.csv", "README.md")),
+    Source("dipped_probe", "linnil1/2017_BIME_sensor", "2f0e4c1", "none", "in place", (
+        "lab05/lab05log*.txt", "lab05/README.md")),
+    Source("orbit_computer", "TiansuanConstellation/MobiCom24-SatelliteCOTS", "951b415", "none", "in place", (
+        "Temperature-HeatingRate/Data/gnd_pi_stress_and_infer/*.csv", "Temperature-HeatingRate/README.md",
+        "Temperature-HeatingRate/Data/sat_pi_stress_and_infer/PiA_Sun_[123]C_*.csv")),
+    Source("printer_bed", "lahn92/voron2.4", "b08c5a0", "none", "in place", (
+        "logs/klippy.log", "logs/klippy.log.2024-07-17")),
+    Source("machine_growth", "ruoheng-du/thermal-expansion-error-prediction", "6dc3d29", "none", "in place", (
+        "data/thermal expansion error original.csv", "README.md", "lr_minitab/README.md")),
+    Source("cell", f"{_LAB}/dataset-electrothermal-deformation-characterization-for-samsung-30Q-cell", "4e9effd",
+        "CC-BY-SA-4.0", "in place", ("data/S00[13]/Q30_*.csv", "README.md", "data/HPPC*/README.md")),
+    Source("cycled_cell", f"{_LAB}/dataset-cycling-with-strain-monitoring-for-samsung-30Q-cell", "ddd7cf0",
+        "CC-BY-SA-4.0", "in place", (
+        "data/Dataset-2/cell1/discharge/discharge_1_6[0-9].lvm", "data/Dataset-2/README.md")),
+    Source("steam_rod", "Electw/Thermal-expansion-lab-graphs", "cc55f91", "none", "in place", (
+        "Lab 1 Pasco Data*.csv",)),
+    Source("sensor_package",
+        f"{_LAB}/Paper--ARTS-Laboratory-Paper-Non-linear-vibration-signal-compensation-technique", "28f1db6",
+        "CC-BY-SA-4.0", "in place", (
+        *(f"data/Benchtop Test V2/Train Sweep/{band}*.csv" for band in ("1-2", "5-6", "10-11", "0-20")), "README.md")),
+    Source("shaken_board", "High-Rate-SHM-Working-Group/Dataset-7-forced-vibration-and-shock", "81e7be7",
+        "CC-BY-SA-4.0", "in place", (
+        *(f"data/testset-B/amplitude_{path}.lvm" for path in (
+            "1/Impact_0.0/vibration_0.6", "3/Impact_0.5/vibration_0.3", "3/Impact_0.0/vibration_0.6",
+            "3/Impact_0.0/vibration_1")), "data/testset-B/readme.md")),
+    Source("driven_beam", "PujaChowdhury/Dataset-4-Univariate-signal-with-non-stationarity", "06a0d36",
+        "CC-BY-SA-4.0", "in place", (
+        "data/data_I/test_[123]/data_set_[123]_downsampled_by_32.lvm", "README.md", "modal_analysis/README.md")),
+)  # fmt: skip
+"""Rigs of a sixth exam: declared on 2026-11-28 by somebody who had not read the method, committed, then asked once."""
+
+EVERY: tuple[Source, ...] = (*SOURCES, *SECOND, *THIRD)
+
 KNOWN: tuple[str, ...] = ("emps", "silverbox", "cascaded_tanks", "ace_thermal", "spindle46")
 """Rigs that were looked at while the program was made: never apart."""
 SHIPPED = ("emps",)
@@ -134,6 +180,7 @@ def halves() -> dict[str, Half]:
         first = (len(rigs) + 1) // 2
         found |= {rig: "development" if k < first else "apart" for k, rig in enumerate(rigs)}
     found |= dict.fromkeys((one.rig for one in SECOND), "second")
+    found |= dict.fromkeys((one.rig for one in THIRD), "third")
     return found
 
 

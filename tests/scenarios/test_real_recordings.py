@@ -14,11 +14,12 @@ import pandas as pd
 import pytest
 
 from benchmarks.real.case import RealCase
+from benchmarks.real.collect import clone_of
 from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
-from benchmarks.real.sources import KNOWN, SECOND, SOURCES, halves
+from benchmarks.real.sources import EVERY, KNOWN, SECOND, THIRD, halves
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.matching.alignment import comparison_of
 
@@ -37,8 +38,9 @@ def case(name: str) -> RealCase:
 def test_the_lot_is_the_one_that_was_drawn_before_anything_was_run():
     half_of = halves()
     assert {rig for rig, half in half_of.items() if half == "apart"} == APART
-    assert set(half_of) == {source.rig for source in (*SOURCES, *SECOND)} | set(KNOWN)
-    assert {rig for rig, half in half_of.items() if half == "second"} == {source.rig for source in SECOND}
+    assert set(half_of) == {source.rig for source in EVERY} | set(KNOWN)
+    for half, declared in (("second", SECOND), ("third", THIRD)):
+        assert {rig for rig, drawn in half_of.items() if drawn == half} == {source.rig for source in declared}
 
 
 def test_every_case_says_what_is_right_in_ids_of_the_catalogue():
@@ -57,11 +59,23 @@ def test_every_case_says_what_is_right_in_ids_of_the_catalogue():
 
 def test_there_are_enough_rigs_on_both_sides_of_the_lot():
     half_of = halves()
-    for half, positives, controls, rigs in (("development", 24, 5, 12), ("apart", 15, 5, 8), ("second", 15, 8, 8)):
+    least = (("development", 24, 5, 12), ("apart", 15, 5, 8), ("second", 15, 8, 8), ("third", 22, 10, 12))
+    for half, positives, controls, rigs in least:
         of = [one for one in CASES if half_of[one.rig] == half]
         assert sum(one.kind == "positive" for one in of) >= positives
         assert sum(one.kind == "control" for one in of) >= controls
         assert len({one.rig for one in of}) >= rigs
+
+
+@pytest.mark.parametrize("inside", ["repo/.git", "repo", ".git", "."])
+@pytest.mark.parametrize("folder", ["owner+name", "owner/name", "name"])
+def test_a_clone_is_found_in_every_form_that_is_told(tmp_path, folder, inside):
+    git = tmp_path / folder / inside
+    source = replace(THIRD[0], repository="owner/name")
+    assert clone_of(source, tmp_path) is None
+    git.mkdir(parents=True)
+    (git / "HEAD").write_text("ref: refs/heads/main\n", encoding="utf-8")
+    assert clone_of(source, tmp_path) == git
 
 
 def written(folder: Path, name: str, text: str) -> None:

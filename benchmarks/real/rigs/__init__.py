@@ -26,6 +26,7 @@ from benchmarks.real.rigs import (
     servo_play,
     station,
     telescope,
+    third,
     two_pendulums,
     water_loop,
 )
@@ -56,4 +57,4 @@ _RIGS = (
     known,
 )
 
-CASES: tuple[RealCase, ...] = (*(case for rig in _RIGS for case in rig.CASES), *second.CASES)
+CASES: tuple[RealCase, ...] = (*(case for rig in _RIGS for case in rig.CASES), *second.CASES, *third.CASES)
