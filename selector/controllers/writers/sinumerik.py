@@ -2,9 +2,18 @@
 
 The NC adds a straight line per axis, dK = K0 + tan(beta) (P - P0): K0, tan(beta) and P0 are setting data 43900, 43910
 and 43920 (Siemens, Function Manual K3 "Compensations"). The PLC (S7-300) has no LREAL.
+
+Who writes them: the PLC hands the values over in the memory that it shares with the NC, where static synchronised
+actions take them; the manuals that bear this out stand in the head of their file. A word says whose turn it is: only
+two bytes arrive whole, and whoever waits for the other in vain knows that it stands still.
 """
 
+import re
+import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import count
+
+import numpy as np
 
 from selector.controllers.finding_table import FINDINGS
 from selector.controllers.guard.decided import decided_limits
@@ -12,14 +21,35 @@ from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import Exported, require_own_axes, with_sheet
-from selector.controllers.writers.structured_text import BLOCK, NAME, SECTIONS, StructuredText, block_text, head_lines
+from selector.controllers.writers.exported import (
+    Exported,
+    ExportRefusedError,
+    filled,
+    heading,
+    require_own_axes,
+    with_sheet,
+)
+from selector.controllers.writers.structured_text import (
+    BLOCK,
+    NAME,
+    SECTIONS,
+    StructuredText,
+    block_text,
+    head_lines,
+    joined,
+)
 from selector.csv_text import csv_text
 from selector.findings import Finding
 
 BLOCK_OF_SETTING_DATA = "FB_ThermalToSD"
 SETTING_DATA = "thermal_to_sd.scl"
 SETTINGS = "sinumerik_settings.csv"
+BLOCK_OF_HANDOVER = "FB_ThermalHandover"
+HANDOVER = "thermal_handover.scl"
+ACTIONS = "thermal_sd.spf"
+FIRST_ACTION = 101  #: Number of the first synchronised action.
+FIRST_VALUE = 8  #: Where the values stand in the shared memory of PLC and NC; a K0 and a slope, 4 bytes each, per axis.
+STALE_S = 5.0  #: After so long without the other side, PLC and NC say so.
 #: Default of MD32760 $MA_COMP_ADD_VELO_FACTOR: share of the axis velocity, and largest slope [mm/mm].
 ADD_VELO_FACTOR = 0.01
 VELOCITY_MM_PER_MIN = 10_000.0  #: MD32000 $MA_MAX_AX_VELO of the manual's worked example.
@@ -37,6 +67,7 @@ LARGEST_SLOPE = STEP_MM / (VELOCITY_MM_PER_MIN / 60.0 * IPO_S)
 def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exported:
     """SCL in REAL, the setting data in their units, and a table of what to set on the control."""
     require_own_axes(model, "SINUMERIK setting data, outputs")
+    _require_axis_names(model)
     head = head_lines(model, is_sign_verified=is_sign_verified)
     return with_sheet(
         "sinumerik",
@@ -44,12 +75,20 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
         {
             f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
             SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
+            HANDOVER: joined(
+                filled("sinumerik_handover", head=head, block=BLOCK_OF_HANDOVER, stale=STALE_S).splitlines()
+            ),
+            ACTIONS: _actions(model, is_sign_verified=is_sign_verified),
             SETTINGS: _settings(model),
         },
         findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
         block=BLOCK,
         setter=BLOCK_OF_SETTING_DATA,
         settings=SETTINGS,
+        handover=BLOCK_OF_HANDOVER,
+        actions=ACTIONS,
+        first_value=FIRST_VALUE,
+        stale_s=STALE_S,
         step_mm=STEP_MM,
         cycle_s=IPO_S,
         mm_per_min=VELOCITY_MM_PER_MIN,
@@ -79,6 +118,41 @@ def setting_data_program(model: ModelFile) -> Program:
         w.assign(tan_beta, Real(0.0) if steep is None else steep * MM_PER_MM_PER_UM_PER_M)
         w.assign(reference, _reference_mm(output))
     return w.program(model.name)
+
+
+def _actions(model: ModelFile, *, is_sign_verified: bool) -> str:
+    """Static synchronised actions of the NC: what is within the limits of the guard is taken over, all axes at once."""
+    n, limits, axes = len(model.outputs), decided_limits(model)[0], []
+    for k, output in enumerate(model.outputs, 1):
+        of, at = limits[output.name], FIRST_VALUE + 8 * (k - 1)
+        most = of.clamp_um * MM_PER_UM, of.slope_clamp_um_per_m * MM_PER_MM_PER_UM_PER_M * has_own_line(output)
+        # strictly below, and as a REAL
+        edges = (_decimal(1.000001 * value + 1e-9) for value in most)
+        of_axis = {"axis": output.axis_or_name, "reference": _decimal(_reference_mm(output)), "at": at, "next": at + 4}
+        values = {**dict(zip(("most", "steepest"), edges, strict=True)), **of_axis, "k": k, "good": k + 1}
+        axes.append(filled("sinumerik_axis", whole=n + 1, **values).rstrip().split("\n---\n"))
+    layout, checks, taken = map(list, zip(*axes, strict=True))
+    head = [textwrap.fill(f"; {line}", 100, subsequent_indent=";     ")
+            for line in heading(model, is_sign_verified=is_sign_verified)]  # fmt: skip
+    ends = {"whole": n + 1, "stale": f"{STALE_S:g}", "first": FIRST_ACTION, "last": FIRST_ACTION + 2 * n + 3}
+    text = filled("sinumerik_actions", head=head, layout=layout, checks=checks, taken=taken, **ends)
+    number = count(FIRST_ACTION)
+    return re.sub("^WHENEVER", lambda _: f"IDS={next(number)} WHENEVER", text, flags=re.MULTILINE)
+
+
+def _decimal(value: float) -> str:
+    return np.format_float_positional(value, precision=15, trim="-")
+
+
+def _require_axis_names(model: ModelFile) -> None:
+    for output in model.outputs:
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,30}", output.axis_or_name):
+            raise ExportRefusedError(
+                f"axis {output.axis_or_name!r} of output {output.name!r}",
+                expected="the name of an axis as the NC has it: letters, digits and _, 31 at most, no digit first",
+                where="SINUMERIK synchronised actions, outputs",
+                advice="name the axis of the output in the model file (outputs.axis)",
+            )
 
 
 def _scl(program: Program, block: str, head: list[str]) -> str:
