@@ -150,8 +150,12 @@ class Compensation:
         self._last_s: float | None = None
         self._offset_s: float | None = None
         self._alive = (math.nan, -math.inf)
+        self._is_armed = False  #: A touch-off may come: its flag was down since the start and since the last one
         self._said: dict[str, Any] = {}
         self._refused: str | None = None
+        adapted = [] if model.adaptation is None else [of.output for of in model.adaptation.outputs]
+        if untouched := [name for name in adapted if io.outputs[name].touch is None]:
+            self.journal.tell("no-touch-offs", outputs=untouched, advice="say outputs.NAME.touch in the IO file")
         self._resume()
 
     async def run(self, cycles: int | None = None) -> dict[str, Any]:
@@ -193,9 +197,12 @@ class Compensation:
             {axis: values[name] for axis, name in self._io.positions.items()},
             is_ready=not reasons,
             is_wanted=not self.is_stopping and (control.wanted is None or values[control.wanted] > 0.5),
+            touch_um=(touches := self._touched(values, is_ready=not reasons)),
+            is_touch_valid=bool(touches),
         )
         self.given = given
         self._say_change("mode", int(given.mode))
+        self._say_change("touch-offs", self._touches())
         self._say_change(
             "sensors", {i.name: c.name for i, c in zip(self._model.inputs, given.sensors, strict=True) if c}
         )
@@ -217,6 +224,7 @@ class Compensation:
             "mode": 0 if given is None else int(given.mode),
             "correction_um": {} if given is None else {k: float(v) for k, v in given.correction_um.items()},
             "sensors": self._said.get("sensors", {}),
+            "touch_offs": self._said.get("touch-offs", {}),
             "connections": {name: "open" if link.is_open else "lost" for name, link in self.links.items()},
             "rows_in": self._readings.answers,
             **self._counts,
@@ -254,10 +262,36 @@ class Compensation:
                 reasons.append("no heartbeat of the control")
         return reasons + [f"{name} is not read back" for name, of in self._written.items() if not of.is_trusted(now_s)]
 
+    def _touched(self, values: Mapping[str, float], *, is_ready: bool) -> dict[str, float]:
+        """Per output what the probe shows [um], in the one period in which it becomes valid.
+
+        A flag that was up at the start, or is up again after its connection was lost, is no second touch-off. While
+        the control may have something else than it was told, nothing can be learnt from one.
+        """
+        valid = self._io.control.touch_valid
+        flag = math.nan if valid is None else values[valid]
+        self._is_armed |= flag <= 0.5
+        outputs = self._io.outputs.items()
+        shown = {name: values[of.touch] for name, of in outputs if of.touch and math.isfinite(values[of.touch])}
+        if not (flag > 0.5 and self._is_armed and shown):
+            return {}
+        self._is_armed = False
+        self.journal.tell("touch-off", shown_um=shown, taken=is_ready)
+        return shown if is_ready else {}
+
+    def _touches(self) -> dict[str, Any]:
+        """Per adapted output, what became of its last touch-off, and what all of them taught."""
+        codes = {} if self.given is None else self.given.touches
+        kept = self._guard.retained if codes else {}
+        numbers = {output.name: k for k, output in enumerate(self._model.outputs, 1)}
+        return {name: {"last": code.name, "offset_um": kept[f"offset_{numbers[name]}"]} for name, code in codes.items()}
+
     async def _write(self, given: Corrected, now_s: float) -> None:
         batches: dict[str, dict[str, float]] = {}
         for name, of in self._written.items():
             batches.setdefault(of.at, {})[of.address] = of.write(float(given.correction_um[name]), now_s)
+            if (address := self._io.outputs[name].touch_code) is not None:
+                batches[of.at][address] = float(given.touches[name])
         if (beat := self._io.control.heartbeat) is not None:
             batches.setdefault(beat.at, {})[beat.address] = float(self._counts["cycles"] % HEARTBEATS)
 

@@ -78,18 +78,24 @@ class LiveChannel(Place):
 
 
 class LiveOutput(Place):
-    """``[outputs.NAME]``: where a correction goes, in which unit, and where the control shows what arrived."""
+    """``[outputs.NAME]``: where a correction goes, in which unit, and where the control shows what arrived.
+
+    `touch` is the channel with what a probe shows of an adapted output; at `touch_code` stands what became of it.
+    """
 
     unit: Literal["um", "mm", "m"] = "um"
     read_back: Name | None = None
+    touch: Name | None = None
+    touch_code: Name | None = None
 
 
 class Control(Table):
-    """``[control]``: channels by which the control says that it is ready, wants the correction, and lives."""
+    """``[control]``: channels by which the control says that it is ready, wants the correction, lives, has probed."""
 
     ready: Name | None = None
     wanted: Name | None = None
     alive: Name | None = None
+    touch_valid: Name | None = None
     heartbeat: Place | None = None
 
 
@@ -112,8 +118,12 @@ class IoFile(Table):
         return tuple(dict.fromkeys(one.address for one in self.channels.values() if one.at == connection))
 
     def writes(self, connection: str) -> tuple[str, ...]:
-        """Addresses that are written there: outputs and the heartbeat."""
+        """Addresses that are written there: outputs and `counts`."""
         return tuple(place.address for place in self._written() if place.at == connection)
+
+    def counts(self, connection: str) -> tuple[str, ...]:
+        """Those of them that are whole numbers: heartbeat and codes of touch-offs."""
+        return tuple(one.address for one in self._written() if one.at == connection and not isinstance(one, LiveOutput))
 
     def oldest_s(self, place: Place) -> float:
         """A value older than that is none [s]. A broker hands on what is said, and nothing when nobody says it."""
@@ -122,6 +132,7 @@ class IoFile(Table):
 
     def _written(self) -> Iterator[Place]:
         yield from self.outputs.values()
+        yield from (Place(at=of.at, address=of.touch_code) for of in self.outputs.values() if of.touch_code is not None)
         if self.control.heartbeat is not None:
             yield self.control.heartbeat
 
@@ -174,7 +185,8 @@ def _fits_itself(said: IoFile, where: str) -> None:
             raise _unusable(f"two outputs at {place.address!r}", where, "give each an address of its own")
         taken.add((place.at, place.address))
     control = said.control
-    for watched in (control.ready, control.wanted, control.alive, *said.positions.values()):
+    watching = (control.ready, control.wanted, control.alive, control.touch_valid, *said.positions.values())
+    for watched in (*watching, *(output.touch for output in said.outputs.values())):
         if watched is not None:
             _known(watched, said.channels, f"{where}, key control", "channel")
 
@@ -195,6 +207,16 @@ def _fits(said: IoFile, model: ModelFile, where: str) -> None:
         _known(output.name, said.outputs, f"{where}, key outputs", "output of this name, which the model has,")
     for name in said.outputs:
         _known(name, {output.name: None for output in model.outputs}, f"{where}, key outputs", "output of the model")
+    adapted = () if model.adaptation is None else tuple(of.output for of in model.adaptation.outputs)
+    touched = {name: one for name, one in said.outputs.items() if one.touch is not None or one.touch_code is not None}
+    for name, one in touched.items():
+        _known(name, dict.fromkeys(adapted), f"{where}, key outputs.{name}.touch", "output that touch-offs adapt")
+        if one.touch is None or said.channels[one.touch].role != "displacement":
+            found = f"{one.touch!r} as the touch-off of {name}"
+            raise _unusable(found, f"{where}, key outputs.{name}.touch", 'name a channel of role = "displacement"')
+    if bool(touched) != (said.control.touch_valid is not None):
+        found = "touch-offs without touch_valid" if touched else "touch_valid without a touch-off"
+        raise _unusable(found, f"{where}, key control.touch_valid", "say both, or none of them")
     for axis in axes_of(model):
         _known(axis, said.positions, f"{where}, key positions", "axis, whose position the model needs,")
 

@@ -269,8 +269,7 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     if connection.kind == "opcua":
         from selector.live.opcua import OpcUaLink
 
-        beat = io.control.heartbeat
-        return OpcUaLink(connection, writes, beat.address if beat is not None and beat.at == name else None)
+        return OpcUaLink(connection, writes, io.counts(name))
     if connection.kind == "mqtt":
         from selector.live.mqtt import MqttLink
 

@@ -21,23 +21,8 @@ from selector.controllers.model_file import ModelFile, Output
 from selector.controllers.program.guarded_program import guarded_program
 from selector.controllers.program.language import Place, Program, Real, Writing, plain
 from selector.controllers.single_precision import single_precision_findings
-from selector.controllers.writers.exported import (
-    Exported,
-    ExportRefusedError,
-    filled,
-    heading,
-    require_own_axes,
-    with_sheet,
-)
-from selector.controllers.writers.structured_text import (
-    BLOCK,
-    NAME,
-    SECTIONS,
-    StructuredText,
-    block_text,
-    head_lines,
-    joined,
-)
+from selector.controllers.writers.exported import Exported, ExportRefusedError, filled, require_own_axes, with_sheet
+from selector.controllers.writers.structured_text import BLOCK, NAME, SECTIONS, StructuredText, block_text, head_lines
 from selector.csv_text import csv_text
 from selector.findings import Finding
 
@@ -69,16 +54,15 @@ def sinumerik_export(model: ModelFile, *, is_sign_verified: bool = False) -> Exp
     require_own_axes(model, "SINUMERIK setting data, outputs")
     _require_axis_names(model)
     head = head_lines(model, is_sign_verified=is_sign_verified)
+    said = [part for line in head[1:-1] for part in textwrap.wrap(line[3:], 100, subsequent_indent="    ")]
     return with_sheet(
         "sinumerik",
         model,
         {
             f"{NAME}.scl": scl_text(model, is_sign_verified=is_sign_verified),
             SETTING_DATA: _scl(setting_data_program(model), BLOCK_OF_SETTING_DATA, head),
-            HANDOVER: joined(
-                filled("sinumerik_handover", head=head, block=BLOCK_OF_HANDOVER, stale=STALE_S).splitlines()
-            ),
-            ACTIONS: _actions(model, is_sign_verified=is_sign_verified),
+            HANDOVER: filled("sinumerik_handover", head="\n * ".join(said), block=BLOCK_OF_HANDOVER, stale=STALE_S),
+            ACTIONS: _actions(model, said),
             SETTINGS: _settings(model),
         },
         findings=(*_limit_findings(model), *_axis_findings(model), *single_precision_findings(model, f"{NAME}.scl")),
@@ -120,7 +104,7 @@ def setting_data_program(model: ModelFile) -> Program:
     return w.program(model.name)
 
 
-def _actions(model: ModelFile, *, is_sign_verified: bool) -> str:
+def _actions(model: ModelFile, said: list[str]) -> str:
     """Static synchronised actions of the NC: what is within the limits of the guard is taken over, all axes at once."""
     n, limits, axes = len(model.outputs), decided_limits(model)[0], []
     for k, output in enumerate(model.outputs, 1):
@@ -132,10 +116,8 @@ def _actions(model: ModelFile, *, is_sign_verified: bool) -> str:
         values = {**dict(zip(("most", "steepest"), edges, strict=True)), **of_axis, "k": k, "good": k + 1}
         axes.append(filled("sinumerik_axis", whole=n + 1, **values).rstrip().split("\n---\n"))
     layout, checks, taken = map(list, zip(*axes, strict=True))
-    head = [textwrap.fill(f"; {line}", 100, subsequent_indent=";     ")
-            for line in heading(model, is_sign_verified=is_sign_verified)]  # fmt: skip
     ends = {"whole": n + 1, "stale": f"{STALE_S:g}", "first": FIRST_ACTION, "last": FIRST_ACTION + 2 * n + 3}
-    text = filled("sinumerik_actions", head=head, layout=layout, checks=checks, taken=taken, **ends)
+    text = filled("sinumerik_actions", head="\n; ".join(said), layout=layout, checks=checks, taken=taken, **ends)
     number = count(FIRST_ACTION)
     return re.sub("^WHENEVER", lambda _: f"IDS={next(number)} WHENEVER", text, flags=re.MULTILINE)
 
