@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from selector.controllers.guard.decided import LONGEST_S
 from selector.controllers.guard.guarded_model import Corrected, GuardedModel
 from selector.controllers.model_file import ModelFile, kept_sha256
 from selector.errors import OptionError
@@ -356,7 +357,9 @@ class Compensation:
                 self.journal.tell("kept-of-another-model", file=str(path))
                 return
             self._guard.retain(kept["values"])
-            self._guard.restart(max(0.0, self._clock.wall() - float(kept["time_s"])))
+            off_s = self._clock.wall() - float(kept["time_s"])
+            # a clock that was put back says nothing: as after a long standstill
+            self._guard.restart(off_s if off_s >= 0.0 else LONGEST_S)
         except FileNotFoundError:
             return
         except (OSError, ValueError, TypeError, KeyError) as error:

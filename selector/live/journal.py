@@ -21,13 +21,14 @@ class Journal:
     def __init__(self, folder: Path, clock: Clock) -> None:
         self.folder, self._clock = folder, clock
         self._path = folder / "journal.jsonl"
-        folder.mkdir(parents=True, exist_ok=True)
 
     def tell(self, event: str, **what: Any) -> None:
         """Append an event. A disk that is full does not end the correction: then the line is lost."""
         time = datetime.fromtimestamp(min(max(self._clock.wall(), 0.0), 4e9), UTC).isoformat(timespec="milliseconds")
         line = json.dumps({"time": time, "event": event} | what, ensure_ascii=True) + "\n"
         try:
+            # not before: a process that is refused leaves no folder behind
+            self.folder.mkdir(parents=True, exist_ok=True)
             if self._path.exists() and self._path.stat().st_size > LARGEST_JOURNAL_BYTES:
                 for k in range(JOURNALS_KEPT, 0, -1):
                     older = self._numbered(k - 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import subprocess
+import time
 from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -486,6 +487,10 @@ def test_a_restart_goes_on_with_the_start_readings_of_the_same_model(tmp_path, m
         anew = Printer(klipper_extra(z_model()), arguments=arguments)
         passed(anew, 120, 23.0)
         assert anew.extra.program.start_1 == 23.0
+    for saved_at, least_s, most_s in ((time.time() - 600.0, 600.0, 660.0), (time.time() + 3600.0, 1e6, 1e6)):
+        kept.write_text(re.sub(r"saved-at \d+", f"saved-at {saved_at:.0f}", saved))
+        anew = Printer(klipper_extra(z_model()), arguments=arguments)
+        assert least_s - 1.0 <= anew.extra.program.standstill_s <= most_s
     kept.write_text(saved.replace("start_1 20.0", "start_1 nan"))
     anew = Printer(klipper_extra(z_model()), arguments=arguments)
     passed(anew, 120, 23.0)

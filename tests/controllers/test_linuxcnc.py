@@ -125,6 +125,12 @@ def test_memory_is_given_back_to_the_same_model_only(tmp_path, monkeypatch):
     expected = ("has-memory-1 TRUE", "start-1 21.5", "has-start-1 TRUE",
                 "has-memory-2 TRUE", "start-2 22.25", "has-start-2 TRUE", "restart 1")  # fmt: skip
     assert told == [f"thermcorr.{line}" for line in expected]
+    # a clock that was put back
+    kept = tmp_path / "thermcorr_kept.txt"
+    kept.write_text(re.sub(r"(?m)^saved-at \d+$", "saved-at 9999999999", kept.read_text()))
+    (tmp_path / "told.txt").unlink()
+    assert called(of_patent, "restore") == 0
+    assert "thermcorr.standstill 1000000" in (tmp_path / "told.txt").read_text().splitlines()
     assert called(of_patent, "forget") == 2
 
 

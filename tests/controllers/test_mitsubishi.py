@@ -225,6 +225,17 @@ def test_what_was_kept_by_others_or_is_damaged_is_not_taken(damaged, tmp_path):
     assert anew.program.start_1 == 23.0
 
 
+def test_a_clock_that_was_put_back_counts_as_a_long_standstill(tmp_path):
+    control_of = offsets(z_model(), Control(), tmp_path)
+    for _ in range(310):
+        control_of.cycle(1.0, [20.0])
+    kept = tmp_path / "kept.json"
+    saved = json.loads(kept.read_text())
+    for later_s, least_s, most_s in ((-600.0, 600.0, 660.0), (3600.0, 1e6, 1e6)):
+        kept.write_text(json.dumps(saved | {"saved_at": saved["saved_at"] + later_s}))
+        assert least_s <= offsets(z_model(), Control(), tmp_path).program.standstill_s <= most_s
+
+
 def test_drives_off_is_zero_at_once(tmp_path):
     control = Control()
     control_of = offsets(z_model(), control, tmp_path)

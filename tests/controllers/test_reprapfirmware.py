@@ -393,6 +393,29 @@ def test_without_a_clock_memory_begins_as_after_a_long_standstill():
     assert number(again, "level_1") == pytest.approx(2.8765, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("saved", "now", "standstill_s"),
+    [
+        (NOON, NOON + 600, 600.0 - 330.0),  # five minutes and a half after `saved` it was written
+        (NOON, NOON - 3600, 1e6),
+        (NOON, 5, 1e6),
+        (None, 5, 1e6),
+        (None, NOON, 1e6),
+        (NOON, None, 1e6),
+    ],
+)
+def test_a_clock_that_was_not_set_or_was_put_back_counts_as_a_long_standstill(saved, now, standstill_s):
+    model = memory_model()
+    was = board(model)
+    passed(was, 120, 20.0)
+    was.time = None if saved is None else DateTime(saved + 330)
+    passed(was, 210, 20.0)
+    again = board(model, {kept_of(was): was.files[kept_of(was)]})
+    again.time = None if now is None else DateTime(now)
+    passed(again, 1, 20.0)
+    assert number(again, "standstill_s") == standstill_s
+
+
 def test_what_a_power_failure_has_cut_off_is_not_believed():
     model = memory_model()
     was = warm(model)

@@ -18,6 +18,7 @@ from selector.live.collecting import Collection, gap_rows
 from selector.live.io_file import read_io
 from selector.live.links import FastClock, Sample
 from selector.readers import read
+from tests.live.plants import io_text
 
 BEGUN_S = 1_772_359_200.0  # 2026-03-01T10:00:00Z
 
@@ -221,3 +222,10 @@ def test_a_lake_of_two_machines_asks_for_one(tmp_path, capsys):
         (tmp_path / f"machine={name}" / "month=2026-03").mkdir(parents=True)
     assert exit_status(["describe", str(tmp_path)]) == 2
     assert "machine=a, machine=b" in capsys.readouterr().err
+
+
+def test_what_is_refused_leaves_no_lake_behind(tmp_path, capsys):
+    (tmp_path / "io.toml").write_text(io_text('kind = "file"\nurl = "no.csv"'), "utf-8")
+    assert exit_status(["collect", str(tmp_path / "io.toml"), "--out", str(tmp_path / "lake")]) == 2
+    assert "no such file" in capsys.readouterr().err
+    assert not (tmp_path / "lake").exists()

@@ -99,8 +99,10 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     assert command(folder, "--fast", "--json") == 0
     assert 50 < json.loads(capsys.readouterr().out)["cycles"] < 300
     (folder / "day.csv").write_text(text.replace("time_s", "when"), "utf-8")
+    before = sorted((folder / "out").iterdir())
     assert command(folder, "--fast") == 2
     assert "time_s" in capsys.readouterr().err
+    assert sorted((folder / "out").iterdir()) == before
 
 
 @pytest.mark.parametrize(
@@ -131,7 +133,7 @@ def test_an_io_file_that_cannot_be_used(folder, capsys, old, new, told):
     assert told in error
     assert "secret@" not in error
     assert not (folder / "given.csv").exists()
-    assert not (folder / "out" / "journal.jsonl").exists()
+    assert not (folder / "out").exists()
 
 
 def test_a_password_is_a_secret(folder, capsys, monkeypatch):

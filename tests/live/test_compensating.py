@@ -9,7 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.live.plants import CLAMP_UM, beyond_the_guard, plant, run
+from selector.controllers.guard.guarded_model import GuardedModel
+from selector.live.compensating import Compensation
+from selector.live.io_file import read_io
+from selector.live.links import FastClock
+from tests.live.plants import CLAMP_UM, beyond_the_guard, model, plant, run
 
 
 def journal(folder):
@@ -179,6 +183,16 @@ def test_a_restart_keeps_the_start_readings(tmp_path):
     run(again, later, 40)
     # as much as before the restart: 24 is a rise of 4 K, not a new start
     assert other.arrived[-1][1] == pytest.approx(-8.0)
+
+
+@pytest.mark.parametrize(("later_s", "standstill_s"), [(600.0, 600.0), (0.0, 0.0), (-3600.0, 1e6)])
+def test_a_clock_that_was_put_back_counts_as_a_long_standstill(tmp_path, monkeypatch, later_s, standstill_s):
+    process, _, clock = warmed(tmp_path)
+    process._keep()
+    told = []
+    monkeypatch.setattr(GuardedModel, "restart", lambda _, seconds: told.append(seconds))
+    Compensation(model(), read_io(tmp_path / "io.toml", model()), FastClock(clock.wall() + later_s), tmp_path / "out")
+    assert told == [standstill_s]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"model": 1}', "\x00", '{"model": null, "time_s": "x", "values": {}}'])

@@ -700,6 +700,9 @@ class PrinterCorrection:
                                 self.kept_file)
                 return
             off = time.time() - float(kept['saved-at'])
+            if off < 0.:
+                # a clock that was put back says nothing
+                off = 1e6
             values = [float(kept[name]) for name, is_flag in RETAINED]
         except (IOError, OSError):
             return  # the first start

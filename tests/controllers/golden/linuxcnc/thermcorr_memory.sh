@@ -23,7 +23,12 @@ restore)
     while read -r name value; do
         case "$name" in
         model) ;;
-        saved-at) halcmd setp thermcorr.standstill $(($(date +%s) - value)) ;;
+        saved-at)
+            off=$(($(date +%s) - value))
+            # a clock that was put back says nothing: as after a long standstill
+            [ "$off" -ge 0 ] || off=1000000
+            halcmd setp thermcorr.standstill "$off"
+            ;;
         *) halcmd setp "thermcorr.$name" "$value" ;;
         esac || exit 1
     done < "$kept"

@@ -129,6 +129,8 @@ class Offsets:
                 return
             values = {name: type(getattr(self.program, name))(found["kept"][name]) for name in RETAINED}
             off_s = time.time() - float(found["saved_at"])
+            if off_s < 0.0:
+                off_s = 1e6  # a clock that was put back says nothing: as after a long standstill
         except (OSError, ValueError, KeyError, TypeError):
             return  # the first start, or damaged: start readings are taken anew
         for name, value in values.items():

@@ -32,8 +32,10 @@ if !global.selector_is_started
   if fileexists("selector_kept_a6dda75b.g")
     set global.selector_standstill_s = 1e+06
     M98 P"selector_kept_a6dda75b.g"
-    if global.selector_is_restart && state.time != null
-      set global.selector_standstill_s = 0.0 + (+state.time - global.selector_saved_at)
+    ; a clock that was not set, or was put back, says nothing
+    if global.selector_is_restart && state.time != null && global.selector_saved_at > 0
+      if +state.time >= global.selector_saved_at
+        set global.selector_standstill_s = 0.0 + (+state.time - global.selector_saved_at)
  ; whole seconds: seconds and milliseconds are not read at the same time
 var now = state.upTime
 set global.selector_dt_s = 0.0 + (var.now - global.selector_called_at)
