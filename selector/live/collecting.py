@@ -57,6 +57,7 @@ class Collection:
         self._lake = Lake(folder, io.machine, sections, self._journal.tell)
         self.is_stopping = False
         self._rows = self._filled = 0
+        self._row_s = -math.inf
         last_s = self._lake.last_s()
         self._heard_s = {name: last_s for name in self._links if self._io.reads(name)}
         self._filling: set[asyncio.Task[None]] = set()
@@ -98,7 +99,9 @@ class Collection:
         wall_s, period_s = self._clock.wall(), self._io.period_s
         time_s = round(wall_s / period_s) * period_s
         values = [value for value, _ in samples.values()]
-        if not all(map(math.isnan, values)):
+        # a period that came late and one in time may be one moment of the lake
+        if not all(map(math.isnan, values)) and time_s != self._row_s:
+            self._row_s = time_s
             sources = [source for _, source in samples.values() if source is not None]
             self._lake.append(time_s, max(sources, default=None), wall_s, values)
             self._rows += 1

@@ -229,3 +229,16 @@ def test_what_is_refused_leaves_no_lake_behind(tmp_path, capsys):
     assert exit_status(["collect", str(tmp_path / "io.toml"), "--out", str(tmp_path / "lake")]) == 2
     assert "no such file" in capsys.readouterr().err
     assert not (tmp_path / "lake").exists()
+
+
+def test_a_late_period_and_one_in_time_are_not_two_rows_of_one_moment(tmp_path):
+    made, _ = collection(tmp_path)
+
+    async def work():
+        for moment_s in (0.0, 1.6, 2.0, 3.0):
+            await made._clock.sleep_until(moment_s)
+            await made.step()
+
+    asyncio.run(work())
+    # what a killed process leaves is not merged any more
+    assert made._rows == 3
