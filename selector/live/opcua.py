@@ -26,8 +26,8 @@ _COUNTS = {
 class OpcUaLink:
     """A server and its nodes, called by their NodeId, such as ``ns=2;s=Spindle.T1``."""
 
-    def __init__(self, connection: Connection, writes: Iterable[str], counts: Iterable[str]) -> None:
-        self._connection, self._writes, self._counts = connection, tuple(writes), tuple(counts)
+    def __init__(self, connection: Connection, writes: Iterable[str], integers: Iterable[str]) -> None:
+        self._connection, self._writes, self._integers = connection, tuple(writes), tuple(integers)
         self._client: Client | None = None
         self._types: dict[str, ua.VariantType] = {}
 
@@ -56,7 +56,7 @@ class OpcUaLink:
             raise TypeError(f"{address} has the type {declared.to_string()}, expected Float or Double")
         if held is not None and held is not kind:
             raise TypeError(f"{address} is declared as {kind.name} and holds {held.name}: correct it in the control")
-        if kind not in (_REALS | _COUNTS if address in self._counts else _REALS) or (
+        if kind not in (_REALS | _COUNTS if address in self._integers else _REALS) or (
             value.Value is not None and value.Value.is_array
         ):
             raise TypeError(f"{address} has the type {kind.name}, expected one number, Float or Double")
