@@ -7,6 +7,8 @@ are published is said for those that are missing. RESULTS receives a file a case
 table.json; what is there already is not asked again (`--again` does). `--check` builds the cases and shows what was
 read, without asking anything, `--list` shows what is declared of them. The half that is set apart by lot (`--lot` shows
 it) is asked once, when the method stands: with `--final`; so is the third set.
+`--seeds 5` asks the chosen cases five times more, with white noise of their own size on the compared channels, and
+tells where names or verdict change (seeds.txt).
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.real.case import RealCase
+from benchmarks.real.case import RealCase, noisy
 from benchmarks.real.rigs import CASES
 from benchmarks.real.score import judged, sums, text_of
 from benchmarks.real.sources import EVERY, SENTENCE, SHIPPED, halves
@@ -41,7 +43,7 @@ def main() -> None:
             print(f"  {rig:18s} {half}")
         return
     if options.one:
-        print(json.dumps(answered(_named(options.one), options.recordings)))
+        print(json.dumps(answered(_named(options.one), options.recordings, options.noise_seed)))
         return
     if options.half in ("apart", "third") and not (options.final or options.check or options.list):
         sys.exit(f"the half {options.half} is asked once, when the method stands: --final")
@@ -58,6 +60,10 @@ def main() -> None:
     if options.out is None:
         sys.exit("where do the answers go? Name a folder with --out")
     options.out.mkdir(parents=True, exist_ok=True)
+    if options.seeds:
+        lines = [line for case in there for line in _printed(shaken(case, options))]
+        (options.out / "seeds.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return
     with ThreadPoolExecutor(options.jobs) as workers:
         rows = list(workers.map(lambda case: _row(case, options), there))
     summed = sums(rows)
@@ -83,12 +89,13 @@ def declared(case: RealCase) -> str:
     return "\n".join([f"{case.name} ({case.kind})", *(f"  {name:11s} {words}" for name, words in told.items())])
 
 
-def answered(case: RealCase, recordings: Path) -> dict[str, Any]:
-    """What the tool says of a case, with the seconds that it took."""
+def answered(case: RealCase, recordings: Path, noise_seed: int | None = None) -> dict[str, Any]:
+    """What the tool says of a case, with the seconds that it took; with a seed, with its own noise added."""
     from selector.diagnosis.matching.alignment import comparison_of
     from selector.diagnosis.workflow import diagnosis
 
-    recording, simulation, holdout = case.build(recordings / case.rig)
+    given = case.build(recordings / case.rig)
+    recording, simulation, holdout = given if noise_seed is None else noisy(given, noise_seed)
     started = time.perf_counter()
     comparison = comparison_of(recording, simulation, holdout=holdout)
     found = diagnosis(comparison, seed=SEED)
@@ -114,19 +121,42 @@ def read_in(case: RealCase, recordings: Path) -> str:
     return "\n".join(lines)
 
 
-def _row(case: RealCase, options: argparse.Namespace) -> dict[str, Any]:
-    """The judged answer of a case, from its file if it was asked before."""
-    path = options.out / (case.name.replace("/", "__").replace(" ", "_") + ".json")
+def told(case: RealCase, options: argparse.Namespace, noise_seed: int | None = None) -> dict[str, Any]:
+    """The answer to a case, from its file if it was asked before."""
+    ending = "" if noise_seed is None else f"__noise_{noise_seed}"
+    path: Path = options.out / (case.name.replace("/", "__").replace(" ", "_") + ending + ".json")
     if options.again or not path.is_file():
-        path.write_text(json.dumps(_in_own_process(case, options), indent=1) + "\n", encoding="utf-8")
-    row = judged(case, json.loads(path.read_text(encoding="utf-8")))
+        path.write_text(json.dumps(_in_own_process(case, options, noise_seed), indent=1) + "\n", encoding="utf-8")
+    return dict(json.loads(path.read_text(encoding="utf-8")))
+
+
+def shaken(case: RealCase, options: argparse.Namespace) -> list[str]:
+    """A line for every seed whose noise changes names or verdict of a case, and one of how many do."""
+
+    def said(noise_seed: int | None) -> tuple[str, str]:
+        answer = told(case, options, noise_seed).get("answer")
+        if answer is None:
+            return "failed", ""
+        return answer["verdict"], ", ".join(sorted({effect["id"] for effect in answer["effects"]}))
+
+    plain = said(None)
+    others = {seed: said(seed) for seed in range(options.seeds)}
+    changed = {seed: one for seed, one in others.items() if one != plain}
+    lines = [f"{case.name:32s} {len(changed)} of {options.seeds} changed: {plain[0]} {plain[1]}"]
+    return lines + [f"{'':34s}seed {seed}: {verdict} {names}" for seed, (verdict, names) in changed.items()]
+
+
+def _row(case: RealCase, options: argparse.Namespace) -> dict[str, Any]:
+    row = judged(case, told(case, options))
     print(f"{case.name:26s} {row['credit']:16s} {row['verdict']:18s} {row['names']}", file=sys.stderr, flush=True)
     return row
 
 
-def _in_own_process(case: RealCase, options: argparse.Namespace) -> dict[str, Any]:
+def _in_own_process(case: RealCase, options: argparse.Namespace, noise_seed: int | None) -> dict[str, Any]:
     command = [sys.executable, "-m", "benchmarks.real_diagnosis", "--one", case.name]
     command += ["--recordings", str(options.recordings)]
+    if noise_seed is not None:
+        command += ["--noise-seed", str(noise_seed)]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
     try:
         done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=options.limit)
@@ -144,6 +174,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--half", choices=("development", "apart", "second", "third"), default="development")
     parser.add_argument("--case", nargs="+", default=[], help="cases whose name holds one of these")
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=0, help="ask with noise of so many seeds: does the answer hold?")
     parser.add_argument("--limit", type=float, default=600.0, help="seconds a case")
     parser.add_argument("--again", action="store_true")
     parser.add_argument("--check", action="store_true")
@@ -151,7 +182,13 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--lot", action="store_true")
     parser.add_argument("--final", action="store_true")
     parser.add_argument("--one", help=argparse.SUPPRESS)
+    parser.add_argument("--noise-seed", type=int, help=argparse.SUPPRESS)
     return parser.parse_args()
+
+
+def _printed(lines: list[str]) -> list[str]:
+    print("\n".join(lines), flush=True)
+    return lines
 
 
 def _asked(case: RealCase, parts: Sequence[str]) -> bool:

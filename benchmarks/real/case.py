@@ -73,3 +73,26 @@ def least_squares(columns: Sequence[Vector | float], target: Vector) -> Vector:
     """Factors of the columns that leave least of the target; a number is a constant column."""
     matrix = np.column_stack([np.broadcast_to(column, target.shape) for column in columns])
     return np.asarray(np.linalg.lstsq(matrix, target, rcond=None)[0], dtype=np.float64)
+
+
+def noisy(given: Pair, seed: int) -> Pair:
+    """The pair with white noise on the compared channels, of the noise that each has in each run (`noise_of`)."""
+    draw = np.random.default_rng(seed)
+    frame = given.recording.frame.copy()
+    for run in given.recording.runs:
+        rows = frame.index.get_level_values("run") == run
+        for name in given.simulation.names:
+            values = frame.loc[rows, name].to_numpy(dtype=np.float64)
+            frame.loc[rows, name] = values + noise_of(values) * draw.standard_normal(len(values))
+    return given._replace(recording=given.recording.with_values(frame))
+
+
+def noise_of(values: Vector) -> float:
+    """Standard deviation of the noise by the median second difference; of a coarse reading that of its step."""
+    known = values[np.isfinite(values)]
+    second = np.abs(np.diff(known, 2))
+    steps = np.abs(np.diff(known))
+    if not len(second) or not steps.any():
+        return 0.0
+    spread = float(np.median(second)) / (0.6745 * np.sqrt(6.0))
+    return spread if spread > 0.0 else float(steps[steps > 0.0].min() / np.sqrt(12.0))

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.real.case import RealCase
+from benchmarks.real.case import SIMULATED, RealCase, noise_of, noisy, pair
 from benchmarks.real.collect import clone_of
 from benchmarks.real.cut import CUTS
 from benchmarks.real.cut import written as cut_files
@@ -22,6 +22,7 @@ from benchmarks.real.score import judged, sums, text_of
 from benchmarks.real.sources import EVERY, KNOWN, SECOND, THIRD, halves
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.matching.alignment import comparison_of
+from selector.recording import Channel
 
 APART = {
     *("f16", "ball_hoop", "odrive", "cart_pendulum", "probe_drift"),
@@ -76,6 +77,26 @@ def test_a_clone_is_found_in_every_form_that_is_told(tmp_path, folder, inside):
     git.mkdir(parents=True)
     (git / "HEAD").write_text("ref: refs/heads/main\n", encoding="utf-8")
     assert clone_of(source, tmp_path) == git
+
+
+def test_noise_that_is_added_is_as_large_as_that_of_the_channel_and_of_nothing_else():
+    times = 0.01 * np.arange(4000)
+    course = np.sin(2.0 * np.pi * times / 10.0)
+    read = course + 0.02 * np.random.default_rng(3).standard_normal(len(times))
+    # the median of 4000 second differences is right to 2 %; the course adds nothing that would be seen
+    assert noise_of(read) == pytest.approx(0.02, rel=0.06)
+    assert noise_of(np.round(course, 1)) == pytest.approx(0.1 / np.sqrt(12.0))
+    assert noise_of(np.zeros(10)) == 0.0
+    one = pd.DataFrame({"T": read, "T" + SIMULATED: course, "heat": course}, index=pd.Index(times, name="time_s"))
+    channels = (Channel("T", "temperature", "degC"), Channel("heat", "state", "1"))
+    given = pair({"r1": one, "r2": one}, channels)
+    shaken = noisy(given, 1)
+    added = shaken.recording.frame - given.recording.frame
+    assert added["T"].std() == pytest.approx(noise_of(read), rel=0.05)
+    assert not added["heat"].any()
+    assert shaken.simulation is given.simulation
+    pd.testing.assert_frame_equal(noisy(given, 1).recording.frame, shaken.recording.frame)
+    assert (noisy(given, 2).recording.frame["T"] != shaken.recording.frame["T"]).any()
 
 
 def written(folder: Path, name: str, text: str) -> None:
