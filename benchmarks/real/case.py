@@ -88,11 +88,14 @@ def noisy(given: Pair, seed: int) -> Pair:
 
 
 def noise_of(values: Vector) -> float:
-    """Standard deviation of the noise by the median second difference; of a coarse reading that of its step."""
+    """Standard deviation of the noise by the median second difference; of a coarse reading that of its step.
+
+    Never more than the course itself scatters, as the differences of a noise that alternates would give.
+    """
     known = values[np.isfinite(values)]
     second = np.abs(np.diff(known, 2))
     steps = np.abs(np.diff(known))
     if not len(second) or not steps.any():
         return 0.0
     spread = float(np.median(second)) / (0.6745 * np.sqrt(6.0))
-    return spread if spread > 0.0 else float(steps[steps > 0.0].min() / np.sqrt(12.0))
+    return min(spread, float(known.std())) if spread > 0.0 else float(steps[steps > 0.0].min() / np.sqrt(12.0))

@@ -87,6 +87,8 @@ def test_noise_that_is_added_is_as_large_as_that_of_the_channel_and_of_nothing_e
     assert noise_of(read) == pytest.approx(0.02, rel=0.06)
     assert noise_of(np.round(course, 1)) == pytest.approx(0.1 / np.sqrt(12.0))
     assert noise_of(np.zeros(10)) == 0.0
+    # differences of a noise that alternates are larger than the noise
+    assert noise_of(np.tile([-0.1, 0.1], 100)) == pytest.approx(0.1)
     one = pd.DataFrame({"T": read, "T" + SIMULATED: course, "heat": course}, index=pd.Index(times, name="time_s"))
     channels = (Channel("T", "temperature", "degC"), Channel("heat", "state", "1"))
     given = pair({"r1": one, "r2": one}, channels)
