@@ -298,10 +298,13 @@ def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
     kinds: dict[frozenset[str], list[TimedRun]] = {}
     for run in runs:
         kinds.setdefault(frozenset(one.name for one in planned.channels if run.name in one.headers), []).append(run)
-    if len(kinds) != 2:
+    # beside runs of one logger only those are halves in which some of its channels are missing
+    whole = [of for of in kinds if any(other < of for other in kinds)]
+    halves = {of: found for of, found in kinds.items() if of not in whole}
+    if len(halves) != 2:
         return []
     roles = {one.name: one.role for one in planned.channels}
-    (first, firsts), (second, seconds) = kinds.items()
+    (first, firsts), (second, seconds) = halves.items()
     moved = ["displacement" in {roles[name] for name in of} for of in (first, second)]
     if first & second or moved[0] == moved[1]:
         return []
@@ -309,7 +312,9 @@ def two_loggers(runs: Sequence[TimedRun], planned: Plan) -> list[Finding]:
     warm, gauged = named if moved[1] else reversed(named)
     both = [key for key in warm if key in gauged]
     is_plain = warm.keys() == gauged.keys() or len(both) > 1
-    if not is_plain or not all(_may_be_one(warm[key], gauged[key]) for key in both):
+    # of a pair that stands alone no name says that it is one
+    is_vague = bool(whole) and len(both) == 1 and not _has_dates(warm[both[0]], gauged[both[0]])
+    if not is_plain or is_vague or not all(_may_be_one(warm[key], gauged[key]) for key in both):
         return []
     pairs = {warm[key].name: gauged[key].name for key in both}
     alone = [run.name for of in (warm, gauged) for key, run in of.items() if key not in both]

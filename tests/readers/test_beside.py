@@ -298,6 +298,27 @@ def test_a_gauge_file_that_is_missing_leaves_the_other_pairs(loggers):
     assert "logger_4" in told.statement
 
 
+@pytest.mark.parametrize(("late_days", "is_told"), [(0, True), (1, False)])
+def test_one_run_in_two_files_is_seen_beside_runs_that_are_whole(loggers, late_days, is_told):
+    for k in (1, 2):
+        warm, gauge = (pd.read_csv(loggers / f"{kind}_{k}.csv", parse_dates=["time"]) for kind in ("logger", "gauge"))
+        pd.merge_asof(warm, gauge, on="time").to_csv(loggers / f"whole_{k}.csv", index=False)
+    late = pd.read_csv(loggers / "gauge_3.csv", parse_dates=["time"])
+    late["time"] += pd.Timedelta(days=late_days)
+    late.to_csv(loggers / "gauge_3.csv", index=False)
+    reading = read([loggers / f"{name}.csv" for name in ("whole_1", "whole_2", "logger_3", "gauge_3")])
+    told = [one.evidence["beside"] for one in reading.findings if one.id == "two-loggers"]
+    assert told == [{"logger_3": "gauge_3"}] * is_told
+
+
+def test_without_dates_nothing_says_that_two_files_beside_whole_runs_are_one(tmp_path):
+    seconds = SLOW_S * np.arange(ROWS)
+    whole = pd.DataFrame({"t [s]": seconds, "T1 [degC]": 20.0 + course(seconds, 1), "Z [um]": course(seconds, 2)})
+    for name, left in (("a", []), ("b", ["Z [um]"]), ("c", ["T1 [degC]"])):
+        whole.drop(columns=left).to_csv(tmp_path / f"{name}.csv", index=False)
+    assert "two-loggers" not in {one.id for one in read([tmp_path]).findings}
+
+
 @pytest.mark.parametrize(
     ("files", "said", "found"),
     [

@@ -134,9 +134,9 @@ def _test(recording: Recording, run: str) -> tuple[Test, int]:
     """What moved, and the first sample with motion."""
     spindle = recording.values(run, recording.with_role("spindle_speed"))
     feeds = recording.values(run, recording.with_role("feed_rate", "velocity"))
-    turning, moving = (np.nan_to_num(np.abs(part)).max(axis=1, initial=0.0) > 0.0 for part in (spindle, feeds))
-    if not spindle.shape[1] + feeds.shape[1]:
+    if not np.isfinite(np.hstack([spindle, feeds])).any():
         return "unknown", 0
+    turning, moving = (np.nan_to_num(np.abs(part)).max(axis=1, initial=0.0) > 0.0 for part in (spindle, feeds))
     if not (turning | moving).any():
         return "environment", 0
     return ("axes" if moving.any() else "spindle"), int(np.argmax(turning | moving))

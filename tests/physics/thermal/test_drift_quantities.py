@@ -85,6 +85,8 @@ def test_kinds_of_tests():
     }  # fmt: skip
     for kind, moved in kinds.items():
         assert drift_quantities(five_probes(time_s, **moved))[0].test == kind
+    # a speed that another run has says nothing of this one
+    assert drift_quantities(five_probes(time_s, speed=np.nan * on))[0].test == "unknown"
 
 
 def test_a_short_test_has_no_first_hour_and_missing_readings_are_passed_over():
