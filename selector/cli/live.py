@@ -67,6 +67,7 @@ def compensate(
     from selector.controllers.self_check import usable_model
     from selector.live.compensating import Compensation
     from selector.live.io_file import read_io
+    from selector.live.journal import status_words
     from selector.live.links import FastClock, RealClock
 
     read, _ = usable_model(model)
@@ -86,8 +87,7 @@ def compensate(
         showing.print_json(status)
         return
     console = showing.screen()
-    rows = [(key, str(value)) for key, value in status.items() if key != "schema"]
-    console.print(showing.table("Process beside the control", ["what", "value"], rows))
+    console.print(showing.table("Process beside the control", ["what", "now"], status_words(status, read)))
     showing.show_written(console, out)
 
 

@@ -103,17 +103,15 @@ def _levels(given: list[str] | None) -> float | tuple[float, ...] | None:
         raise OptionError(
             ", ".join(given), expected="auto alone, or numbers", where="--lambda", advice="use one or the other"
         )
-    levels = tuple(_number(text, "--lambda") for text in given)
+    levels = tuple(_number(text, "--lambda", "a number from 0 to 1, or auto") for text in given)
     return levels[0] if len(levels) == 1 else levels
 
 
-def _number(text: str, where: str) -> float:
+def _number(text: str, where: str, expected: str = "a number with a decimal point") -> float:
     try:
         return float(text)
     except ValueError:
-        raise OptionError(
-            repr(text), expected="a number with a decimal point", where=where, advice="e.g. 0.995 or 2"
-        ) from None
+        raise OptionError(repr(text), expected=expected, where=where, advice="e.g. 0.995, with a point") from None
 
 
 @with_source

@@ -135,12 +135,14 @@ def evaluate_after(
 
     Rises have at the start what they have in the run by itself.
     """
-    alone = evaluate(model, time_s, readings, start_readings, positions_m)
-    found = evaluate(model, time_s, readings, start_readings, positions_m, earlier) if earlier else alone
+    found = evaluate(model, time_s, readings, start_readings, positions_m, earlier)
     for output in model.outputs if earlier else ():
-        known = np.flatnonzero(np.isfinite(found[output.name]))
-        if len(known) and output.reference == "rise":
-            found[output.name] = found[output.name] + (alone[output.name] - found[output.name])[known[0]]
+        known = np.flatnonzero(np.isfinite(found[output.name]))[:1]
+        for first in known if output.reference == "rise" else ():
+            begin = slice(first + 1)
+            inputs, at = ({k: v[begin] for k, v in (of or {}).items()} for of in (readings, positions_m))
+            alone = evaluate(model, time_s[begin], inputs, start_readings, at or None)[output.name][first]
+            found[output.name] = found[output.name] + (alone - found[output.name][first])
     return found
 
 

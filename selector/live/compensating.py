@@ -368,6 +368,6 @@ class Compensation:
     def _keep(self) -> None:
         kept = {"model": kept_sha256(self._model), "time_s": self._clock.wall(), "values": self._guard.retained}
         try:
-            write_status(self.journal.folder, self.status(), kept)
+            write_status(self.journal.folder, self.status(), kept, self._model)
         except OptionError as error:
             self.journal.tell("status-not-written", error=str(error)[:200])

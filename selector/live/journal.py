@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from selector.atomic_file import write_whole
+from selector.controllers.guard.decided import mode_words
+from selector.controllers.model_file import ModelFile
 from selector.json_text import json_text
 from selector.live.links import Clock
+from selector.number_text import number_text
 
 LARGEST_JOURNAL_BYTES = 10_000_000
 JOURNALS_KEPT = 5
@@ -43,7 +46,34 @@ class Journal:
         return self._path if k == 0 else self._path.with_name(f"journal.{k}.jsonl")
 
 
-def write_status(folder: Path, status: Mapping[str, Any], kept: Mapping[str, Any]) -> None:
+def status_words(status: Mapping[str, Any], model: ModelFile) -> list[tuple[str, str]]:
+    """What people read of a status: what it is, and what it is now."""
+
+    def each(key: str) -> str:
+        words = [f"{name}: {str(value).lower().replace('_', ' ')}" for name, value in status[key].items()]
+        return ", ".join(words)
+
+    ready = "yes" if status["ready"] else "no: journal.jsonl says why"
+    corrections = [f"{name} {number_text(value)} µm" for name, value in status["correction_um"].items()]
+    latency = [f"{number_text(status[key])} ms" for key in ("latency_median_ms", "latency_999_ms")]
+    return [
+        ("machine", status["machine"]),
+        ("time", f"{datetime.fromtimestamp(status['time'], UTC):%Y-%m-%d %H:%M:%S} UTC"),
+        ("ready", ready),
+        ("correction", ", ".join(corrections) or "–"),
+        ("follows", mode_words(status["mode"], model)),
+        ("sensors", each("sensors") or "all are well"),
+        ("connections", each("connections")),
+        ("periods", f"{status['cycles']}, {status['late_cycles']} of them late"),
+        ("answers of servers", str(status["rows_in"])),
+        ("writes confirmed", str(status["rows_out"])),
+        ("values read back", f"{status['rows_confirmed']} as written, {status['mismatches']} something else"),
+        ("from question to write", f"{latency[0]} at the median, {latency[1]} at 99.9 %"),
+        ("last refused write", status["refused"] or "none"),
+    ]
+
+
+def write_status(folder: Path, status: Mapping[str, Any], kept: Mapping[str, Any], model: ModelFile) -> None:
     """``status.html``, ``status.json``, ``metrics.prom`` (Prometheus) and ``kept.json`` (for a restart), each whole.
 
     Raises OptionError: the disk is full, or the folder is gone.
@@ -53,16 +83,10 @@ def write_status(folder: Path, status: Mapping[str, Any], kept: Mapping[str, Any
     numbers = {key: value for key, value in status.items() if isinstance(value, int | float)}
     metrics = "".join(f"selector_live_{key} {float(value)!r}\n" for key, value in numbers.items())
     write_whole(folder / "metrics.prom", metrics.encode())
-    rows = "".join(f"<tr><th>{escape(key)}<td>{escape(_shown(value))}\n" for key, value in status.items())
+    rows = "".join(f"<tr><th>{escape(what)}<td>{escape(now)}\n" for what, now in status_words(status, model))
     page = (
         '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="10"><title>selector live</title>'
         "<style>body{font:16px sans-serif}th{text-align:left;padding-right:2em;vertical-align:top}</style>"
         f"<h1>Process beside the control</h1><p>This is not a safety function.</p><table>{rows}</table>\n"
     )
     write_whole(folder / "status.html", page.encode())
-
-
-def _shown(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key}: {_shown(one)}" for key, one in value.items()) or "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

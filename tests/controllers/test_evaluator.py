@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selector.controllers import evaluator
-from selector.controllers.evaluator import Evaluator, evaluate
+from selector.controllers.evaluator import Evaluator, evaluate, evaluate_after
 from selector.controllers.model_file import Input, ModelFile, Output, State, Term
 from selector.errors import RecordingError
 from selector.models.design import lagged
@@ -230,3 +230,21 @@ def test_samples_of_37_sensors_are_evaluated_many_at_once():
         result = evaluate(model, time_s, dict.fromkeys(names, column))["Z"]
     assert np.isfinite(result).all()
     assert calls.count < n / 10
+
+
+def test_a_run_with_memory_of_another_begins_as_alone_and_is_computed_once(monkeypatch):
+    model = lag_model()
+    model = model.model_copy(update={"outputs": (model.outputs[0].model_copy(update={"reference": "rise"}),)})
+    time_s, readings = warm_up()
+    of = {"T1": np.r_[np.nan, np.nan, readings["T1"][2:]]}
+    earlier, start = [(time_s - 20_000.0, {"T1": readings["T1"] + 3.0})], {"T1": 20.5}
+    alone = evaluate(model, time_s, of, start)["Z"]
+    follows = evaluate(model, time_s, of, start, None, earlier)["Z"]
+    computed: list[int] = []
+    plain = evaluator.evaluate
+    monkeypatch.setattr(evaluator, "evaluate", lambda *given: computed.append(len(given[1])) or plain(*given))
+    found = evaluate_after(model, earlier, time_s, of, start, None)["Z"]
+    assert follows[2] != alone[2]
+    assert np.array_equal(found, follows + (alone[2] - follows[2]), equal_nan=True)
+    # and alone as far as its first sample with an answer
+    assert computed == [len(time_s), 3]

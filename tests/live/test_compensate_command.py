@@ -72,7 +72,9 @@ def test_a_recorded_day(folder, capsys):
     assert {path.name for path in (folder / "out").iterdir()} == {
         "journal.jsonl", "kept.json", "metrics.prom", "status.html", "status.json",
     }  # fmt: skip
-    assert "not a safety function" in (folder / "out" / "status.html").read_text("utf-8")
+    page = (folder / "out" / "status.html").read_text("utf-8")
+    for words in ("not a safety function", "<th>correction<td>Z 0 µm", "<th>follows<td>switched off", "all are well"):
+        assert words in page
     assert f"selector_live_cycles {len(arrived)}.0" in (folder / "out" / "metrics.prom").read_text("utf-8")
 
 

@@ -151,7 +151,7 @@ def test_options(runs, capsys, options):
         (["--grouping", "cmeans", "--lambda", "0.9"], "--lambda"),
         (["--grouping", "cmeans", "--rounds", "2"], "--rounds"),
         (["--lambda", "nan"], "from 0 to 1"),
-        (["--lambda", "much"], "number"),
+        (["--lambda", "much"], "a number from 0 to 1, or auto"),
         (["--must", "T99"], "T99"),
         (["--must", "T1", "--never", "T1"], "at most one"),
         (["--response", "T1"], "displacement"),

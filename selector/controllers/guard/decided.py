@@ -59,6 +59,13 @@ class Mode(IntEnum):
     FALLBACK = 10
 
 
+def mode_words(mode: int, model: ModelFile) -> str:
+    """What a correction follows, in words, e.g. ``"fallback without T1"``."""
+    if Mode.FALLBACK <= mode < Mode.FALLBACK + len(model.fallbacks):
+        return f"fallback without {', '.join(model.fallbacks[mode - Mode.FALLBACK].without)}"
+    return Mode(mode).name.lower().replace("_", " ")
+
+
 class TouchCode(IntEnum):
     """What became of the last touch-off of an output."""
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.controllers.application import Accuracy
 from selector.controllers.finding_table import FINDINGS
-from selector.controllers.guard.decided import Mode, SensorCode, is_turned
+from selector.controllers.guard.decided import SensorCode, is_turned, mode_words
 from selector.controllers.model_file import ModelFile
 from selector.controllers.replay.parts import Answers, Part, Rows, reference_answers, rows_at
 from selector.findings import Finding, Where
@@ -135,10 +135,7 @@ def _reaction(
         noticed |= (code > SensorCode.RECOVERING) & (kept >= at)
     reacts_s = float(time_s[kept[int(np.argmax(noticed))]] - time_s[at]) if noticed.any() else None
     modes, counts = np.unique(answers.mode[changed if changed.any() else kept >= at], return_counts=True)
-    mode = int(modes[int(np.argmax(counts))])
-    if mode >= Mode.FALLBACK and mode - Mode.FALLBACK < len(model.fallbacks):
-        return f"fallback without {', '.join(model.fallbacks[mode - Mode.FALLBACK].without)}", reacts_s
-    return Mode(mode).name.lower().replace("_", " "), reacts_s
+    return mode_words(int(modes[int(np.argmax(counts))]), model), reacts_s
 
 
 def rehearsal_findings(found: Sequence[Rehearsed]) -> Iterator[Finding]:
