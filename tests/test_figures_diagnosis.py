@@ -72,7 +72,7 @@ def test_runs_stand_one_after_the_other_without_overlap():
 def test_before_and_after_show_every_course_and_shade_what_was_held_out():
     drawn = before_after(FOUND, "Z")
     names = {trace.name for trace in drawn.data}
-    assert {"recorded", "simulated", "with it", "before", "after", "thermal.memory"} <= names
+    assert {"recorded", "simulated", "with it", "before", "after", "memory of past heating"} <= names
     shades = [shape for shape in drawn.layout.shapes if shape.type == "rect"]
     assert len(shades) == 3  # one in each panel
     after = np.concatenate(

@@ -10,7 +10,7 @@ from selector.diagnosis.answer import Diagnosis
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.shown_units import displayed
-from selector.diagnosis.wording import amount
+from selector.diagnosis.wording import amount, name_of
 from selector.figures import style
 from selector.figures.panels import Line, Panel, stacked
 from selector.number_text import number_text
@@ -124,7 +124,10 @@ def before_after(found: Diagnosis, response: str) -> go.Figure:
     shown = [effect for effect in found.effects if response in effect.courses][:_MOST_EFFECTS]
     if shown:
         colours = [style.GROUPS[(k + 2) % len(style.GROUPS)] for k in range(len(shown))]
-        effects = [(one.id, fine * one.courses[response], c) for one, c in zip(shown, colours, strict=True)]
+        effects = [
+            (style.label(name_of(one.id), 24), fine * one.courses[response], c)
+            for one, c in zip(shown, colours, strict=True)
+        ]
         lines = [line for one in effects for line in _lines(axis, *one)]
         panels.append(Panel(f"found [{fine_unit}]", lines, 110, least=0.0))
     if np.isfinite(error):

@@ -57,12 +57,14 @@ def few_values(survey: Survey) -> Iterator[Finding]:
             continue
         low, high = min(s.low for s in scales), max(s.high for s in scales)
         if high - low <= 1e-12 * max(abs(low), abs(high)):
+            is_sensor = channel.role in MEASURED_ROLES
             yield FINDINGS.finding(
                 "constant-channel",
                 f"{channel.name} is {reading(low, channel)} in every sample of every run.",
                 Where(channel.name),
                 {"value": low},
-                f"{'Check the sensor and its wiring. ' * (channel.role in MEASURED_ROLES)}A constant is not used.",
+                f"{'Check the sensor and its wiring. ' * is_sensor}A constant is not used.",
+                level="warning" if is_sensor else "info",
             )
             continue
         if channel.role not in MEASURED_ROLES or sum(scale.count for scale in scales) < _SHORT:

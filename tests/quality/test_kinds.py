@@ -330,7 +330,7 @@ def test_few_values_constant_and_empty(tables):
     told = {(f.id, f.where.channel, f.level) for f in findings if f.where.channel in ("T4", "T5", "Y")}
     assert told == {
         ("few-values", "T4", "warning"),
-        ("constant-channel", "T5", "info"),
+        ("constant-channel", "T5", "warning"),
         ("empty-channel", "Y", "warning"),
     }
 

@@ -80,10 +80,14 @@ def diagnosis_account(
     told, described = provenance or {}, description or {}
     drawings = _drawings(found) if drawn and not is_alone else {}
     machine = told.get("machine")
+    answer, steps = found.headline or headline(found), what_to_do(found)
+    for step in steps:
+        # the run that would tell is told once, as something to do
+        answer = answer.replace(f" To tell them apart: {step.partition(': ')[2]}", "")
     fault = "What is at fault" if found.verdict == "data-fault" else "What was left out"
     return Account(
         title or ": ".join(["What the simulation left out", *([str(machine)] if machine else [])]),
-        (found.headline or headline(found), *what_to_do(found)),
+        (answer, *steps),
         sections(
             section(
                 "left-out", "What this page leaves out", Paragraph(_LEFT_OUT) if is_alone else None, link="Left out"
@@ -188,8 +192,7 @@ def _effect(found: Diagnosis, effect: NamedEffect) -> Iterator[Block]:
         yield Captioned("", table(["parameter", ">value (95 % interval)"], rows))
     alike = listed([name_of(id_) for id_ in effect.cannot_be_told_from], "or")
     if alike:
-        lead = f"This record cannot tell it from {alike}."
-        yield Paragraph(f"What would tell: {effect.experiment}", lead, on_screen=True)
+        yield Paragraph("The run that would tell stands above.", f"This record cannot tell it from {alike}.")
     if known is not None and known.physics:
         refuted = known.refuted_by.rstrip(".")
         yield Note(f"{known.physics} What would refute it: {refuted}. Source: {known.reference}")
