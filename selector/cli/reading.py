@@ -99,36 +99,32 @@ def convert(
     reading = replace(
         reading, recording=without_faults(reading.recording, broken), findings=(*reading.findings, *broken)
     )
+    counts: dict[str, int] = {}
     if lake:
-        _into_lake(reading, out, as_json)
-        return
-    if out.exists():
-        # it may hold what was read, which `converted` refuses to replace
-        paths = converted(reading, out, table_format)
+        paths, counts, told = _into_lake(reading, out)
     else:
-        with folder_written_whole(out) as folder:
-            paths = [out / path.name for path in converted(reading, folder, table_format)]
+        if out.exists():
+            # it may hold what was read, which `converted` refuses to replace
+            paths = converted(reading, out, table_format)
+        else:
+            with folder_written_whole(out) as folder:
+                paths = [out / path.name for path in converted(reading, folder, table_format)]
+        told = f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}"
     if as_json:
-        showing.print_json({"schema": "selector.conversion/1", "files": paths, "findings": reading.findings})
-        return
-    console = showing.screen()
-    showing.show_findings(console, reading.findings)
-    console.print(f"wrote {len(paths)} files to {out}: {', '.join(path.name for path in paths)}", markup=False)
-
-
-def _into_lake(reading: "Reading", folder: Path, as_json: bool) -> None:
-    from selector.live.lake import kept
-
-    paths, new, other = kept(reading, folder)
-    rows = len(reading.recording.frame)
-    if as_json:
-        counts = {"rows": rows, "new_rows": new, "other_rows": other}
         showing.print_json({"schema": "selector.conversion/1", "files": paths, **counts, "findings": reading.findings})
         return
     console = showing.screen()
     showing.show_findings(console, reading.findings)
-    there = "" if new == rows else f"; {rows - new} times were there already"
+    console.print(told, markup=False)
+
+
+def _into_lake(reading: "Reading", folder: Path) -> tuple[list[Path], dict[str, int], str]:
+    from selector.live.lake import kept
+
+    paths, new, other = kept(reading, folder)
+    rows = len(reading.recording.frame)
     files = "the file of a day" if len(paths) == 1 else f"{len(paths)} files of days"
-    console.print(f"{rows} rows are in {files} in {folder}{there}", markup=False)
+    told = f"{rows} rows are in {files} in {folder}" + f"; {rows - new} times were there already" * (new < rows)
     if other:
-        console.print(f"at {other} of them the lake says something else than these recordings, and stays", markup=False)
+        told += f"\nat {other} of them the lake says something else than these recordings, and stays"
+    return paths, {"rows": rows, "new_rows": new, "other_rows": other}, told

@@ -1,7 +1,7 @@
 """Where the result comes from: files and their hashes, how they were read, what was asked, whether it was measured."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from selector import __version__
@@ -89,40 +89,14 @@ def description_account(description: Mapping[str, Any]) -> Account:
 
 def reading_tables(description: Mapping[str, Any], *, places: bool = True) -> Iterator[tuple[str, Table]]:
     """(caption, table) of the runs, the channels and the way of reading; a screen has no room for places."""
-    runs = _entries(description.get("runs"))
-    rows: list[tuple[str, ...]]
-    if runs:
-        rows = [
-            (
-                _cell(run.get("run")),
-                _file(run.get("file")),
-                _cell(run.get("rows")),
-                _span(run.get("duration_s")),
-                _span(run.get("period_s")),
-                _cell(run.get("start")),
-            )
-            for run in runs
-        ]
-        yield "Runs", table(["run", "file", ">rows", ">duration", ">step", "start"], rows)
-    channels = _entries(description.get("channels"))
-    if channels:
-        rows = [
-            (
-                _cell(channel.get("name")),
-                _cell(channel.get("column")),
-                _cell(channel.get("role")),
-                _unit(channel.get("unit")),
-                _unit(channel.get("unit_in_file")),
-                *([_cell(channel.get("place"))] if places else []),
-                _cell(channel.get("guessed")) if channel.get("guessed") else "nothing",
-            )
-            for channel in channels
-        ]
-        headings = ["channel", "column", "role", "unit", "unit in file", *(["place"] if places else []), "guessed"]
-        yield "Channels", table(headings, rows)
+    for caption, key, columns in (("Runs", "runs", _OF_RUNS), ("Channels", "channels", _OF_CHANNELS)):
+        shown = {field: of for field, of in columns.items() if places or field != "place"}
+        rows = [[cell(one.get(field)) for field, (_, cell) in shown.items()] for one in _entries(description.get(key))]
+        if rows:
+            yield caption, table([heading for heading, _ in shown.values()], rows)
     reading = description.get("reading")
     if isinstance(reading, Mapping) and reading:
-        yield "Way of reading", table(["", ""], [(_words(key), value) for key, value in _facts(reading)])
+        yield "Way of reading", table(["", ""], list(_facts(reading)))
 
 
 def drift_table(description: Mapping[str, Any]) -> Table | None:
@@ -157,12 +131,13 @@ def _entries(value: Any) -> list[Mapping[str, Any]]:
     return [item for item in value if isinstance(item, Mapping)] if isinstance(value, Sequence) else []
 
 
-def _facts(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+def _facts(values: Mapping[str, Any], prefix: str = "", *, of_runs: bool = False) -> Iterator[tuple[str, str]]:
     for key, value in values.items():
+        said = f"{prefix}{key if of_runs else _words(key)}"
         if isinstance(value, Mapping) and value:
-            yield from _facts(value, f"{prefix}{key}: ")
+            yield from _facts(value, f"{said}: ", of_runs=key == "per_run")
         else:
-            yield f"{prefix}{key}", _cell(value)
+            yield said, _cell(value)
 
 
 def _cell(value: Any) -> str:
@@ -194,6 +169,21 @@ def _unit(value: Any) -> str:
 
 def _words(key: str) -> str:
     return key.replace("_", " ")
+
+
+def _guessed(value: Any) -> str:
+    return _cell(value) if value else "nothing"
+
+
+#: Field of a run or a channel → heading of its column, and how its cells are written.
+_OF_RUNS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
+    "run": ("run", _cell), "file": ("file", _file), "rows": (">rows", _cell), "duration_s": (">duration", _span),
+    "period_s": (">step", _span), "start": ("start", _cell),
+}  # fmt: skip
+_OF_CHANNELS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
+    "name": ("channel", _cell), "column": ("column", _cell), "role": ("role", _cell), "unit": ("unit", _unit),
+    "unit_in_file": ("unit in file", _unit), "place": ("place", _cell), "guessed": ("guessed", _guessed),
+}  # fmt: skip
 
 
 _TELLING_KEYS = ("machine", "name", "note", "origin", "source", "kind", "label", "comment", "title", "description")

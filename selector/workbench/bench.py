@@ -125,13 +125,6 @@ class Bench:
             self._loaded = [dataclasses.replace(one, is_used=one.path in used, problem=None) for one in self._loaded]
         self.read()
 
-    def choose(self, **changes: Any) -> bool:
-        """Changes options of the selection; whether any is different now.
-
-        Raises OptionError: an option has a value that cannot be used.
-        """
-        return self._choose("options", **changes)
-
     def choose_diagnosis(self, **changes: Any) -> bool:
         """Changes options of the diagnosis; whether any is different now.
 
@@ -145,7 +138,8 @@ class Bench:
         with self._lock:
             return self._taken(what, dataclasses.replace(getattr(self, what), **changes))
 
-    #: As `choose`: what is asked of an export, of a prediction, of measured circles, of a tap test
+    #: As `choose_diagnosis`: what is asked of a selection, an export, a prediction, measured circles, a tap test
+    choose = partialmethod(_choose, "options")
     choose_export = partialmethod(_choose, "export")
     choose_prediction = partialmethod(_choose, "prediction")
     choose_ball_bar = partialmethod(_choose, "ball_bar")
