@@ -79,6 +79,22 @@ def test_what_the_user_can_solve_ends_with_2(error, said, capfd):
 
 
 @pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("select runs --within 0,5", ("'0,5'", "--within", "a number with a decimal point")),
+        ("select runs --max-sensors x", ("'x'", "--max-sensors", "a whole number")),
+        ("predict runs --cycle c --warm-up 1", ("'1'", "--warm-up", "greater than or equal to 5")),
+    ],
+)
+def test_a_value_that_is_no_number_is_told_with_its_option(words, said, capfd):
+    assert cli.exit_status(words.split()) == 2
+    err = capfd.readouterr().err
+    for part in said:
+        assert part in err
+    assert "Input should be" not in err
+
+
+@pytest.mark.parametrize(
     "error", [ValueError("no"), KeyError("T1"), ZeroDivisionError(), ModuleNotFoundError("x", name="x")]
 )
 def test_a_defect_of_ours_ends_with_1(error, capfd, monkeypatch):

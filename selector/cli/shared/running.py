@@ -142,15 +142,22 @@ EXTRAS = {
 }
 
 
+_REFUSED = "Input should be "  #: How pydantic begins to say what a value has to be.
+
+
 def _usage_error(error: Any) -> OptionError:
     context = getattr(error, "ctx", None)
     path = context.command_path if context is not None else "selector"
     usage = context.get_usage().removeprefix("Usage:").strip() if context is not None else "selector COMMAND"
+    found = " ".join(str(error.format_message()).replace("Value error, ", "").split())
+    expected, where = " ".join(usage.split()), "command line"
+    wrong = error.__cause__.errors()[0] if hasattr(error.__cause__, "errors") else {"msg": ""}
+    if wrong["msg"].startswith(_REFUSED):
+        said = wrong["msg"].removeprefix(_REFUSED).partition(", unable")[0]
+        expected = said.replace("valid number", "number with a decimal point").replace("valid integer", "whole number")
+        found, where = repr(wrong["input"]), error.param.opts[0]
     return OptionError(
-        " ".join(str(error.format_message()).replace("Value error, ", "").split()),
-        expected=" ".join(usage.split()),
-        where="command line",
-        advice=f"correct the command; `{path} --help` lists its options",
+        found, expected=expected, where=where, advice=f"correct the command; `{path} --help` lists its options"
     )
 
 
