@@ -86,12 +86,8 @@ def _selection_page(result: Result, say: Say) -> str:
 
     selection = made_of(result, selection_of)
     study = _unchanged_study(result, say, "how the recordings were read, and where the sensors sit")
-    description, date = None, None
-    if study is not None:
-        description, date = (
-            material_of(study.source.runs, study.source.machine, study.source.overrides()).description,
-            study.study.date,
-        )
+    said, date = (None, None) if study is None else (study.source, study.study.date)
+    description = None if said is None else material_of(said.runs, said.machine, said.overrides()).description
     return made_of(result, lambda _: account_page(selection_account(selection, description, date=date, drawn=True)))
 
 

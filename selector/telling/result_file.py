@@ -99,7 +99,7 @@ def made_of(result: Result, make: Callable[[dict[str, Any]], Made]) -> Made:
         ) from None
     except InputError as error:
         raise error.at(f"{result.path}, {error.where}", ResultError, advice="make the result again") from None
-    except (ValueError, KeyError, IndexError, TypeError, ArithmeticError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, AttributeError, ArithmeticError) as error:
         raise ResultError(
             f"fields that contradict each other ({type(error).__name__}: {str(error)[:160]})",
             expected=f"a document as `selector` writes it ({result.kind})",

@@ -47,15 +47,12 @@ def asked_of(opened: OpenedStudy) -> Asked:
     from selector.study.asked import require_diagnose
 
     section = require_diagnose(opened.study, where=str(opened.place))
-    return Asked(
-        simulation=[path_at(path, opened.folder) for path in section.simulation] or None,
-        model=None if section.model is None else path_at(section.model, opened.folder),
-        simulation_time_unit=section.simulation_time_unit,
-        responses=list(section.responses) or None,
-        holdout=section.holdout,
-        seed=section.seed,
-        false_alarm=section.false_alarm,
-    )
+    at_place = {
+        "simulation": [path_at(path, opened.folder) for path in section.simulation] or None,
+        "model": None if section.model is None else path_at(section.model, opened.folder),
+        "responses": list(section.responses) or None,
+    }
+    return Asked(**section.model_dump() | at_place)
 
 
 def require_usable(asked: Asked) -> None:
@@ -264,7 +261,6 @@ def is_corrected(found: Diagnosis, improved: Improved | None) -> bool:
     return bool(physics_of(found)) and (improved is None or bool(improved.not_in_it))
 
 
-_HEAD = "Written by `selector diagnose --model`: the model with what the recordings say was left out."
 #: File → what its beginning holds if a diagnosis wrote it.
 _OURS = {
     "diagnosis.json": '"schema": "selector.diagnosis/1"',
@@ -284,29 +280,27 @@ def write_results(answer: Answer, folder: Path) -> list[str]:
 
     found, improved = answer.found, answer.improved
     written = ["diagnosis.json", "report.html"]
+    texts = {"diagnosis.json": json_text(found.as_dict()) + "\n"}
     if improved is not None:
-        written.append(_write_improved(improved, folder).name)
+        written.append("improved.toml")
+        texts["improved.toml"] = improved.model.text(_head_of(improved))
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
     written += write_correction(found, improved, answer.correction, folder)
-    text = json_text(found.as_dict()) + "\n"
-    (folder / "diagnosis.json").write_text(text, encoding="utf-8", newline="\n")
     description = answer.recorded.description()
     account = diagnosis_account(found, provenance=answer.told, description=description, drawn=True)
     write_account(account, folder / "report.html")
     return written
 
 
-def _write_improved(improved: Improved, folder: Path) -> Path:
-    """improved.toml, for `selector simulate`: what was put in, everything fitted together."""
-    errors = improved.refit.comparison
-    head = "\n".join([
-        _HEAD,
+def _head_of(improved: Improved) -> str:
+    """What the model file says of itself: what was put in, everything fitted together."""
+    return "\n".join([
+        "Written by `selector diagnose --model`: the model with what the recordings say was left out.",
         f"Put in: {', '.join(improved.added)}.",
-        f"Fitted to the runs {', '.join(errors.runs)}, but for what was held out.",
+        f"Fitted to the runs {', '.join(improved.refit.comparison.runs)}, but for what was held out.",
         *(f"Not in it, its file cannot express it: {name}." for name in improved.not_in_it),
     ])  # fmt: skip
-    path = folder / "improved.toml"
-    path.write_text(improved.model.text(head), encoding="utf-8", newline="\n")
-    return path
 
 
 def write_correction(

@@ -12,34 +12,17 @@ import math
 import numpy as np
 from numba import njit
 
-# parameters
-(
-    MAINS,  # angular frequency of the supply
-    CURRENT,
-    PHASE,
-    SWITCHED,  # current besides the steady one at time 0, and how fast it dies
-    SWITCHED_RATE,
-    PULL,
-    MAGNET,  # 1/gap; 0: a pull that does not depend on the position
-    MASS,
-    DAMPING,
-    STIFFNESS,
-    CONTACT,
-    EXPONENT,
-    CONTACT_DAMPING,
-    INDUCED,  # turns · flux / gap
-    CORE,  # 1/gap
-    CORE_PULL,  # of its magnet on the probe at rest
-    COIL_S,  # T_Γ
-    RATE,  # of the filter; with a leak of 0 it sums up the rectified voltage
-    LEAK,
-    LONGEST,  # step
-    ERROR,  # tolerated in a step, as a share of the scales behind
-    VOLTS,  # of the supply, where the motion acts on the coil, so that the current is a state; else 0
-    LEAD,  # of its phase before that of the steady current
-    OHMS,
-    HENRYS,
-) = range(25)
+# parameters: angular frequency of the supply, its current and phase; current besides the steady one at time 0, and how
+# fast it dies; pull of the magnet and 1/gap, 0: a pull that does not depend on the position
+MAINS, CURRENT, PHASE, SWITCHED, SWITCHED_RATE, PULL, MAGNET = range(7)
+# … of the probe and its contact; turns · flux / gap
+MASS, DAMPING, STIFFNESS, CONTACT, EXPONENT, CONTACT_DAMPING, INDUCED = range(7, 14)
+# … 1/gap of the core, pull of its magnet on the probe at rest, T_Γ; of the filter, which with a leak of 0 sums up the
+# rectified voltage; longest step, and what is tolerated in a step, as a share of the scales behind
+CORE, CORE_PULL, COIL_S, RATE, LEAK, LONGEST, ERROR = range(14, 21)
+# … of the supply, where the motion acts on the coil, so that the current is a state (else VOLTS is 0); LEAD: of its
+# phase before that of the steady current
+VOLTS, LEAD, OHMS, HENRYS = range(21, 25)
 SCALES = 25
 PARAMETERS = 30
 # states; the current stays as it is where the motion does not act on the coil
