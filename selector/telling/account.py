@@ -181,10 +181,10 @@ def table(
     return Table(columns, cells, frozenset(marked), note)
 
 
-def remarks_of(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
+def remarks_of(findings: Iterable[Finding], *levels: str) -> Remarks:
     """Findings of these levels (all when none is given), the worst first."""
     ordered = sorted(findings, key=lambda finding: _LEVELS.index(finding.level))
-    return tuple(_remark(one) for one in ordered if one.level in (levels or _LEVELS))
+    return Remarks(tuple(_remark(one) for one in ordered if one.level in (levels or _LEVELS)))
 
 
 def grouped_remarks(findings: Iterable[Finding], *levels: str) -> tuple[Remark, ...]:
@@ -265,4 +265,9 @@ def sections(*several: Section | None) -> tuple[Section, ...]:
 def warnings_section(findings: Iterable[Finding]) -> Section | None:
     """What must be known before a result is used; None where nothing must."""
     urgent = remarks_of(findings, "error", "warning")
-    return section("warnings", "Before you use it", Remarks(urgent) if urgent else None, link="Warnings")
+    return section("warnings", "Before you use it", urgent if urgent.remarks else None, link="Warnings")
+
+
+def findings_section(findings: Iterable[Finding], *, on_paper: bool = True) -> Section | None:
+    """All that was found, whether it matters or not."""
+    return section("findings", "All findings", remarks_of(findings), link="Findings", on_paper=on_paper)

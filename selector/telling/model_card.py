@@ -12,7 +12,6 @@ from selector.telling.account import (
     Formula,
     Heading,
     Note,
-    Remarks,
     Section,
     Table,
     remarks_of,
@@ -26,7 +25,7 @@ STANDARD = "ISO/TR 16907:2015, clause 12"
 def model_card_account(model: ModelFile) -> Account:
     """What is told of a model file: formulas, what `card_blocks` says, and the check of the file."""
     blocks = (*formula_blocks(model), *card_blocks(model, 2), Heading("Self-check"))
-    remarks = Remarks(remarks_of(model_findings(model)))
+    remarks = remarks_of(model_findings(model))
     return Account(
         model.name, (), (Section("card", "", (*blocks, remarks)),), about=f"Model card, headings after {STANDARD}"
     )

@@ -189,7 +189,7 @@ def show_findings(
     from rich.text import Text
 
     findings = tuple(findings)
-    remarks = remarks_of(findings) if everything else grouped_remarks(findings)
+    remarks = remarks_of(findings).remarks if everything else grouped_remarks(findings)
     # what is only good to know fills up what little there is
     urgent = sum(remark.level != "info" for remark in remarks)
     shown = remarks if everything else remarks[: min(max(urgent, MOST_INFO), most)]

@@ -23,9 +23,9 @@ from selector.telling.account import (
     Remarks,
     Table,
     captioned,
+    findings_section,
     grouped_remarks,
     next_steps,
-    remarks_of,
     section,
     sections,
     table,
@@ -315,9 +315,7 @@ def selection_account(
             section(
                 "sensors", "Every sensor", Captioned("", sensors_table(selection), on_screen=False), on_paper=False
             ),
-            section(
-                "findings", "All findings", Remarks(remarks_of(selection.findings)), link="Findings", on_paper=False
-            ),
+            findings_section(selection.findings, on_paper=False),
             section(
                 "origin",
                 "Origin",

@@ -13,7 +13,7 @@ from selector.physics.drive.ball_bar.circle import BallBarTrace
 from selector.physics.drive.ball_bar.compensation import Compensations
 from selector.physics.drive.ball_bar.quantities import CircleQuantities, Extreme, Roundness, paired
 from selector.physics.drive.drive_summary import DriveSummary
-from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
+from selector.telling.account import Account, Captioned, Drawing, Table, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, uncertain_text
 
 POLAR = "Distance of the two balls against the nominal radius, both directions; the rings say how many µm."
@@ -282,7 +282,7 @@ def measured_circles_account(
             section("round", "How round, and why", quantities, overall, *pictures[1:]),
             section("control", "", compensation_table(needed), link="Compensations") if needed.any else None,
             section("causes", "Causes at each feed", *of_feeds),
-            section("findings", "All findings", Remarks(remarks_of(findings))) if findings else None,
+            section("findings", "All findings", remarks_of(findings)) if findings else None,
             section("read", "What was read", Captioned("Circles", table(columns, rows), on_screen=False)),
         ),
         brief=("round", "control"),

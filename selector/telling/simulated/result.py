@@ -25,7 +25,6 @@ from selector.telling.account import (
     Captioned,
     Drawing,
     Note,
-    Remarks,
     Section,
     Table,
     Verdict,
@@ -120,7 +119,7 @@ def simulation_account(
         sections=sections(
             comparison_section(differences, drawn=bool(drawings)),
             *own,
-            section("findings", "Findings", Remarks(remarks_of(result.findings))),
+            section("findings", "Findings", remarks_of(result.findings)),
             section("channels", "Channels", Captioned("", channels_table(done.recording, done.inputs))),
             section("parameters", "Parameters", _parameters(rows)),
             section("origin", "Origin", _origin(result, facts)),

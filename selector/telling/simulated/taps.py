@@ -10,7 +10,7 @@ from selector.json_text import fields_of
 from selector.number_text import listed, number_text
 from selector.physics.vibration.taps.response import TapMode
 from selector.physics.vibration.taps.tap_fit import TapFit, TapParameter
-from selector.telling.account import Account, Captioned, Drawing, Remarks, Table, remarks_of, section, sections, table
+from selector.telling.account import Account, Captioned, Drawing, Table, remarks_of, section, sections, table
 from selector.telling.numbers import NONE, share_text
 from selector.types import Vector
 
@@ -47,7 +47,7 @@ def tap_account(fit: TapFit, findings: Sequence[Finding], *, drawn: bool = False
         front=tuple(pictures),
         sections=sections(
             section("fit", "What was fitted", joints, modes),
-            section("findings", "All findings", Remarks(remarks_of(findings))) if findings else None,
+            section("findings", "All findings", remarks_of(findings)) if findings else None,
             section("read", "What was read", Captioned("Compliances", compliances, on_screen=False)),
         ),
         brief=("fit",),
