@@ -180,7 +180,8 @@ def select(
     )
     say("looking for doubts", 0.95)
     told = {offer: _rms(plan_errors[best]) for offer, best in best_of_offer.items()}
-    selection = replace(selection, known=known(selection, surveyed, datum, rows))
+    starts = datum_of(source, question.sensors, (), "rise") if datum.reference == "absolute" else datum
+    selection = replace(selection, known=known(selection, surveyed, starts, rows))
     doubted = doubts(selection, surveyed, datum, rows, ridge, told, plan[0], stride)
     say("done", 1.0)
     constant = {one.where.channel for one in surveyed.findings if one.id == CONSTANT_SENSOR}

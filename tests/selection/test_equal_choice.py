@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from selector.models.moments import HeldOut
 from selector.recording import Recording
@@ -15,6 +16,7 @@ from selector.selection.choice import Trial, _is_equal, _margin_um, _safest
 from selector.selection.finding_table import FEW_RUNS
 from selector.selection.library import Shape
 from selector.selection.options import Question
+from selector.selection.result import MOST_TOLD_FACTOR
 from selector.selection.workflow import _best_plan, _poorest_of
 from selector.telling.selected.advice import advice
 from tests.selection.machines import machine
@@ -102,12 +104,44 @@ def test_how_far_the_error_of_few_runs_is_known_is_told_with_it():
     six, three = machine(n_runs=6), machine(n_runs=3)
     options = Options(responses=("Z",), max_sensors=2)
     assert FEW_RUNS not in {one.id for one in select(six, options).findings}
-    for source, factor, begin in ((three, 1.86, False), (warm(six), 2.23, True)):
+    for source, spread, begin in ((three, 0.25, False), (warm(six), 0.35, True)):
         found = select(source, options)
         (told,) = [one for one in found.findings if one.id == FEW_RUNS]
-        assert told.evidence["factor"] == pytest.approx(factor, abs=0.01)
+        logs = np.log([part.rmse_um for part in found.proof.per_response["Z"]])
+        n = len(logs)
+        # Student's interval; the usual spread counts three degrees of freedom beside those of the runs
+        variance = (3 * spread**2 + ((logs - logs.mean()) ** 2).sum()) / (n + 2)
+        factor = np.exp(stats.t.interval(0.95, n + 2, scale=2.2 * np.sqrt(variance / n))[1])
+        assert told.evidence["factor"] == pytest.approx(factor)
         low, high = told.evidence["between_um"]["Z"]
         assert low * factor == pytest.approx(found.proof.rmse_um("Z"), rel=0.01)
         assert high == pytest.approx(found.proof.rmse_um("Z") * factor, rel=0.01)
         assert ("begin" in told.statement) == begin
         assert f"factor of {factor:.1f}" in advice(found)[1][0]
+
+
+def test_starts_count_where_a_model_counts_from_nothing_too():
+    """With absolute readings a machine that begins warm was taken for a cold one: its datum has no starts."""
+    options = Options(responses=("Z",), max_sensors=2, reference="absolute")
+    assert select(warm(machine(n_runs=6)), options).known.is_warm
+    assert not select(machine(n_runs=6), options).known.is_warm
+
+
+def test_each_response_is_known_as_its_own_runs_tell():
+    source = machine(n_runs=5, second=lambda u: 3.0 * u["column"])
+    runs = {run: source.frame.loc[run].copy() for run in source.runs}
+    # one run in which something else moves Y only
+    runs[source.runs[1]]["Y"] += np.linspace(0.0, 20.0, len(runs[source.runs[1]]))
+    known = select(Recording.from_runs(runs, source.channels), Options(max_sensors=2)).known
+    assert known.factor == known.factor_of("Y") > 2.0 * known.factor_of("Z")
+
+
+def test_of_runs_that_differ_too_much_nothing_is_told():
+    source = machine(n_runs=3)
+    runs = {run: source.frame.loc[run].copy() for run in source.runs}
+    runs[source.runs[1]]["Z"] += np.linspace(0.0, 40.0, len(runs[source.runs[1]]))
+    found = select(Recording.from_runs(runs, source.channels), Options(responses=("Z",), max_sensors=2))
+    assert found.known.factor > MOST_TOLD_FACTOR
+    (told,) = [one for one in found.findings if one.id == FEW_RUNS]
+    assert "cannot be told from so few runs" in told.statement
+    assert "known to a factor" not in advice(found)[1][0] + told.statement

@@ -8,6 +8,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from selector.controllers.application import apply_model
 from selector.controllers.from_selection import model_file_of
@@ -71,7 +72,9 @@ def test_a_machine_that_never_cools_is_predicted_better_than_from_its_temperatur
         assert ",," not in told.statement
         # five of six begin where another ended, and count half
         assert few["in_a_row"] == (5 if clocks else 0)
-        assert few["factor"] == pytest.approx(np.exp(1.96 / np.sqrt(6 - 2.5 * clocks)))
+        logs = np.log([part.rmse_um for part in found.proof.per_response["Z"]])
+        deviation = np.sqrt((3 * 0.35**2 + 5 * logs.var(ddof=1)) / 8 / (6 - 2.5 * clocks))
+        assert few["factor"] == pytest.approx(np.exp(stats.t.ppf(0.975, 8) * 2.2 * deviation))
         if clocks:
             applied = apply_model(model_file_of(found, source.channels), source).overall["Z"]
             # in sample and with one reading for a start, the applied model is about as good as the proof said

@@ -41,9 +41,9 @@ MOST_COMBINATIONS = 12
 def gain_table(selection: Selection) -> Table:
     """What the model gains and what its faults cost, one row a displacement."""
     proof = selection.proof
-    known = () if selection.known is None else (1.0 / selection.known.factor, selection.known.factor)
-    rows = []
+    known, rows = selection.known, []
     for name, parts in proof.per_response.items():
+        span = () if known is None else (1.0 / known.factor_of(name), known.factor_of(name))
         faults = [one for one in selection.faults if one.response == name]
         worst = max(faults, key=lambda one: one.worst_um, default=None)
         single = [part.rmse_um for part in parts]
@@ -52,7 +52,7 @@ def gain_table(selection: Selection) -> Table:
                 name,
                 proof.baselines_um[name]["none"],
                 proof.rmse_um(name),
-                *([" to ".join(number_text(proof.rmse_um(name) * by, 2) for by in known)] if known else []),
+                *([" to ".join(number_text(proof.rmse_um(name) * by, 2) for by in span)] if span else []),
                 f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
                 proof.max_um(name),
                 None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",

@@ -3,7 +3,7 @@
 from selector.models.least_squares import FaultGain
 from selector.number_text import listed, number_text
 from selector.selection import Selection
-from selector.selection.result import PROCEDURE
+from selector.selection.result import MOST_TOLD_FACTOR, PROCEDURE
 from selector.telling.account import Verdict
 
 _UNUSABLE = ("constant-sensor", "sensor-missing")
@@ -65,8 +65,7 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
         where = (
             f"On {covered} of {covered + len(proof.not_covered)} runs, unseen by the model (the others lack a sensor),"
         )
-    known = selection.known
-    how = f"rms, {PROCEDURE}" + (f", known to a factor of {number_text(known.factor, 2)}" if known else "")
+    how = f"rms, {PROCEDURE}{_how_known(selection, names)}"
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
         before, after = falls[names[0]]
@@ -79,6 +78,17 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
         return f"{where} the errors fall: {', '.join(said)} ({how})"
     spans = (f"{number_text(min(ends), 2)}–{number_text(max(ends), 2)}" for ends in zip(*falls.values(), strict=True))
     return f"{where} the errors of {len(names)} displacements fall from {' to '.join(spans)} µm ({how})"
+
+
+def _how_known(selection: Selection, names: tuple[str, ...]) -> str:
+    """How far the errors carry: a factor; of too few runs that it cannot be told."""
+    known = selection.known
+    if known is None:
+        return ", how far off in another run cannot be told from one" if selection.proof.left_out == "block" else ""
+    factor = max(known.factor_of(name) for name in names)
+    if factor > MOST_TOLD_FACTOR:
+        return f", how far off on further ones cannot be told from {known.runs}"
+    return f", known to a factor of {number_text(factor, 2)}"
 
 
 def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
