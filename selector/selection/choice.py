@@ -41,11 +41,13 @@ class Trial:
     set: SensorSet
     shape: Shape
     n_terms: int
-    #: (n_groups,): Held-out mean squared error of each inner group, relative to the variance of the displacement
+    #: (n_groups,): Held-out mean squared error of each inner group, relative to the variance of the displacement; of
+    #: several, see `_side_by_side`
     errors: Array
     error: float  #: The same over all groups, as a root
     rmse_um: Array  #: (n_responses,): Held-out error over all groups
     adjusted_r2: float  #: In sample, mean over the responses; NaN unless sets are ranked by it
+    mean_squares: Array = field(default_factory=lambda: np.empty(0))  #: (n_groups, n_responses): Held-out [µm²]
 
 
 @dataclass(frozen=True)
@@ -259,7 +261,23 @@ def tested(
             )
             if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
-    return Tested(question, tuple(trials.values()), bench)
+    return Tested(question, _side_by_side(list(trials.values()), bench), bench)
+
+
+def _side_by_side(trials: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
+    """The trials with errors in which several responses count alike: each relative to that of the set best for all.
+
+    In its spread a response that no set predicts would be most of every error, and hide what another loses. Relative to
+    the best set of each response alone, luck would decide which one counts.
+    """
+    if len(bench.power) == 1 or not trials:
+        return tuple(trials)
+    unit = np.maximum(min(trials, key=lambda t: t.error).rmse_um ** 2, ROUNDING * bench.power)
+    share = bench.samples / bench.samples.sum()
+    errors = [np.maximum((trial.mean_squares / unit).mean(axis=1), ROUNDING) for trial in trials]
+    return tuple(
+        replace(trial, errors=one, error=float(np.sqrt(one @ share))) for trial, one in zip(trials, errors, strict=True)
+    )
 
 
 def _promising(trials: Iterable[Trial], most: int) -> list[tuple[str, ...]]:
@@ -364,6 +382,7 @@ def _trials(
                 float(np.sqrt(errors @ share)),
                 held_out.rmse_um,
                 float("nan") if question.options.tolerance is None else bench.mean_adjusted_r2(sensors, shape),
+                held_out.mse,
             )
 
 

@@ -66,15 +66,16 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     folds, n_responses = bench.leave_one_out, len(question.responses)
     whole, n = folds.left_out.sum(axis=0, keepdims=True), folds.left_out[:, 0, 0].sum()
     in_sample = LeaveOneOut(whole, whole, folds.n_columns)
-    power, margin = bench.power, question.options.within
+    margin, best = question.options.within, bench.held_out(known, shape).rmse_um ** 2
+    # several responses count alike: a noisy one hides no error of another
+    power = np.maximum(best, ROUNDING**2 * bench.power)
 
     def limit(best: Array) -> Array:
         """Mean squares that a set may have, of the best one's; what rounding leaves of exact fits is alike."""
-        best = np.maximum(best, ROUNDING**2 * power)
+        best = np.maximum(best, ROUNDING**2 * bench.power)
         share = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best
         return np.asarray(share if margin is None else (np.sqrt(best) + margin) ** 2)
 
-    best = bench.held_out(known, shape).rmse_um ** 2
     least = float((best / power).mean())
     near: list[tuple[Indices, Array]] = []
     for chosen in _chunks(sensors, must, others, size):

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from selector.models.least_squares import FittedModel
-from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, coefficients, response_power, squared_error
+from selector.models.moments import MOST_ABOVE_BEST, WORTH_OF_A_SENSOR, coefficients, squared_error
 from selector.number_text import listed
 from selector.selection.candidates import Grouping
 from selector.selection.choice import Choice, Trial, is_within_noise
@@ -183,7 +183,7 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
     n = len(products)
     first = 1 + library.moments.n_columns
     responses = range(first, first + len(library.responses))
-    power = response_power(library.moments)
+    unit = np.maximum(trial.rmse_um**2, 1e-300)
     columns = [[1 + column for column in library.columns(one.set.sensors, one.shape)] for one in same_size]
     hits = dict.fromkeys(trial.set.sensors, 0)
     done = 0
@@ -194,8 +194,7 @@ def stability_of(question: Question, library: Library, grouping: Grouping, choic
         bag = np.tensordot(weights.astype(np.float64), products, 1)
         rest = products[weights == 0].sum(axis=0)
         errors = [
-            float((squared_error(rest, at, responses, coefficients(bag, at, responses)) / power).sum())
-            for at in columns
+            float((squared_error(rest, at, responses, coefficients(bag, at, responses)) / unit).sum()) for at in columns
         ]
         best = {group_of[name] for name in same_size[int(np.argmin(errors))].set.sensors}
         done += 1

@@ -18,7 +18,7 @@ from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offe
 from selector.selection.doubts import doubts, known
 from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
-from selector.selection.library import Bench, Library
+from selector.selection.library import ROUNDING, Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import (
     Folds,
@@ -96,7 +96,7 @@ def select(
         plan: held_out(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) for plan in possible
     }
     best_of_offer, plan = _best_plan(question, unseen, spread)
-    plan_errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
+    unit, plan_errors = _attained(unseen, spread), {plan: one.rmse_um / spread for plan, one in unseen.items()}
     aimed = _aimed(question, library, folds, fold_trials, plan)
     choice = all_trials.aimed_at(aimed).choice(plan)
     of_plan = [one.choice(plan) for one in fold_trials]
@@ -163,7 +163,7 @@ def select(
             proof,
             models,
             combinations,
-            _of_larger_sets(plan, plan_errors),
+            _of_larger_sets(plan, {other: one.rmse_um / unit for other, one in unseen.items()}),
         ),
         reasons=reasons_of(found_all.grouping, question.sensors, recipe.sensors, choice),
         recipe=recipe,
@@ -198,7 +198,7 @@ def select(
     return replace(selection, findings=tuple(everything))
 
 
-#: Error of the whole procedure on unseen parts by plan, relative to the spread of each response: (n_responses,).
+#: Error of the whole procedure on unseen parts by plan, relative to a unit of each response: (n_responses,).
 Errors = Mapping[Plan, Array]
 
 
@@ -210,9 +210,10 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
     richest offer stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is
     wanted.
     """
-    errors = {plan: one.rmse_um / spread for plan, one in unseen.items()}
+    unit = _attained(unseen, spread)
+    errors = {plan: one.rmse_um / unit for plan, one in unseen.items()}
     offers = dict.fromkeys(offer for offer, _ in errors)
-    best_of_offer = {offer: _poorest_of(errors, offer, question.noise_um / spread) for offer in offers}
+    best_of_offer = {offer: _poorest_of(errors, offer, question.noise_um / unit) for offer in offers}
     if question.options.tolerance is not None or question.options.target is not None:
         return best_of_offer, list(errors)[-1]
     taken, *richer = best_of_offer.values()
@@ -220,10 +221,15 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
         loses = (errors[plan] > WORTH_A_RICHER_MODEL * errors[taken]) & _losses(unseen[taken], unseen[plan])
         better = WORTH_A_RICHER_MODEL * _rms(errors[plan]) < _rms(errors[taken])
         # what is won with fewer sensors need not be clear: these are what costs
-        is_clear = plan[1] < taken[1] or _is_clear(unseen[taken], unseen[plan], spread)
+        is_clear = plan[1] < taken[1] or _is_clear(unseen[taken], unseen[plan], unit)
         if better and is_clear and not loses.any():
             taken = plan
     return best_of_offer, taken
+
+
+def _attained(unseen: Mapping[Plan, HeldOut], spread: Array) -> Array:
+    """The least error of each response [µm], by which several count alike: one that is mostly noise hides no other."""
+    return np.maximum(np.array([one.rmse_um for one in unseen.values()]).min(axis=0), ROUNDING * spread)
 
 
 def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
@@ -233,10 +239,10 @@ def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
     }
 
 
-def _is_clear(poorer: HeldOut, richer: HeldOut, spread: Array) -> bool:
+def _is_clear(poorer: HeldOut, richer: HeldOut, unit: Array) -> bool:
     """Whether the gain in squared error, part by part, is more than one standard error from zero."""
     share = poorer.n_samples / poorer.n_samples.sum()
-    return bool(_more_than_its_error(((poorer.mse - richer.mse) / spread**2).mean(axis=1), share))
+    return bool(_more_than_its_error(((poorer.mse - richer.mse) / unit**2).mean(axis=1), share))
 
 
 def _losses(poorer: HeldOut, richer: HeldOut) -> Mask:

@@ -119,6 +119,22 @@ class TestPlantedTruth:
         assert found.models["Z"].scaling.variables == found.models["Y"].scaling.variables
         assert found.proof.rmse_um("Y") < 0.65
 
+    @pytest.mark.parametrize("seed", [1, 2])
+    def test_a_response_that_is_mostly_noise_hides_no_error_of_another(self, seed):
+        source = machine(
+            lambda u: 10 * u["spindle"] - 1.2 * u["column"],
+            second=lambda u: 0.4 * u["air"] + 0.3 * u["column"],
+            noise_um=0.3,
+            n=120,
+            seed=seed,
+        )
+        found = selected(source, max_sensors=3)
+        assert set(found.chosen) == {"T1", "T4", "T6"}
+        # 0.30 µm is the noise of the gauge; without a sensor of the column 0.46 µm and more are left
+        assert found.proof.rmse_um("Z") < 0.37
+        assert found.equal is not None
+        assert max(one.heldout_rmse_um[0] for one in found.equal.sets) < 0.40
+
 
 class TestOptions:
     def test_must(self):
