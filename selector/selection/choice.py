@@ -31,6 +31,7 @@ ALIKE = 0.9  #: Correlation from which two sensors with coefficients of opposite
 #: the least error still counts a twentieth; of thirty hardly any but the best.
 SHARPNESS = 4.0
 LEAST_WEIGHT = 1e-3  #: Of that of the best; what weighs less is left out.
+NEAR_NOISE = 2.0  #: Times the noise of the gauge up to which no set can be much better.
 WORTH_SOME_TERMS = 10  #: Sets of which products and powers are chosen one by one.
 
 
@@ -261,23 +262,30 @@ def tested(
             )
             if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
-    return Tested(question, _side_by_side(list(trials.values()), bench), bench)
+    return Tested(question, _side_by_side(question, list(trials.values()), bench), bench)
 
 
-def _side_by_side(trials: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
-    """The trials with errors in which several responses count alike: each relative to that of the set best for all.
+def _side_by_side(question: Question, trials: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:
+    """The trials with errors in which several responses count alike.
 
-    In its spread a response that no set predicts would be most of every error, and hide what another loses. Relative to
-    the best set of each response alone, luck would decide which one counts.
+    Where the set that is best for all leaves hardly more of any than the noise of its gauge (`NEAR_NOISE`), errors
+    count relative to what it leaves: in its spread a response that is mostly noise would be most of every error, and
+    hide what another loses. Where more is left they count in the spread: what the best of few runs leaves is luck.
     """
     if len(bench.power) == 1 or not trials:
         return tuple(trials)
-    unit = np.maximum(min(trials, key=lambda t: t.error).rmse_um ** 2, ROUNDING * bench.power)
+    unit = unit_um(question, min(trials, key=lambda t: t.error).rmse_um, np.sqrt(bench.power)) ** 2
     share = bench.samples / bench.samples.sum()
     errors = [np.maximum((trial.mean_squares / unit).mean(axis=1), ROUNDING) for trial in trials]
     return tuple(
         replace(trial, errors=one, error=float(np.sqrt(one @ share))) for trial, one in zip(trials, errors, strict=True)
     )
+
+
+def unit_um(question: Question, least_um: Array, spread_um: Array) -> Array:
+    """What errors of each response are relative to [µm]: the least ones where all are noise, else the spreads."""
+    is_noise = (least_um <= NEAR_NOISE * np.asarray(question.noise_um)).all()
+    return np.maximum(least_um, ROUNDING * spread_um) if is_noise else spread_um
 
 
 def _promising(trials: Iterable[Trial], most: int) -> list[tuple[str, ...]]:

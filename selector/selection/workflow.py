@@ -14,11 +14,11 @@ from selector.models.run_before import begun, in_parts, runs_before
 from selector.quality.finding_table import CONSTANT_CHANNEL, DUPLICATE_CHANNEL
 from selector.recording import RunSource, thinned
 from selector.selection.candidates import candidates
-from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested
+from selector.selection.choice import Offer, Plan, Tested, plans, shapes_on_offer, tested, unit_um
 from selector.selection.doubts import doubts, known
 from selector.selection.equal_sets import equal_sets
 from selector.selection.fitting import MAX_ROWS, fallbacks_of, final_models, refined, ridge_penalty
-from selector.selection.library import ROUNDING, Bench, Library
+from selector.selection.library import Bench, Library
 from selector.selection.options import Options, Progress, Question, question_of
 from selector.selection.proving import (
     Folds,
@@ -96,7 +96,7 @@ def select(
         plan: held_out(library, folds.outer, [trials.choice(plan) for trials in fold_trials]) for plan in possible
     }
     best_of_offer, plan = _best_plan(question, unseen, spread)
-    unit, plan_errors = _attained(unseen, spread), {plan: one.rmse_um / spread for plan, one in unseen.items()}
+    unit, plan_errors = _unit(question, unseen, spread), {plan: one.rmse_um / spread for plan, one in unseen.items()}
     aimed = _aimed(question, library, folds, fold_trials, plan)
     choice = all_trials.aimed_at(aimed).choice(plan)
     of_plan = [one.choice(plan) for one in fold_trials]
@@ -210,7 +210,7 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
     richest offer stands, as its rule knows no unseen data; so it does with a target, as the cheapest of all sets is
     wanted.
     """
-    unit = _attained(unseen, spread)
+    unit = _unit(question, unseen, spread)
     errors = {plan: one.rmse_um / unit for plan, one in unseen.items()}
     offers = dict.fromkeys(offer for offer, _ in errors)
     best_of_offer = {offer: _poorest_of(errors, offer, question.noise_um / unit) for offer in offers}
@@ -227,9 +227,8 @@ def _best_plan(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array
     return best_of_offer, taken
 
 
-def _attained(unseen: Mapping[Plan, HeldOut], spread: Array) -> Array:
-    """The least error of each response [µm], by which several count alike: one that is mostly noise hides no other."""
-    return np.maximum(np.array([one.rmse_um for one in unseen.values()]).min(axis=0), ROUNDING * spread)
+def _unit(question: Question, unseen: Mapping[Plan, HeldOut], spread: Array) -> Array:
+    return unit_um(question, np.array([one.rmse_um for one in unseen.values()]).min(axis=0), spread)
 
 
 def _without(unseen: Mapping[Plan, HeldOut], part: int) -> dict[Plan, HeldOut]:
