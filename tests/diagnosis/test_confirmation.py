@@ -73,7 +73,9 @@ def test_what_is_several_times_the_mismatch_only_cancels_a_gain(slow):
     made, result = found(slow, 1.0)
     effect = named_effect(made, result, "thermal.memory")
     assert not only_cancels(effect, result)
-    larger = {name: 10.0 * course for name, course in effect.courses.items()}
+    bench = result.benches["Z"]
+    mismatch = np.sqrt(np.mean(bench.target[bench.fitted] ** 2))
+    larger = {"Z": 4.0 * mismatch / np.std(effect.courses["Z"][bench.fitted]) * effect.courses["Z"]}
     assert only_cancels(replace(effect, courses=larger), result)
 
 

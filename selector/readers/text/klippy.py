@@ -59,14 +59,18 @@ def read_klippy(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
 def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
     """What follows one start of the printer; `before` lines precede it in the file."""
     rows: list[tuple[int, float, dict[str, float], float]] = []
-    probings = _Probings()
+    place, first, z_um = (0.0, 0.0), None, np.nan
     for number, line in enumerate(lines, start=before + 1):
         if stats := _STATS.match(line):
             told = {name: float(value) for name, value in _TEMPERATURE.findall(line)}
             if told:
-                rows.append((number, float(stats[1]), told, probings.taken()))
+                rows.append((number, float(stats[1]), told, z_um))
+                z_um = np.nan
         elif probed := _PROBED.match(line):
-            probings.add(*probed.groups())
+            place = place if probed[1] is None else (float(probed[1]), float(probed[2]))
+            x_mm, y_mm, z_mm = first = first or (*place, float(probed[3]))
+            if max(abs(place[0] - x_mm), abs(place[1] - y_mm)) < _SAME_PLACE_MM:
+                z_um = round(1000.0 * (z_mm - float(probed[3])), 3)
     if len(rows) < 2:
         return None
     numbers, times, temperatures, heights = zip(*rows, strict=True)
@@ -93,26 +97,3 @@ def _wall_clock(line: str, at_s: float) -> np.datetime64 | None:
     if start is None or told is None:
         return None
     return np.datetime64(told, "ms") + np.timedelta64(round(1000.0 * (at_s - float(start[2]))), "ms")
-
-
-class _Probings:
-    """What was probed at the place of the first probing, by what the nozzle came down since."""
-
-    def __init__(self) -> None:
-        self._first: tuple[float, float, float] | None = None
-        self._at = (0.0, 0.0)
-        self._last_um = np.nan
-
-    def add(self, x_mm: str | None, y_mm: str | None, z_mm: str) -> None:
-        """What a line says, the place only if it names one."""
-        if x_mm is not None and y_mm is not None:
-            self._at = float(x_mm), float(y_mm)
-        if self._first is None:
-            self._first = (*self._at, float(z_mm))
-        if max(abs(a - b) for a, b in zip(self._at, self._first, strict=False)) < _SAME_PLACE_MM:
-            self._last_um = round(1000.0 * (self._first[2] - float(z_mm)), 3)
-
-    def taken(self) -> float:
-        """Z [µm] since the last call, or NaN."""
-        last_um, self._last_um = self._last_um, np.nan
-        return last_um
