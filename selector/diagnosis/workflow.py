@@ -56,8 +56,7 @@ from selector.types import Matrix, Vector
 
 _TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
 _LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
-_MOST = 0.5
-_HARM = 1.05
+_MOST, _HARM = 0.5, 1.05
 _SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
 #: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 #: missing if structure is left beside them.
@@ -345,11 +344,12 @@ def _named_clearly(state: _State) -> _State:
 
 
 def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> bool:
-    """Whether a name carries next to nothing to unseen rows, or is a slow fault in a record of one run."""
+    """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run."""
     if effect.id == "data.stuck":
         return False
-    of = found.named.get(effect.id, {})
-    if any(is_slow_in_one_run(found.benches[name], v) for name, v in of.items()):
+    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= _SUSPECTED
+    named = found.named.get(effect.id, {}).items()
+    if is_part or any(is_slow_in_one_run(found.benches[name], v) for name, v in named):
         return True
     gap = found.closed.get(effect.id)
     if effect.share >= MOST_OF_IT or effect.id not in found.named:

@@ -23,7 +23,6 @@ _SEEN = 10.0
 _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
-_AS_MUCH, _BETTER = 0.6, 0.8
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
@@ -141,31 +140,8 @@ def not_ruinous(comparison: Comparison, found: Search) -> Search:
         if not ruined:
             return found
         _, id_, response = min(ruined)
-        other = _other_shape(comparison, found, id_, response)
-        if other is not None:
-            named = {**found.named, id_: {**found.named[id_], response: other}}
-            found = replace(found, named=named, doubted=found.doubted | {id_})
-            continue
         rest = {name: v for name, v in found.named[id_].items() if name != response}
         found = replace(found, named=without(found.named, id_) if not rest else {**found.named, id_: rest})
-
-
-def _other_shape(comparison: Comparison, found: Search, id_: str, response: str) -> int | None:
-    """Another shape of an effect that explains about as much of the fitted rows and makes unseen ones clearly better."""
-    bench, v = found.benches[response], found.named[id_][response]
-    others = [other for other in numbers(found.named, response) if other != v]
-    own, before = bench.candidates[v], bench.mean_square(others)
-    least = _AS_MUCH * (before - bench.mean_square([*others, v]))
-    rows = comparison.held_out & np.isfinite(bench.target)
-    nearest = min(unseen_rms(bench, others), rms(bench.target[rows])) if rows.any() else 0.0
-    tried = [
-        (unseen_rms(bench, [*others, k]), k)
-        for k, one in enumerate(bench.candidates)
-        if one.effect.id == id_ and one.variant.sources == own.variant.sources
-        and before - bench.mean_square([*others, k]) >= least
-    ]
-    left, best = min(tried)
-    return best if left < _BETTER * nearest else None
 
 
 def _growth(comparison: Comparison, found: Search, id_: str, response: str) -> float:

@@ -18,15 +18,33 @@ from selector.diagnosis.wording import headline
 from selector.findings import Where
 from selector.types import Mask
 
+_AS_FAR_OFF = (
+    0.5  #: Of the mean square elsewhere: a stretch where the mismatch is less says nothing against its readings.
+)
+
 
 def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
-    """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed."""
+    """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed.
+
+    They prove nothing where the simulation is no further off than elsewhere: what has arrived stands still, while a
+    poor simulation of it creeps on.
+    """
     faults = []
     for name in comparison.responses:
         expected = comparison.simulated_course(name)
-        for run, first, last in frozen_stretches(comparison, name, surely=True):
+        difference = comparison.difference(name)
+        stretches = frozen_stretches(comparison, name, surely=True)
+        elsewhere = np.isfinite(difference)
+        for _, first, last in stretches:
+            elsewhere[first : last + 1] = False
+        usual = float(np.median(difference[elsewhere])) if elsewhere.any() else 0.0
+        squares = (difference - usual) ** 2
+        least = _AS_FAR_OFF * float(np.mean(squares[elsewhere])) if elsewhere.any() else 0.0
+        for run, first, last in stretches:
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True
+            if np.nanmean(squares[here]) < least:
+                continue
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
             reading, samples = float(comparison.recorded[name][first]), last - first + 1
             statement = (

@@ -27,7 +27,7 @@ from selector.types import Vector
 
 _SHIFTS, _MOST_ROWS = 60, 8_000
 _WIDEST = 3  #: Coefficients of a shape, at most.
-_LEAST = 0.4  #: Of the mean square of fitted and of unseen rows, as names have to explain of what is left.
+_LEAST = 0.2  #: Of the mean square of fitted and of unseen rows. Of names that explain less, few are right.
 _BEYOND, _MORE = 1.25, 0.03  #: Times the most that a shape at a wrong time explains, and so much more.
 #: Of the spread of the readings: what recalibration leaves, below which any wrong course explains a part of it.
 _MATTERS = 0.12
