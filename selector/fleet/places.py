@@ -1,12 +1,13 @@
 """Where recordings lie: folders, patterns, and URLs of anything that fsspec reaches."""
 
 import glob
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from selector.errors import OptionError, ReadError
+from selector.errors import OptionError, ReadError, SelectorError
 from selector.number_text import natural_key
 from selector.readers.files import MACHINE_FILE, has_name_of_recording
 from selector.study.study_file import Recordings
@@ -37,8 +38,9 @@ def may_hold_recordings(reference: str) -> bool:
 def found_by(pattern: str) -> list[str]:
     """What a pattern fits, in natural order; hidden files and those of unfinished writing are none of it."""
     if is_url(pattern):
-        system, path = _reached(pattern)
-        found = [system.unstrip_protocol(one) for one in system.glob(path)]
+        with _readable(pattern):
+            system, path = _reached(pattern)
+            found = [system.unstrip_protocol(one) for one in system.glob(path)]
     else:
         found = glob.glob(pattern)  # noqa: PTH207 (a pattern may be absolute)
     return sorted(found, key=natural_key)
@@ -69,7 +71,7 @@ def local_recordings(recordings: Recordings, folder: Path) -> tuple[list[Path], 
 
 def _brought(url: str, folder: Path) -> Path:
     """The file of a URL, or the folder with its recordings and its machine file."""
-    try:
+    with _readable(url):
         system, path = _reached(url)
         # the folder keeps its name, by which runs of one name are told apart
         target = folder / path.rstrip("/").rpartition("/")[2]
@@ -83,7 +85,15 @@ def _brought(url: str, folder: Path) -> Path:
             if (name == MACHINE_FILE or has_name_of_recording(Path(name))) and not system.isdir(one):
                 system.get_file(one, str(target / name))
         return target
-    except (OSError, ValueError) as error:
+
+
+@contextmanager
+def _readable(url: str) -> Iterator[None]:
+    try:
+        yield
+    except SelectorError:
+        raise
+    except Exception as error:  # each kind of server has errors of its own
         raise ReadError(
             f"a URL that cannot be read ({type(error).__name__}: {error})",
             expected="a recording, or a folder of recordings",

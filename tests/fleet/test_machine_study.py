@@ -5,8 +5,10 @@ import shutil
 
 import pytest
 
+from selector.errors import ReadError
 from selector.fleet import read_fleet
 from selector.fleet.machine_study import Task, answered
+from selector.fleet.places import local_paths
 from tests.fleet.machines import fleet_file, machine
 
 
@@ -148,6 +150,17 @@ def test_a_url_is_the_same_machine(done, again):
     found = answered(task(again, f'[machines]\nm = "{url}-nowhere"'))
     assert found.status == "failed"
     assert f"{url}-nowhere" in found.error
+
+
+@pytest.mark.parametrize(("url", "asked"), [("memory://plant/*", "glob"), ("memory://plant/m", "isdir")])
+def test_a_server_that_cannot_be_reached_is_told_and_no_defect(url, asked, tmp_path, monkeypatch):
+    def unreached(*_, **__):
+        raise RuntimeError("could not connect")  # botocore's errors are no OSError either
+
+    monkeypatch.setattr(f"fsspec.implementations.memory.MemoryFileSystem.{asked}", unreached)
+    with pytest.raises(ReadError, match="could not connect") as told:
+        local_paths([url], tmp_path)
+    assert told.value.where == url
 
 
 def test_a_url_without_fsspec_says_what_to_install(again, monkeypatch):
