@@ -125,7 +125,7 @@ def checked_size(n_cells: int, where: str) -> None:
         )
 
 
-def unique_headers(headers: list[str], where: str) -> tuple[list[str], list[Finding]]:
+def unique_headers(headers: Sequence[str], where: str) -> tuple[list[str], list[Finding]]:
     """Headers without blanks at the ends, empty ones as ``col3``, repeated ones as ``T1.2``, and what was changed.
 
     The apostrophe that keeps a spreadsheet from running a name is no part of it.

@@ -98,3 +98,17 @@ def test_what_is_no_such_log_is_read_as_text():
 
 def tables(path):
     return tables_of(path, Overrides())[0]
+
+
+def test_a_heater_and_a_sensor_of_one_name_are_two_channels(log):
+    lines = "".join(f"Stats {3230 + k}.2: chamber: target=0 temp={30 + k}.0 chamber: temp=20.{k}\n" for k in range(4))
+    (table,) = tables_of(log(HEAD + START + lines), Overrides())[0]
+    assert [(one.header, one.values[-1]) for one in table.columns] == [("chamber", 33.0), ("chamber.2", 20.3)]
+    assert [one.evidence["read_as"] for one in table.findings if one.id == "duplicate-header"] == [["chamber.2"]]
+
+
+@pytest.mark.parametrize("clock", ["9" * 30 + ".5", "9" * 13 + ".5", "9" * 400 + ".5"])
+def test_a_start_at_no_time_of_a_calendar_has_no_date(log, clock):
+    (table,) = tables_of(log(HEAD + START.replace("3226.5", clock) + LOG), Overrides())[0]
+    assert table.start is None
+    assert table.time_s[-1] == 5.0

@@ -3,14 +3,15 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from datetime import datetime
+from datetime import datetime, timedelta
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from selector.errors import ReadError
 from selector.readers.finding_table import FINDINGS
-from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of
+from selector.readers.tables import Column, Overrides, Table, checked_size, checked_width, reading_of, unique_headers
 
 _HEAD = re.compile(
     rb"^(Starting Klippy\.\.\.|Args: \[.*klippy\.py|=+ (Config file =|Log rollover at )|Stats \d+\.\d: )", re.MULTILINE
@@ -53,19 +54,22 @@ def read_klippy(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     told = f"{path.name} has {len(tables)} starts of the printer; what followed each was read as a run of its own."
     first, *others = (replace(one, name=f"{one.name}_{k}") for k, one in enumerate(tables, start=1))
     finding = FINDINGS.finding("starts-are-runs", told, evidence={"starts": len(tables)})
-    return [replace(first, findings=(finding,)), *others]
+    return [replace(first, findings=(finding, *first.findings)), *others]
 
 
 def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
     """What follows one start of the printer; `before` lines precede it in the file."""
     rows: list[tuple[int, float, dict[str, float], float]] = []
     place, first, z_um = (0.0, 0.0), None, np.nan
+    unique, most = cache(partial(unique_headers, where=path.name)), ()
     for number, line in enumerate(lines, start=before + 1):
         if stats := _STATS.match(line):
-            told = {name: float(value) for name, value in _TEMPERATURE.findall(line)}
-            if told:
+            if found := _TEMPERATURE.findall(line):
+                # a heater and a sensor may share a name
+                headers, values = zip(*found, strict=True)
+                told = dict(zip(unique(headers)[0], map(float, values), strict=True))
                 rows.append((number, float(stats[1]), told, z_um))
-                z_um = np.nan
+                most, z_um = max(most, headers, key=len), np.nan
         elif probed := _PROBED.match(line):
             place = place if probed[1] is None else (float(probed[1]), float(probed[2]))
             x_mm, y_mm, z_mm = first = first or (*place, float(probed[3]))
@@ -82,9 +86,8 @@ def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
         columns.append(Column("Z", np.array(heights), "µm"))
     time_s = np.array(times) - times[0]
     reading = reading_of("klippy", encoding="utf-8")
-    return Table(
-        path.stem, path, tuple(columns), reading, (), np.array(numbers), time_s, _wall_clock(lines[0], times[0])
-    )
+    findings, start = tuple(unique(most)[1]), _wall_clock(lines[0], times[0])
+    return Table(path.stem, path, tuple(columns), reading, findings, np.array(numbers), time_s, start)
 
 
 def _wall_clock(line: str, at_s: float) -> np.datetime64 | None:
@@ -92,8 +95,6 @@ def _wall_clock(line: str, at_s: float) -> np.datetime64 | None:
     start = _START.match(line)
     try:
         told = datetime.strptime(start[1], "%a %b %d %H:%M:%S %Y") if start else None
-    except ValueError:
+        return np.datetime64(told + timedelta(seconds=at_s - float(start[2])), "ms") if start and told else None
+    except (ValueError, OverflowError):
         return None
-    if start is None or told is None:
-        return None
-    return np.datetime64(told, "ms") + np.timedelta64(round(1000.0 * (at_s - float(start[2]))), "ms")
