@@ -185,10 +185,12 @@ def _fits_itself(said: IoFile, where: str) -> None:
             raise _unusable(f"two outputs at {place.address!r}", where, "give each an address of its own")
         taken.add((place.at, place.address))
     control = said.control
-    watching = (control.ready, control.wanted, control.alive, control.touch_valid, *said.positions.values())
-    for watched in (*watching, *(output.touch for output in said.outputs.values())):
+    watching = {f"control.{key}": getattr(control, key) for key in ("ready", "wanted", "alive", "touch_valid")}
+    watching |= {f"positions.{axis}": name for axis, name in said.positions.items()}
+    watching |= {f"outputs.{name}.touch": output.touch for name, output in said.outputs.items()}
+    for key, watched in watching.items():
         if watched is not None:
-            _known(watched, said.channels, f"{where}, key control", "channel")
+            _known(watched, said.channels, f"{where}, key {key}", "channel")
 
 
 def _fits(said: IoFile, model: ModelFile, where: str) -> None:

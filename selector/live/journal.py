@@ -55,6 +55,10 @@ def status_words(status: Mapping[str, Any], model: ModelFile) -> list[tuple[str,
 
     ready = "yes" if status["ready"] else "no: journal.jsonl says why"
     corrections = [f"{name} {number_text(value)} µm" for name, value in status["correction_um"].items()]
+    touches = [
+        f"{name}: last one {one['last'].lower().replace('_', ' ')}, offset {number_text(one['offset_um'])} µm"
+        for name, one in status["touch_offs"].items()
+    ]
     latency = [f"{number_text(status[key])} ms" for key in ("latency_median_ms", "latency_999_ms")]
     return [
         ("machine", status["machine"]),
@@ -63,6 +67,7 @@ def status_words(status: Mapping[str, Any], model: ModelFile) -> list[tuple[str,
         ("correction", ", ".join(corrections) or "–"),
         ("follows", mode_words(status["mode"], model)),
         ("sensors", each("sensors") or "all are well"),
+        *([("touch-offs", "; ".join(touches))] if touches else []),
         ("connections", each("connections")),
         ("periods", f"{status['cycles']}, {status['late_cycles']} of them late"),
         ("answers of servers", str(status["rows_in"])),

@@ -13,6 +13,7 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.errors import StudyError
 from selector.live.compensating import Compensation
 from selector.live.io_file import read_io
+from selector.live.journal import status_words
 from selector.live.links import FastClock
 from tests.live.plants import MemoryLink, beyond_the_guard, io_text, model, run
 from tests.live.test_servers import NODES, OPEN_S, OpcUa, end, free_port, go
@@ -91,6 +92,7 @@ def test_a_touch_off_moves_the_correction_and_is_told_everywhere(tmp_path):
     told = process.status()["touch_offs"]["Z"]
     assert told["last"] == "BELIEVED"
     assert told["offset_um"] == pytest.approx(1.98, abs=0.01)
+    assert ("touch-offs", "Z: last one believed, offset 1.98 µm") in status_words(process.status(), adapted())
     assert [line["shown_um"] for line in events(tmp_path, "touch-off")] == [{"Z": pytest.approx(2.0)}]
     assert [line["now"]["Z"]["last"] for line in events(tmp_path, "touch-offs")] == ["NONE", "BELIEVED"]
     assert beyond_the_guard(link.arrived) == []
