@@ -50,24 +50,20 @@ def status_words(status: Mapping[str, Any], model: ModelFile) -> list[tuple[str,
     """What people read of a status: what it is, and what it is now."""
 
     def each(key: str) -> str:
-        words = [f"{name}: {str(value).lower().replace('_', ' ')}" for name, value in status[key].items()]
-        return ", ".join(words)
+        return ", ".join(f"{name}: {str(value).lower().replace('_', ' ')}" for name, value in status[key].items())
 
-    ready = "yes" if status["ready"] else "no: journal.jsonl says why"
     corrections = [f"{name} {number_text(value)} µm" for name, value in status["correction_um"].items()]
-    touches = [
-        f"{name}: last one {one['last'].lower().replace('_', ' ')}, offset {number_text(one['offset_um'])} µm"
-        for name, one in status["touch_offs"].items()
-    ]
+    of_touches = status["touch_offs"].items()
+    touches = [f"{name}: {of['last'].lower()}, offset {number_text(of['offset_um'])} µm" for name, of in of_touches]
     latency = [f"{number_text(status[key])} ms" for key in ("latency_median_ms", "latency_999_ms")]
     return [
         ("machine", status["machine"]),
         ("time", f"{datetime.fromtimestamp(status['time'], UTC):%Y-%m-%d %H:%M:%S} UTC"),
-        ("ready", ready),
+        ("ready", "yes" if status["ready"] else "no: journal.jsonl says why"),
         ("correction", ", ".join(corrections) or "–"),
         ("follows", mode_words(status["mode"], model)),
         ("sensors", each("sensors") or "all are well"),
-        *([("touch-offs", "; ".join(touches))] if touches else []),
+        *([("last touch-offs", "; ".join(touches))] if touches else []),
         ("connections", each("connections")),
         ("periods", f"{status['cycles']}, {status['late_cycles']} of them late"),
         ("answers of servers", str(status["rows_in"])),

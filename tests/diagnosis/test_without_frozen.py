@@ -100,7 +100,16 @@ def test_what_has_arrived_while_a_poor_simulation_creeps_on_is_not_frozen():
         # the simulation is off by a wave as large as its movement, but hardly where the reading stands
         run[300:] += 0.5 * span * np.sin(np.arange(N - 300) / 9.0)
         run[100:300] = np.mean(run[100:300])
+        run[300:] += run[299] - run[300]
     assert not frozen_responses(dataclasses.replace(given, recorded={**given.recorded, "Z": course}))
+
+
+def test_a_reading_that_wakes_up_with_a_leap_was_frozen_beside_a_poor_simulation_too():
+    given = clean()
+    wave = np.tile(0.3 * np.ptp(given.simulated["Z"]) * np.sin(np.arange(N) / 9.0), 3)
+    poor = dataclasses.replace(given, recorded={**given.recorded, "Z": given.recorded["Z"] + wave})
+    (fault,) = frozen_responses(frozen_from(poor, (60, None, None), to=120))
+    assert (fault.run, fault.from_s, fault.to_s) == (RUNS[0], 60 * STEP_S, 119 * STEP_S)
 
 
 def test_equal_readings_while_the_simulation_hardly_moves_prove_no_frozen_sensor():

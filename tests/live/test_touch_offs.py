@@ -92,7 +92,7 @@ def test_a_touch_off_moves_the_correction_and_is_told_everywhere(tmp_path):
     told = process.status()["touch_offs"]["Z"]
     assert told["last"] == "BELIEVED"
     assert told["offset_um"] == pytest.approx(1.98, abs=0.01)
-    assert ("touch-offs", "Z: last one believed, offset 1.98 µm") in status_words(process.status(), adapted())
+    assert ("last touch-offs", "Z: believed, offset 1.98 µm") in status_words(process.status(), adapted())
     assert [line["shown_um"] for line in events(tmp_path, "touch-off")] == [{"Z": pytest.approx(2.0)}]
     assert [line["now"]["Z"]["last"] for line in events(tmp_path, "touch-offs")] == ["NONE", "BELIEVED"]
     assert beyond_the_guard(link.arrived) == []

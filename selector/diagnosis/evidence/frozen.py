@@ -8,7 +8,7 @@ import numpy as np
 from selector.diagnosis.answer import Diagnosis, NamedEffect, Place
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.data._places import duration
-from selector.diagnosis.effects.data.stuck import frozen_stretches
+from selector.diagnosis.effects.data.stuck import LEAP, frozen_stretches, leap_after
 from selector.diagnosis.evidence.naming import input_fault_effect
 from selector.diagnosis.evidence.search import Search
 from selector.diagnosis.finding_table import FINDINGS
@@ -18,16 +18,14 @@ from selector.diagnosis.wording import headline
 from selector.findings import Where
 from selector.types import Mask
 
-_AS_FAR_OFF = (
-    0.5  #: Of the mean square elsewhere: a stretch where the mismatch is less says nothing against its readings.
-)
+_AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.
 
 
 def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
     """Frozen stretches of responses, fitted and held-out runs; equal readings prove them, so no test is needed.
 
     They prove nothing where the simulation is no further off than elsewhere: what has arrived stands still, while a
-    poor simulation of it creeps on.
+    poor simulation of it creeps on. What leaps from there as the simulation does not has woken up.
     """
     faults = []
     for name in comparison.responses:
@@ -43,7 +41,8 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
         for run, first, last in stretches:
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True
-            if np.nanmean(squares[here]) < least:
+            leap = leap_after(comparison, difference, last, comparison.resolution.get(name, 0.0))
+            if np.nanmean(squares[here]) < least and not leap > LEAP:
                 continue
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
             reading, samples = float(comparison.recorded[name][first]), last - first + 1

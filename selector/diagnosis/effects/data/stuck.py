@@ -28,7 +28,7 @@ _AT_REST = 0.5  #: Part of all its movement that the simulation may go on by whi
 _DEAD = 0.2
 _LEAST_DEAD = 40  #: Samples of such a stretch.
 _BESIDE = 20  #: Samples on each side of a stretch from which its level is taken.
-_LEAP = 4.0  #: Usual steps from one reading to the next by which a reading that wakes up differs from where it stood.
+LEAP = 4.0  #: Usual steps from one reading to the next by which a reading that wakes up differs from where it stood.
 _AROUND_ONE = ((0.7, 1.4),)
 _MOST_OF_IT = (0.1, 0.9)  #: Quantiles of the simulation in a stretch that it has to move between.
 _RESTING = ("velocity", "acceleration")  #: Of what reads 0 at rest.
@@ -118,19 +118,20 @@ def _dead_in_runs(
     return [
         (run, first, last)
         for run, first, last in longest
-        if len(recorded) * chance ** (last - first) < _SURE and not _moves_on(comparison, recorded, last, resolution)
+        if len(recorded) * chance ** (last - first) < _SURE
+        and not leap_after(comparison, recorded, last, resolution) <= LEAP
     ]
 
 
-def _moves_on(comparison: Comparison, recorded: Vector, last: int, resolution: float) -> bool:
-    """Whether the first reading after a stretch lies beside it."""
+def leap_after(comparison: Comparison, values: Vector, last: int, resolution: float) -> float:
+    """From where values stood to the first one after row `last`, in usual steps of what follows; NaN at a run's end."""
     rows = dict(comparison.rows_of_runs())[comparison.runs[int(comparison.run_index[last])]]
-    after = recorded[last + 1 : rows.stop]
+    after = values[last + 1 : rows.stop]
     after = after[np.isfinite(after)]
     if len(after) == 0:
-        return False
+        return float("nan")
     usual = float(np.nanmedian(np.abs(np.diff(after)))) if len(after) > 1 else 0.0
-    return bool(abs(after[0] - recorded[last]) <= _LEAP * max(usual, resolution))
+    return float(abs(after[0] - values[last])) / max(usual, resolution, 1e-300)
 
 
 def _chance_of_equal(
