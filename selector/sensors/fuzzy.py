@@ -1,5 +1,6 @@
 """How far a sensor belongs to a group: fuzzy c-means on the similarity."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,7 +30,8 @@ class FuzzyGroups:
     @property
     def fpc(self) -> float:
         """Fuzzy partition coefficient, Σ u² / n (Bezdek): 1 if crisp, 1 / n_groups if nothing can be told apart."""
-        return float((self.memberships**2).sum() / len(self.memberships))
+        # to the last bit in whatever order they lie in memory
+        return math.fsum((self.memberships**2).flat) / len(self.memberships)
 
     @property
     def crispness(self) -> float:

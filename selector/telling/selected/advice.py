@@ -84,7 +84,7 @@ def _how_known(selection: Selection, names: tuple[str, ...]) -> str:
     """How far the errors carry: a factor; of too few runs that it cannot be told."""
     known = selection.known
     if known is None:
-        return ", how far off in another run cannot be told from one" if selection.proof.left_out == "block" else ""
+        return ", one run" if selection.proof.left_out == "block" else ""
     factor = max(known.factor_of(name) for name in names)
     if factor > MOST_TOLD_FACTOR:
         return f", how far off on further ones cannot be told from {known.runs}"
