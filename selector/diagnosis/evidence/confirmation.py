@@ -22,6 +22,7 @@ from selector.types import Vector
 _SEEN = 10.0
 _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
+_MOST_OF_GAP = 0.7  #: On unseen rows.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
@@ -66,7 +67,13 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
 
 
 def only_cancels(effect: NamedEffect, found: Search) -> bool:
-    """Whether an effect is far larger than the mismatch: it makes up for a gain or an offset that goes with it."""
+    """Whether an effect is far larger than the mismatch: it makes up for a gain or an offset that goes with it.
+
+    What surely closes most of the gap on unseen rows does more: a lag takes the place of the simulated course.
+    """
+    gap = found.closed.get(effect.id)
+    if gap is not None and gap.low is not None and gap.low > _MOST_OF_GAP:
+        return False
     bench = found.benches[effect.channel]
     course = effect.courses[effect.channel][bench.fitted]
     return not effect.id.startswith("data.") and float(np.std(course)) > _CANCELS * rms(bench.target[bench.fitted])

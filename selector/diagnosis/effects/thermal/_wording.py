@@ -12,7 +12,6 @@ from selector.diagnosis.shapes.signals import lagged
 from selector.quality.survey import duration
 from selector.types import Vector
 
-Part = tuple[str, Vector, float]  #: What, its course, and its lag [s].
 _BOTH_WAYS = 0.2  #: Of the larger way, from which on the smaller one is said as well.
 
 
@@ -25,7 +24,7 @@ def with_place(comparison: Comparison, name: str) -> str:
 def late(
     comparison: Comparison,
     name: str,
-    parts: Sequence[Part],
+    parts: Sequence[tuple[str, Vector, float]],
     shape: Mapping[str, Quantity] | None = None,
     *,
     taus_s: Sequence[float] = (),

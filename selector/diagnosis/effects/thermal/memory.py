@@ -1,14 +1,13 @@
 """The displacement follows past heating: a lag or slow mode of heat that the simulation knows, but not its delay."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import Part, delay_of, late, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
 from selector.diagnosis.shapes.heating import (
     lacking,
     rise_parts,
@@ -28,7 +27,8 @@ _WARM_START_K = 1.0
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     taus = time_constants(comparison, 10)
     for name, words, heat in _heats(comparison, response):
-        of_course = partial(_instead if name == response else late, comparison, name)
+        # runs may begin at different levels of the simulated course, and settled there
+        of_course = partial(late, comparison, name, settled=name == response)
         # how long a record is says nothing of how quick a lag in it may be
         for tau_s in (*quick_time_constants(comparison, float(taus[0])), *taus):
             yield of_course([(words, heat, tau_s)])
@@ -41,17 +41,6 @@ def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
             for tau_s in taus[4::2]:
                 earlier = "what was left of earlier heat", start_decay(comparison, float(tau_s)), 0.0
                 yield of_course([(words, heat, tau_s), earlier], taus_s=(tau_s,))
-
-
-def _instead(comparison: Comparison, name: str, parts: Sequence[Part], *, taus_s: Sequence[float] = ()) -> Variant:
-    """Lags of the simulated course that take its place: less the course itself, they are as large as what they do.
-
-    Runs may begin at different levels of the course, and settled there.
-    """
-    variant = late(comparison, name, parts, taus_s=taus_s, settled=True)
-    course = comparison.simulated_course(name)
-    is_of_course = np.array([heat is parts[0][1] for _, heat, _ in parts])
-    return replace(variant, columns=variant.columns - np.outer(course, is_of_course))
 
 
 def _heats(comparison: Comparison, response: str) -> list[tuple[str, str, Vector]]:
