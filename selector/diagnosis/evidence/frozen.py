@@ -19,6 +19,7 @@ from selector.findings import Where
 from selector.types import Mask
 
 _AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.
+_LARGEST_STEPS = 0.99
 
 
 def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
@@ -32,6 +33,7 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
         expected = comparison.simulated_course(name)
         difference = comparison.difference(name)
         stretches = frozen_stretches(comparison, name, surely=True)
+        steps = np.abs(np.diff(comparison.recorded[name], append=np.nan))
         elsewhere = np.isfinite(difference)
         for _, first, last in stretches:
             elsewhere[first : last + 1] = False
@@ -42,7 +44,9 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
             here = np.zeros(len(expected), dtype=bool)
             here[first : last + 1] = True
             leap = leap_after(comparison, difference, last, comparison.resolution.get(name, 0.0))
-            if np.nanmean(squares[here]) < least and not leap > LEAP:
+            # what starts to move goes by a step that it usually takes
+            wakes_up = leap > LEAP and bool(steps[last] > np.nanquantile(steps, _LARGEST_STEPS))
+            if np.nanmean(squares[here]) < least and not wakes_up:
                 continue
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
             reading, samples = float(comparison.recorded[name][first]), last - first + 1
