@@ -57,8 +57,7 @@ class Collection:
         self._lake = Lake(folder, io.machine, sections, self._journal.tell)
         self.is_stopping = False
         self._rows = self._filled = 0
-        self._row_s = -math.inf
-        last_s = self._lake.last_s()
+        self._row_s = last_s = self._lake.last_s()
         self._heard_s = {name: last_s for name in self._links if self._io.reads(name)}
         self._filling: set[asyncio.Task[None]] = set()
 

@@ -242,3 +242,10 @@ def test_a_late_period_and_one_in_time_are_not_two_rows_of_one_moment(tmp_path):
     asyncio.run(work())
     # what a killed process leaves is not merged any more
     assert made._rows == 3
+
+
+def test_a_process_that_begins_again_in_the_same_period_writes_no_second_row_of_it(tmp_path):
+    first = collection(tmp_path)[0]
+    assert asyncio.run(first.run(3))["rows"] == 3
+    # the last row is of the second moment after the first
+    assert asyncio.run(collection(tmp_path, BEGUN_S + 2.2)[0].run(2))["rows"] == 1
