@@ -325,21 +325,17 @@ def _few_runs(selection: Selection) -> Iterator[Finding]:
     one, proof = selection.known, selection.proof
     if one is None or one.factor <= PROMISED_FACTOR:
         return
-    spans = {
-        name: (proof.rmse_um(name) / one.factor_of(name), proof.rmse_um(name) * one.factor_of(name))
-        for name in selection.models
-    }
+    errors = {name: (proof.rmse_um(name), one.factor_of(name)) for name in selection.models}
+    spans = {name: (error / factor, error * factor) for name, (error, factor) in errors.items()}
     said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
     begin = f" that do not begin alike (sensors {one.starts_apart_k:.2g} K apart from run to run)" * one.is_warm
     asides = [f"{one.in_a_row} of which begin where another ended"] if one.in_a_row else []
     asides += ["which is little for memory"] if selection.recipe.design.lags else []
     begin += "".join(f", {aside}" for aside in asides) + "," * bool(asides)
     kind = "conditions" if proof.left_out == "condition" else "runs"
-    known_to = (
-        f"is known to a factor of {one.factor:.2g}"
-        if one.factor <= MOST_TOLD_FACTOR
-        else f"cannot be told from so few {kind}"
-    )
+    known_to = f"is known to a factor of {one.factor:.2g}"
+    if one.factor > MOST_TOLD_FACTOR:
+        known_to = f"cannot be told from so few {kind}"
     yield FINDINGS.finding(
         FEW_RUNS,
         f"The error on unseen runs rests on {one.runs} {kind}{begin} and {known_to}: on further runs within what these "

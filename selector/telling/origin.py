@@ -171,10 +171,6 @@ def _words(key: str) -> str:
     return key.replace("_", " ")
 
 
-def _guessed(value: Any) -> str:
-    return _cell(value) if value else "nothing"
-
-
 #: Field of a run or a channel → heading of its column, and how its cells are written.
 _OF_RUNS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
     "run": ("run", _cell), "file": ("file", _file), "rows": (">rows", _cell), "duration_s": (">duration", _span),
@@ -182,7 +178,8 @@ _OF_RUNS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
 }  # fmt: skip
 _OF_CHANNELS: Mapping[str, tuple[str, Callable[[Any], str]]] = {
     "name": ("channel", _cell), "column": ("column", _cell), "role": ("role", _cell), "unit": ("unit", _unit),
-    "unit_in_file": ("unit in file", _unit), "place": ("place", _cell), "guessed": ("guessed", _guessed),
+    "unit_in_file": ("unit in file", _unit), "place": ("place", _cell),
+    "guessed": ("guessed", lambda value: _cell(value) if value else "nothing"),
 }  # fmt: skip
 
 

@@ -77,7 +77,11 @@ def test_every_start_of_the_printer_is_a_run_with_a_zero_of_its_own(log):
     again = LOG.replace("0.500000", "0.900000").replace("Stats 32", "Stats 42")
     tables_ = tables(log(HEAD + START + LOG + "Restarting printer\n" + START.replace("3226.5", "4226.5") + again))
     assert [table.name for table in tables_] == ["klippy_1", "klippy_2"]
-    assert [finding.id for table in tables_ for finding in table.findings] == ["starts-are-runs"]
+    assert [finding.id for table in tables_ for finding in table.findings] == [
+        "starts-are-runs",
+        "probed-elsewhere",
+        "probed-elsewhere",
+    ]
     height = next(column for column in tables_[1].columns if column.header == "Z")
     np.testing.assert_array_equal(height.values[2:4], [0.0, 370.0])
 
@@ -112,3 +116,15 @@ def test_a_start_at_no_time_of_a_calendar_has_no_date(log, clock):
     (table,) = tables_of(log(HEAD + START.replace("3226.5", clock) + LOG), Overrides())[0]
     assert table.start is None
     assert table.time_s[-1] == 5.0
+
+
+def test_a_mesh_before_the_probings_at_one_place_is_left_out_and_told(log):
+    mesh = "".join(f"probe at {x}.000,{y}.000 is z={0.1 + 0.001 * x * y:.6f}\n" for x in (10, 90) for y in (10, 90))
+    pair = "Stats {}.2: bed: temp=20.{}\nprobe at 50.000,50.00{} is z=0.{}\n"
+    lines = "".join(pair.format(3230 + k, k, k, k + 3) for k in range(5))
+    (table,) = tables_of(log(HEAD + START + "Stats 3229.2: bed: temp=20.0\n" + mesh + lines), Overrides())[0]
+    # what was probed after the last line Stats stands at that
+    np.testing.assert_array_equal(table.columns[-1].values, [np.nan, np.nan, 0.0, -100.0, -200.0, -400.0])
+    (finding,) = (one for one in table.findings if one.id == "probed-elsewhere")
+    assert "4 other places" in finding.statement
+    assert finding.evidence == {"x_mm": 50.0, "y_mm": 50.0}

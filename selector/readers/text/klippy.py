@@ -21,7 +21,7 @@ _STATS = re.compile(r"Stats (\d+\.\d+): ")
 _TEMPERATURE = re.compile(r"(\S{1,80}): (?:target=\S{1,20} )?temp=(-?\d+(?:\.\d+)?)(?=\s|$)")
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _PROBED = re.compile(rf"(?:// )?(?:Result:? |probe:? )(?:at {_NUMBER},{_NUMBER} )?.*?\bz={_NUMBER}")
-_SAME_PLACE_MM = 0.5
+_SAME_PLACE_MM, _MOST_PLACES = 0.5, 1000
 
 
 def is_klippy_log(head: bytes) -> bool:
@@ -33,8 +33,8 @@ def read_klippy(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
     """One table a start of the printer: temperatures [°C] a line ``Stats``, and Z [µm] where something was probed.
 
     Z falls from 0 by what the probed height has risen since the first probing, which is what the nozzle came down. Only
-    the place of the first one counts: elsewhere the bed has another height. A printer that is started anew is homed
-    anew, and so has another zero.
+    the place that was probed most often counts: elsewhere, as for a mesh, the bed has another height. A printer that is
+    started anew is homed anew, and so has another zero.
 
     Raises ReadError if there are no two lines ``Stats`` with a temperature.
     """
@@ -59,8 +59,8 @@ def read_klippy(path: Path, data: bytes, overrides: Overrides) -> list[Table]:
 
 def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
     """What follows one start of the printer; `before` lines precede it in the file."""
-    rows: list[tuple[int, float, dict[str, float], float]] = []
-    place, first, z_um = (0.0, 0.0), None, np.nan
+    rows: list[tuple[int, float, dict[str, float]]] = []
+    place, heights = 0j, dict[complex, dict[int, float]]()
     unique, most = cache(partial(unique_headers, where=path.name)), ()
     for number, line in enumerate(lines, start=before + 1):
         if stats := _STATS.match(line):
@@ -68,26 +68,33 @@ def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
                 # a heater and a sensor may share a name
                 headers, values = zip(*found, strict=True)
                 told = dict(zip(unique(headers)[0], map(float, values), strict=True))
-                rows.append((number, float(stats[1]), told, z_um))
-                most, z_um = max(most, headers, key=len), np.nan
+                rows.append((number, float(stats[1]), told))
+                most = max(most, headers, key=len)
         elif probed := _PROBED.match(line):
-            place = place if probed[1] is None else (float(probed[1]), float(probed[2]))
-            x_mm, y_mm, z_mm = first = first or (*place, float(probed[3]))
-            if max(abs(place[0] - x_mm), abs(place[1] - y_mm)) < _SAME_PLACE_MM:
-                z_um = round(1000.0 * (z_mm - float(probed[3])), 3)
+            place = place if probed[1] is None else complex(float(probed[1]), float(probed[2]))
+            is_new = place not in heights and len(heights) < _MOST_PLACES
+            near = next((of for of in heights if abs(of - place) < _SAME_PLACE_MM), place) if is_new else place
+            heights.setdefault(near, {})[len(rows)] = float(probed[3])
     if len(rows) < 2:
         return None
-    numbers, times, temperatures, heights = zip(*rows, strict=True)
+    numbers, times, temperatures = zip(*rows, strict=True)
     names = list(dict.fromkeys(name for told in temperatures for name in told))
     checked_width(len(names), path.name)
     checked_size(len(names) * len(rows), path.name)
     columns = [Column(name, np.array([told.get(name, np.nan) for told in temperatures]), "°C") for name in names]
-    if np.isfinite(heights).any():
-        columns.append(Column("Z", np.array(heights), "µm"))
-    time_s = np.array(times) - times[0]
-    reading = reading_of("klippy", encoding="utf-8")
-    findings, start = tuple(unique(most)[1]), _wall_clock(lines[0], times[0])
-    return Table(path.stem, path, tuple(columns), reading, findings, np.array(numbers), time_s, start)
+    findings = list(unique(most)[1])
+    if heights:
+        at, z_mm = max(heights.items(), key=lambda one: len(one[1]))
+        z_um, zero_mm = np.full(len(rows), np.nan), next(iter(z_mm.values()))
+        z_um[np.minimum(list(z_mm), len(rows) - 1)] = [round(1000.0 * (zero_mm - one), 3) for one in z_mm.values()]
+        columns.append(Column("Z", z_um, "µm"))
+        if len(heights) > 1:
+            said = f"Z is what was probed at x = {at.real:g} mm, y = {at.imag:g} mm, {len(z_mm)} times, most often; "
+            said += f"{len(heights) - 1} other places were probed, too, and are left out."
+            findings.append(FINDINGS.finding("probed-elsewhere", said, evidence={"x_mm": at.real, "y_mm": at.imag}))
+    time_s, reading = np.array(times) - times[0], reading_of("klippy", encoding="utf-8")
+    start = _wall_clock(lines[0], times[0])
+    return Table(path.stem, path, tuple(columns), reading, tuple(findings), np.array(numbers), time_s, start)
 
 
 def _wall_clock(line: str, at_s: float) -> np.datetime64 | None:

@@ -61,10 +61,8 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
     proof = selection.proof
     where = _UNSEEN[proof.left_out]
     if proof.not_covered:
-        covered = len(next(iter(proof.per_response.values())))
-        where = (
-            f"On {covered} of {covered + len(proof.not_covered)} runs, unseen by the model (the others lack a sensor),"
-        )
+        covered, lacking = len(next(iter(proof.per_response.values()))), len(proof.not_covered)
+        where = f"On {covered} of {covered + lacking} runs, unseen by the model (the others lack a sensor),"
     how = f"rms, {PROCEDURE}{_how_known(selection, names)}"
     falls = {name: (proof.baselines_um[name]["none"], proof.rmse_um(name)) for name in names}
     if len(names) == 1:
