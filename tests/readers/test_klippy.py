@@ -126,5 +126,5 @@ def test_a_mesh_before_the_probings_at_one_place_is_left_out_and_told(log):
     # what was probed after the last line Stats stands at that
     np.testing.assert_array_equal(table.columns[-1].values, [np.nan, np.nan, 0.0, -100.0, -200.0, -400.0])
     (finding,) = (one for one in table.findings if one.id == "probed-elsewhere")
-    assert "4 other places" in finding.statement
+    assert "(places: 4)" in finding.statement
     assert finding.evidence == {"x_mm": 50.0, "y_mm": 50.0}

@@ -90,7 +90,7 @@ def _table(path: Path, lines: Sequence[str], before: int) -> Table | None:
         columns.append(Column("Z", z_um, "µm"))
         if len(heights) > 1:
             said = f"Z is what was probed at x = {at.real:g} mm, y = {at.imag:g} mm, {len(z_mm)} times, most often; "
-            said += f"{len(heights) - 1} other places were probed, too, and are left out."
+            said += f"left out is what was probed elsewhere (places: {len(heights) - 1})."
             findings.append(FINDINGS.finding("probed-elsewhere", said, evidence={"x_mm": at.real, "y_mm": at.imag}))
     time_s, reading = np.array(times) - times[0], reading_of("klippy", encoding="utf-8")
     start = _wall_clock(lines[0], times[0])
