@@ -80,7 +80,8 @@ def test_from_a_file_to_a_report(page, bench, study, tmp_path):
     send(page, tmp_path / "warm up.csv")
     page.get_by_text("The first lines of the file").wait_for()
     assert page.get_by_role("cell", name="warm up.csv", exact=True).is_visible()
-    assert "selector describe 'recordings/warm up.csv'" in page.locator("#command").inner_text()
+    told = "selector describe 'recordings/warm up.csv'"
+    api.expect(page.locator("#command")).to_contain_text(told, timeout=PATIENCE_MS)
 
     # a wrong unit is refused, the right one is written and read
     unit = page.locator("table.channels tr", has_text="T1").first.locator(".unit input")

@@ -140,7 +140,7 @@ def test_a_click_on_a_point_takes_its_set_and_typing_is_left_alone(page):
     page.get_by_text("taken by hand").wait_for()
     names = page.locator("#sensors-facts dd").first.inner_text().split(", ")
     assert len(names) == 2
-    assert f"--max-sensors 2 --must {names[0]} --must {names[1]}" in page.locator("#command").inner_text()
+    page.locator("#command").get_by_text(f"--max-sensors 2 --must {names[0]} --must {names[1]}").wait_for()
     page.get_by_role("button", name="Back to the set of λ").click()
     page.get_by_text("--lambda").wait_for()
 
