@@ -325,7 +325,7 @@ def _unexplained(found: Diagnosis) -> str:
     near = [one for one in found.also_seen if one.share >= _NEAR and not is_data(one.id)]
     for one in sorted(near, key=lambda one: -one.share)[:1]:
         fitted = f"{name_of(one.id)}, {100.0 * one.share:.0f} % of the fitted mismatch in {one.channel}"
-        sentences.append(f"Nearest comes {fitted}, but the rows that were not fitted do not bear it out.")
+        sentences.append(f"Nearest comes {fitted}, but it did not stand every test: see what was also seen.")
     return " ".join(sentences)
 
 

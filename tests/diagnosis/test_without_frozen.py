@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.frozen import frozen_responses
@@ -102,6 +103,24 @@ def test_what_has_arrived_while_a_poor_simulation_creeps_on_is_not_frozen():
         run[100:300] = np.mean(run[100:300])
         run[300:] += run[299] - run[300]
     assert not frozen_responses(dataclasses.replace(given, recorded={**given.recorded, "Z": course}))
+
+
+def test_what_starts_to_move_by_its_usual_step_was_at_rest_beside_a_poor_simulation():
+    """An axis goes to and fro at one speed and rests once a run; a simulation that is late creeps on meanwhile."""
+    given, random = clean(), np.random.default_rng(6)
+    speed = np.tile(np.repeat([1.0, -1.0], 75), 3 * N // 150 + 1)[: 3 * N]
+    for k in range(3):
+        speed[k * N + 150 : k * N + 300 + 10 * k] = 0.0
+    course = np.cumsum(speed) + 0.02 * random.standard_normal(3 * N) * (speed != 0.0)
+    for k in range(3):
+        rest = slice(k * N + 150, k * N + 300 + 10 * k)
+        course[rest] = course[rest.start]
+    late = lfilter([0.1], [1.0, -0.9], np.cumsum(speed))
+    changed = {
+        name: {**of, "Z": z}
+        for name, of, z in (("recorded", given.recorded, course), ("simulated", given.simulated, late))
+    }
+    assert not frozen_responses(dataclasses.replace(given, **changed))
 
 
 def test_a_reading_that_wakes_up_with_a_leap_was_frozen_beside_a_poor_simulation_too():

@@ -19,7 +19,7 @@ from selector.findings import Where
 from selector.types import Mask
 
 _AS_FAR_OFF = 0.5  #: Of the mean square elsewhere: less of a mismatch says nothing against the readings of a stretch.
-_LARGEST_STEPS = 0.99
+_LARGEST_STEPS = 0.99  #: Quantile of the steps from one reading to the next: beyond it nothing just starts to move.
 
 
 def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
@@ -34,6 +34,7 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
         difference = comparison.difference(name)
         stretches = frozen_stretches(comparison, name, surely=True)
         steps = np.abs(np.diff(comparison.recorded[name], append=np.nan))
+        largest = np.nanquantile(steps, _LARGEST_STEPS) if stretches else np.nan
         elsewhere = np.isfinite(difference)
         for _, first, last in stretches:
             elsewhere[first : last + 1] = False
@@ -45,7 +46,7 @@ def frozen_responses(comparison: Comparison) -> tuple[InputFault, ...]:
             here[first : last + 1] = True
             leap = leap_after(comparison, difference, last, comparison.resolution.get(name, 0.0))
             # what starts to move goes by a step that it usually takes
-            wakes_up = leap > LEAP and bool(steps[last] > np.nanquantile(steps, _LARGEST_STEPS))
+            wakes_up = leap > LEAP and bool(steps[last] > largest)
             if np.nanmean(squares[here]) < least and not wakes_up:
                 continue
             from_s, to_s = float(comparison.time_s[first]), float(comparison.time_s[last])
