@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from selector.findings import Finding, Where
 from selector.json_text import fields_of
@@ -317,7 +317,7 @@ def _factor(errors_um: Sequence[float], runs: float, spread: float) -> float:
     logs, own = np.log(np.maximum(errors_um, least + np.finfo(np.float64).tiny)), len(errors_um) - 1
     freedom = PRIOR_FREEDOM + own
     variance = (PRIOR_FREEDOM * spread**2 + own * logs.var(ddof=1)) / freedom
-    return float(np.exp(student.ppf(0.975, freedom) * SHARED_RUNS * np.sqrt(variance / runs)))
+    return float(np.exp(stdtrit(freedom, 0.975) * SHARED_RUNS * np.sqrt(variance / runs)))
 
 
 def _few_runs(selection: Selection) -> Iterator[Finding]:

@@ -333,11 +333,15 @@ def test_unusable_input_says_what_to_do(folder, capfd, arguments):
 
 def test_unusable_input_in_a_process_of_its_own(folder):
     unusable_files(folder)
-    ended = selector("describe", "noise.csv")
+    ended = selector("describe", "noise.csv", environment={"PYTHONPROFILEIMPORTTIME": "1"})
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert "What to do" in ended.stderr
     assert "Traceback" not in ended.stderr
+    # a third of a second of every command that reads recordings
+    imported = {line.rpartition("|")[2].strip() for line in ended.stderr.splitlines()}
+    assert "selector.readers" in imported
+    assert "scipy.stats" not in imported
 
 
 @pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="the administrator may read every file")
