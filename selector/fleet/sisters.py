@@ -162,7 +162,8 @@ def _own_bench(pool: Pool, library: Library, machines: Sequence[str]) -> tuple[B
         total[0, 0] += n_samples
     rest = np.concatenate([one.sum(axis=0) - one for one in parts])
     leave_one_out = LeaveOneOut(rest, np.concatenate(parts), found.n_columns)
-    bench = Bench(library, total, leave_one_out, np.ones(len(library.responses)))
+    power = np.ones(len(library.responses))
+    bench = Bench(library, total, lambda: leave_one_out, leave_one_out.left_out[:, 0, 0], power)
     return bench, np.repeat(np.arange(len(machines)), [len(one) for one in parts])
 
 

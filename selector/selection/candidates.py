@@ -298,12 +298,9 @@ def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[
             sizes = range(1, min(options.max_sensors, len(several)) + 1)
             most = max(size for size in sizes if size == 1 or math.comb(len(several), size) <= MOST_TOGETHER)
             sets.update(dict.fromkeys(sets_with_terms(question, bench, several, LINEAR, most)))
-    if not sets:
-        # no displacement moves in these folds, so nothing can be ranked
-        must = tuple(name for name in pool if name in options.must)
-        return [must] if must else [(name,) for name in pool]
-    # sensors that rest explain nothing, but a fold must be predicted by something
-    return list(sets) or [tuple(question.options.must) or tuple(pool[:1])]
+    # where no displacement moves in these folds nothing can be ranked
+    must = tuple(name for name in pool if name in options.must)
+    return list(sets) or ([must] if must else [(name,) for name in pool])
 
 
 def _moving_responses(bench: Bench) -> list[int]:

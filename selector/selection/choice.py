@@ -262,7 +262,8 @@ def tested(
             )
             if both not in (first, other) and _well_apart(both.sensor_taus_s) and _well_apart(both.speed_taus_s):
                 test(both, among=promising)
-    return Tested(question, _side_by_side(question, list(trials.values()), bench), bench)
+    # a new bench holds no cross-products of single folds: of all choices together these would be folds² · terms²
+    return Tested(question, _side_by_side(question, list(trials.values()), bench), replace(bench))
 
 
 def _side_by_side(question: Question, trials: Sequence[Trial], bench: Bench) -> tuple[Trial, ...]:

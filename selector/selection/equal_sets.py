@@ -97,7 +97,7 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     found = []
     for names, error in zip(chosen[order], unseen[order], strict=True):
         of_set = tuple(sensors[i] for i in sorted(names))
-        fault, vif = bench.worst_fault(of_set, shape), bench.largest_vif(of_set, shape)
+        fault, vif = bench.faults(of_set, shape)[0], bench.largest_vif(of_set, shape)
         found.append(EqualSet(of_set, tuple(map(float, np.sqrt(error))), vif, fault))
     return EqualSets(tuple(found), len(chosen), n_sets, margin)
 

@@ -1,6 +1,6 @@
 """Shapes of a model, and the cross-products of every term that the shapes under test may need."""
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -103,19 +103,23 @@ class Bench:
 
     library: Library
     total: Array  #: (k, k): Cross-products of [1, terms, responses] over the rows of the folds
-    leave_one_out: LeaveOneOut
+    apart: Callable[[], LeaveOneOut]  #: Makes `leave_one_out`
+    samples: Array  #: (n_groups,): Samples of each inner group
     power: Array  #: (n_responses,): Variance of each response [µm²]
 
     @classmethod
     def of(cls, library: Library, folds: Sequence[int]) -> "Bench":
         """The bench for these folds."""
         part = library.moments.only(folds)
-        return cls(library, part.whole, LeaveOneOut.of(part, inner_grouping(part)), response_power(part))
+        inner = inner_grouping(part)
+        samples = np.array([part.n_samples[list(group)].sum() for group in inner])
+        power = response_power(part)
+        return cls(library, part.whole, lambda: LeaveOneOut.of(library.moments.only(folds), inner), samples, power)
 
-    @property
-    def samples(self) -> Array:
-        """Samples of each inner group, shape (n_groups,)."""
-        return self.leave_one_out.left_out[:, 0, 0]
+    @cached_property
+    def leave_one_out(self) -> LeaveOneOut:
+        """Cross-products without each inner group; as large as those of all folds twice: keep a bench without it."""
+        return self.apart()
 
     def cross(self, sensors: Sequence[str], shape: Shape, response: int) -> Array:
         """Centred cross-products of the terms of a set and one response, the response last."""
@@ -141,13 +145,10 @@ class Bench:
         # differences below this are rounding of the cross-products, and no gauge would see them
         return np.asarray(np.maximum((held_out.mse / self.power).mean(axis=1), ROUNDING))
 
-    def worst_fault(self, sensors: Sequence[str], shape: Shape) -> float:
-        """Largest share of a displacement's spread that one sensor moves when it is wrong by its own spread."""
-        return self.faults(sensors, shape)[0]
-
     def faults(self, sensors: Sequence[str], shape: Shape, alike: float = 1.0) -> tuple[float, bool]:
-        """The worst fault, and whether sensors that correlate by more than `alike` have coefficients of opposite signs.
+        """(worst fault, whether sensors that correlate by more than `alike` have coefficients of opposite signs).
 
+        A fault is the share of a displacement's spread that one sensor moves when it is wrong by its own spread.
         With lags and powers the sign of a sensor is that of all its terms together, each times its spread.
         """
         terms, at = shape.terms(sensors, self.library.speeds), self.library.columns(sensors, shape)

@@ -1,12 +1,17 @@
 """Very many runs are left out in groups of whole runs, which is told; the error is still told run by run."""
 
+import gc
+
 import numpy as np
 import pytest
 
 from selector.models.design import Columns, Datum, Design, Scaling, Term, datum_of, rows_of
-from selector.models.moments import moments
-from selector.selection import Options, select
-from selector.selection.proving import MOST_FOLDS, fold_of_run
+from selector.models.moments import LeaveOneOut, moments
+from selector.selection import Options, choice, select
+from selector.selection.candidates import candidates
+from selector.selection.library import Bench
+from selector.selection.options import question_of
+from selector.selection.proving import MOST_FOLDS, Folds, fold_of_run
 from tests.models.runs import recording
 from tests.selection.machines import found_ids, one_finding
 
@@ -97,3 +102,23 @@ def test_each_run_is_predicted_without_its_group(many):
 
 def test_few_runs_say_nothing_of_groups():
     assert "runs-left-out-in-groups" not in found_ids(select(short_runs(8), Options()))
+
+
+def test_choices_that_are_kept_hold_no_cross_products_of_single_folds():
+    source = short_runs(8)
+    question = question_of(source, Options(memory=True))
+    folds = Folds(question, source, datum_of(source, question.sensors, question.responses, "rise"), 1)
+    found = candidates(question, folds.linear_bench(None))
+    static, lagged = choice.shapes_on_offer(question, 60.0, 1500.0)
+    library = folds.library([found], static, lagged)
+    before = _left_out_matrices()
+    benches = [Bench.of(library, folds.without(group)) for group in folds.outer]
+    kept = [choice.tested(question, found, bench, static, lagged) for bench in benches]
+    del benches
+    assert _left_out_matrices() == before
+    assert all(len(one.trials) > 3 and len(one.bench.samples) == 7 for one in kept)
+
+
+def _left_out_matrices():
+    gc.collect()
+    return sum(isinstance(one, LeaveOneOut) for one in gc.get_objects())
