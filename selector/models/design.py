@@ -315,7 +315,6 @@ def start_reading(time_s: Array, samples: Array) -> tuple[float, float]:
     found, time = samples[known][:NOISE_SAMPLES], time_s[known][:NOISE_SAMPLES]
     if len(found) == 0:
         return np.nan, np.nan
-    # the usual period, the same for all channels of a run, is asked for only where it can matter
     if len(found) > 1 and np.diff(time).max() > NEIGHBOURS_S:
         far = np.diff(time) > max(NEIGHBOURS_PERIODS * float(np.median(np.diff(time_s))), NEIGHBOURS_S)
         n = 1 + int(np.argmax(np.append(far, True)))
@@ -416,8 +415,7 @@ def gauge_start(level: float, standard_error: float) -> float:
 
 
 def _quantum(found: Array) -> float:
-    values = np.unique(found)
-    steps = np.diff(values)
+    steps = np.diff(values := np.unique(found))
     steps = steps[steps > 1e-9 * max(1.0, float(np.abs(found).max()))]
     return float(steps.min()) if len(steps) and len(values) <= len(found) // 2 else 0.0
 
