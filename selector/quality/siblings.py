@@ -101,12 +101,11 @@ class Relations:
             chosen.append(pool.pop(best))
         return chosen
 
-    def weights(self, i: int, siblings: Sequence[int], training: Sequence[int]) -> Floats:
-        """Least-squares weights of the siblings for channel `i`, learned on these runs."""
-        return self.weights_without(i, siblings, np.setdiff1d(np.arange(len(self.runs)), training).tolist())
-
     def weights_without(self, i: int, siblings: Sequence[int], apart: Sequence[int]) -> Floats:
-        """The same, learned on all runs but these; the cost does not depend on the number of runs."""
+        """Least-squares weights of the siblings for channel `i`, learned on all runs but these.
+
+        The cost does not depend on the number of runs.
+        """
         apart = [r for r in apart if self.present[i, r]]
         # the sum over all runs less the few that are left out
         gram, count, _ = self._sum_with(i)
@@ -345,22 +344,20 @@ def stuck_beside_siblings(survey: Survey, relations: Relations) -> Iterator[Find
 
 def _departures(relations: Relations, i: int, siblings: Sequence[int]) -> Floats:
     """Size of the departure in each run, each against the relation of the other runs [K]; NaN where absent."""
-    runs = range(len(relations.runs))
     sizes = np.full(len(relations.runs), np.nan)
-    for r in runs:
-        if relations.present[i, r]:
-            weights = relations.weights(i, siblings, [o for o in runs if o != r])
-            sizes[r] = _size(relations.departure(i, siblings, weights, r))
+    for r in np.flatnonzero(relations.present[i]).tolist():
+        weights = relations.weights_without(i, siblings, [r])
+        sizes[r] = _size(relations.departure(i, siblings, weights, r))
     return sizes
 
 
 def _excess(relations: Relations, i: int, siblings: Sequence[int], r: int) -> tuple[Floats, float]:
     """(departure in run r, largest departure in the other runs, each learned without run r and itself)."""
     others = relations.others(i, r)
-    departure = relations.departure(i, siblings, relations.weights(i, siblings, others), r)
+    departure = relations.departure(i, siblings, relations.weights_without(i, siblings, [r]), r)
     usual = [_FLOOR_K]
     for o in others[:: max(1, len(others) // _REFERENCES)]:
-        weights = relations.weights(i, siblings, [p for p in others if p != o])
+        weights = relations.weights_without(i, siblings, [r, o])
         usual.append(_size(relations.departure(i, siblings, weights, o)))
     return departure, max(usual)
 
@@ -474,7 +471,8 @@ def _due(
     if count < 4:
         return None
     if others:
-        weights = relations.weights(i, siblings, others)
+        apart = [o for o in range(len(relations.runs)) if o not in others]
+        weights = relations.weights_without(i, siblings, apart)
     elif (~inside).sum() >= 20:
         weights = relations.weights_on(i, siblings, r, ~inside)
     else:

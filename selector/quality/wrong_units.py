@@ -160,7 +160,7 @@ def _gain(relations: Relations, column: int, r: int, affected: list[int]) -> flo
     others = relations.others(i, r)
     if not siblings or not others or not relations.present[i, r]:
         return None
-    told = relations.prediction(siblings, relations.weights(i, siblings, others), r)
+    told = relations.prediction(siblings, relations.weights_without(i, siblings, [r]), r)
     own = relations.movement(r)[i]
     gain = float(told @ own / max(float(told @ told), 1e-300))
     follows = float(np.sum((own - gain * told) ** 2)) < 0.1 * float(own @ own)

@@ -140,13 +140,13 @@ def starting_sets(
             pace[SIZE] = first
             pace[IMPROVED] = 0
         elif pace[PHASE] == FORWARD:
-            moved = pace[SIZE] < max_size and _step_forward(root, state, v)
+            moved = pace[SIZE] < max_size and _step(root, state, v, True)
             if moved:
                 pace[SIZE] += 1
             else:
                 pace[PHASE] = BACKWARD
         else:
-            moved = pace[SIZE] > first and _step_backward(root, state, v)
+            moved = pace[SIZE] > first and _step(root, state, v, False)
             if moved:
                 pace[SIZE] -= 1
             else:
@@ -166,38 +166,23 @@ def starting_sets(
 
 
 @kernel
-def _step_forward(root: Any, state: Any, v: Any) -> bool:
+def _step(root: Any, state: Any, v: Any, forward: bool) -> bool:
+    """Takes in the column that explains most, or lets the one go that explains least; False where there is none."""
     p = state.size
-    enter = COUNT(-1)
-    most = -1.0
+    moved = COUNT(-1)
+    best = np.inf
     for j in range(p):
-        if state[j] != KEPT and root[j] == FREE and v[j, j] > PIVOT_TOLERANCE:
-            gain = v[j, p] * v[j, p] / v[j, j]
-            if gain > most:
-                most = gain
-                enter = j
-    if enter < 0:
+        may = root[j] == FREE and state[j] != KEPT if forward else root[j] != KEPT and state[j] == KEPT
+        if may and v[j, j] > (PIVOT_TOLERANCE if forward else 0.0):
+            share = v[j, p] * v[j, p] / v[j, j]
+            worth = -share if forward else share
+            if worth < best:
+                best = worth
+                moved = j
+    if moved < 0:
         return False
-    _sweep(v, enter)
-    state[enter] = KEPT
-    return True
-
-
-@kernel
-def _step_backward(root: Any, state: Any, v: Any) -> bool:
-    p = state.size
-    leave = COUNT(-1)
-    least = np.inf
-    for i in range(p):
-        if state[i] == KEPT and root[i] != KEPT and v[i, i] > 0.0:
-            loss = v[i, p] * v[i, p] / v[i, i]
-            if loss < least:
-                least = loss
-                leave = i
-    if leave < 0:
-        return False
-    _sweep(v, leave)
-    state[leave] = FREE
+    _sweep(v, moved)
+    state[moved] = KEPT if forward else FREE
     return True
 
 

@@ -152,9 +152,7 @@ class SteadySwing:
     #: [V]
     voltage_v: float
     voltage_sd_v: float
-    #: ripple_v and crest_v: From the lowest to the highest smoothed voltage; how far the highest is above the mean [V]
-    ripple_v: float
-    crest_v: float
+    crest_v: float  #: How far the highest smoothed voltage is above the mean [V]
     #: stroke_um and highest_um: Between the turning points over all rounds; the highest of them, from the probe's rest
     #: [µm]
     stroke_um: float
@@ -209,8 +207,7 @@ def steady_swing(transducer: Transducer, allowance_um: float | None, *, start: G
     swing, state, rounds = _lasting(_behind_any_filter(transducer), allowance_um, start or GaugeState())
     p, plane = packed(transducer, RELATIVE_TOLERANCE), _plane_m(transducer, allowance_um)
     widen_scales(p, 0.0, 0.0, plane)
-    ripple_v, crest_v = _ripple(transducer, plane, p, state, rounds, swing.voltage_v, bool(swing.rounds))
-    return replace(swing, ripple_v=ripple_v, crest_v=crest_v)
+    return replace(swing, crest_v=_crest_v(transducer, plane, p, state, rounds, swing))
 
 
 def _plane_m(transducer: Transducer, allowance_um: float | None) -> float:
@@ -224,7 +221,7 @@ def _behind_any_filter(transducer: Transducer) -> Transducer:
 
 @lru_cache(maxsize=2048)  # 17 characteristics
 def _lasting(transducer: Transducer, allowance_um: float | None, start: GaugeState) -> tuple[SteadySwing, Vector, int]:
-    """The swing but for its ripple, its states, and over how many rounds that is looked for.
+    """The swing but for its crest, its states, and over how many rounds that is looked for.
 
     Neither filter nor relay acts on the motion or on the mean voltage: tries of other filters find it here.
     """
@@ -244,7 +241,6 @@ def _lasting(transducer: Transducer, allowance_um: float | None, start: GaugeSta
         allowance_um=math.inf if allowance_um is None else float(allowance_um),
         voltage_v=mean_v,
         voltage_sd_v=0.0 if repeats else _sd_of_mean(out[:, at.S]),
-        ripple_v=math.nan,
         crest_v=math.nan,
         stroke_um=1e6 * float(out[:, -3].max() - out[:, -2].min()),
         highest_um=1e6 * float(out[:, -3].max()),
@@ -313,10 +309,10 @@ def _settled_voltage(swing: _Rounds, state: Vector, rounds: int) -> float:
     return float(added / (1.0 - left))
 
 
-def _ripple(
-    transducer: Transducer, plane_m: float, p: Vector, state: Vector, rounds: int, mean_v: float, repeats: bool
-) -> tuple[float, float]:
-    """Smoothed voltage from its lowest to its highest, and the latter above its mean."""
+def _crest_v(
+    transducer: Transducer, plane_m: float, p: Vector, state: Vector, rounds: int, swing: SteadySwing
+) -> float:
+    """The highest smoothed voltage above its mean."""
     time = np.linspace(0.0, rounds * round_s(transducer), _SAMPLES * rounds + 1)
     out, begin = np.empty((len(time), at.STATES)), state.copy()
     begin[at.S] = 0.0
@@ -328,9 +324,9 @@ def _ripple(
     if ended != at.DONE:
         raise refusal(ended, transducer)
     fading = np.exp(-time * p[at.RATE])
-    first = out[-1, at.S] / (1.0 - fading[-1]) if repeats else mean_v
+    first = out[-1, at.S] / (1.0 - fading[-1]) if swing.rounds else swing.voltage_v
     course = out[:, at.S] + first * fading
-    return float(course.max() - course.min()), float(course.max() - course[:-1].mean())
+    return float(course.max() - course[:-1].mean())
 
 
 def _sd_of_mean(values: Vector) -> float:

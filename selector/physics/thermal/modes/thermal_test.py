@@ -272,9 +272,7 @@ class Stretch:
     """A part of a run at one speed."""
 
     run: int  #: Position of the run
-    #: speed_rpm and before_rpm: Speed [r/min], 0 for cooling; the speed before it, for cooling
-    speed_rpm: float
-    before_rpm: float
+    speed_rpm: float  #: Speed [r/min], 0 for cooling
     time_s: Vector  #: (n_blocks,): Mean times of the blocks from the beginning of the stretch [s]
     blocks: NDArray[np.int64]  #: (n_blocks,): Positions in the `ModeData`
     duration_s: float  #: Length [s]
@@ -327,7 +325,6 @@ def _pieces(data: ModeData, run: int) -> Iterator[Stretch]:
             continue  # a ramp up or down
         else:
             merged.append((key, list(members)))
-    before = 0.0
     for key, members in merged:
         begin = ends[members[0]] - length[members[0]]
         if members[0] and all(label[i] == -1 for i in range(members[0])):
@@ -336,8 +333,7 @@ def _pieces(data: ModeData, run: int) -> Iterator[Stretch]:
         with_values = position[data.counts[blocks[position]].max(axis=1) > 0]
         middle = ends[with_values] - data.after_s[blocks[with_values]]
         speed = float(levels[key]) if key >= 0 else float(data.speed_rpm[blocks[position]].mean())
-        yield Stretch(run, speed, before, middle - begin, blocks[with_values], float(ends[position[-1]] - begin))
-        before = speed
+        yield Stretch(run, speed, middle - begin, blocks[with_values], float(ends[position[-1]] - begin))
 
 
 def _is_still(data: ModeData, piece: Stretch) -> bool:
