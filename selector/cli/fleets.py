@@ -67,9 +67,7 @@ def watch(
     from selector.telling import write_account
     from selector.telling.fleet import watch_account
 
-    if out is not None:
-        require_page_place(out, "--out")
-        require_writable_folder(out.parent, "--out", (out.name,))
+    _require_page(out)
     asked = read_fleet(fleet)
     with fleet_progress() as tell:
         account = watch_account(watch_fleet(asked, tell), title=_title(asked))
@@ -87,9 +85,7 @@ def report(
     from selector.telling import write_account
     from selector.telling.fleet import fleet_account
 
-    if out is not None:
-        require_page_place(out, "--out")
-        require_writable_folder(out.parent, "--out", (out.name,))
+    _require_page(out)
     asked = read_fleet(fleet)
     answer = read_answer(asked.results)
     missing = [name for name in asked.studies if name not in answer.machines]
@@ -139,6 +135,12 @@ def _show(account: Account, *, as_json: bool) -> None:
         showing.print_json(account.data)
     else:
         showing.show_account(showing.screen(), account)
+
+
+def _require_page(out: Path | None) -> None:
+    if out is not None:
+        require_page_place(out, "--out")
+        require_writable_folder(out.parent, "--out", (out.name,))
 
 
 def _title(asked: Fleet) -> str:

@@ -10,7 +10,7 @@ import pytest
 from selector.diagnosis.answer import Errors
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
-from selector.diagnosis.effects.thermal._wording import delay_of, quantities
+from selector.diagnosis.effects.thermal._wording import delay_of, told
 from selector.diagnosis.wording import (
     amount,
     duration_words,
@@ -226,6 +226,6 @@ def test_a_delay_that_only_one_shape_has_is_said_to_be_rough():
     fitted = Fitted("Z", "um", Variant(np.ones((9, 1)), ("T1",), shape), np.ones(1), np.ones(1), {}, 1.0, 2.0)
     alone = replace(fitted, shape_intervals={"tau_s": (1080.0, 1080.0)})
     assert delay_of(alone) == "with a delay of about 18 min"
-    assert quantities(alone)["tau_s"].low is None
+    assert told(alone, "").parameters["tau_s"].low is None
     wide = replace(fitted, shape_intervals={"tau_s": (960.0, 1200.0)})
     assert delay_of(wide) == "with a delay of 18 min (16 min to 20 min)"

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
+from selector.diagnosis.effects.effect import Fitted, Quantity, Reading, Variant
 from selector.diagnosis.shapes.heating import shown_unit
 from selector.diagnosis.shapes.signals import lagged
 from selector.quality.survey import duration
@@ -92,8 +92,8 @@ def _signed(value: float) -> str:
     return f"{value:+.3g}".replace("-", "−")
 
 
-def quantities(fitted: Fitted) -> dict[str, Quantity]:
-    """The shape parameters with their intervals, and how far the effect moved the response.
+def told(fitted: Fitted, text: str, **more: Quantity) -> Reading:
+    """What an effect does, and what it is worth; parameters: those of its shape, how far it moved, and `more`.
 
     `largest` is the amount, `lowest` and `highest` are signed and count from the start of a run.
     """
@@ -102,4 +102,4 @@ def quantities(fitted: Fitted) -> dict[str, Quantity]:
         found |= {
             key: Quantity(end, fitted.unit) for key, end in zip(("lowest", "highest"), fitted.extremes, strict=True)
         }
-    return found
+    return Reading(f"{text}; {worth(fitted)}.", found | more)

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
 from selector.diagnosis.shapes.heating import lacking, sources, temperature_rise
 from selector.diagnosis.shapes.signals import course, lagged, time_constants
 
@@ -39,11 +39,9 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
     moved = float(np.ptp(course(comparison, name)))
-    return Reading(
-        f"{fitted.response} follows the hall temperature {with_place(comparison, name)}, which moved by "
-        f"{moved:.2g} K, {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted) | {"per_kelvin": Quantity(float(np.sum(fitted.coefficients)), f"{fitted.unit}/K")},
-    )
+    text = f"{fitted.response} follows the hall temperature {with_place(comparison, name)}, which moved by "
+    text += f"{moved:.2g} K, {delay_of(fitted)}"
+    return told(fitted, text, per_kelvin=Quantity(float(np.sum(fitted.coefficients)), f"{fitted.unit}/K"))
 
 
 EFFECT = Effect(**words_of("thermal.ambient"), variants=_variants, testable=_testable, reading=_reading)

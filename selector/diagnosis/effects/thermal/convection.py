@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, place_of, told
 from selector.diagnosis.shapes.heating import (
     SpindleLaw,
     follows_sensors,
@@ -68,10 +68,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         if "growth" in fitted.variant.shape
         else delay_of(fitted)
     )
-    return Reading(
-        f"What moves {fitted.response} cools faster {cause} ({size}) than the simulation has it; {worth(fitted)}.",
-        quantities(fitted),
-    )
+    return told(fitted, f"What moves {fitted.response} cools faster {cause} ({size}) than the simulation has it")
 
 
 EFFECT = Effect(**words_of("thermal.convection"), variants=_variants, testable=_testable, reading=_reading)

@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
 from selector.diagnosis.shapes.heating import lacking, simulated_rise, sources, switched_on, temperature_rise
 from selector.diagnosis.shapes.signals import course, excited, in_run, scaled, time_constants
 
@@ -82,10 +82,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
     when = "moves while the coolant runs" if fitted.variant.regime else "follows the coolant's temperature"
-    return Reading(
-        f"{fitted.response} {when} ({with_place(comparison, name)}) {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted),
-    )
+    return told(fitted, f"{fitted.response} {when} ({with_place(comparison, name)}) {delay_of(fitted)}")
 
 
 EFFECT = Effect(**words_of("thermal.coolant"), variants=_variants, testable=_testable, reading=_reading)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import place_of, told
 from selector.diagnosis.shapes.heating import lacking, shown_unit, sources, speed_power, top_speed_rpm
 
 _EXPONENTS = (0.5, 1.0, 1.5, 2.0)
@@ -29,11 +29,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
     exponent = fitted.variant.shape["speed_exponent"].value
     top = top_speed_rpm(comparison, name)
-    return Reading(
-        f"{fitted.response} shifts at once with {name}^{exponent:.2g}: "
-        f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top:.0f} rpm; {worth(fitted)}.",
-        quantities(fitted) | {"at_top_speed": fitted.coefficient()},
-    )
+    text = f"{fitted.response} shifts at once with {name}^{exponent:.2g}: "
+    text += f"{fitted.coefficients[0]:+.3g} {shown_unit(fitted.unit)} at {top:.0f} rpm"
+    return told(fitted, text, at_top_speed=fitted.coefficient())
 
 
 EFFECT = Effect(**words_of("thermal.instant_speed"), variants=_variants, testable=_testable, reading=_reading)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import place_of, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import place_of, told, with_place
 from selector.diagnosis.shapes.heating import lacking, rise_parts, shown_unit, simulated_rise, sources
 from selector.diagnosis.shapes.signals import excited
 from selector.types import Vector
@@ -48,11 +48,9 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     slope = f"its own {'rise' if first != fitted.response else 'size'}" if first == second else "that of "
     other = "" if first == second else with_place(comparison, second)
     subject = f"the simulated {first}" if first == fitted.response else with_place(comparison, first)
-    return Reading(
-        f"{fitted.response} goes with {subject} by an amount that depends on {slope}{other}: "
-        f"{fitted.coefficients[0]:+.2g} {shown_unit(fitted.unit)} a unit of their product; {worth(fitted)}.",
-        quantities(fitted) | {"product": Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2")},
-    )
+    text = f"{fitted.response} goes with {subject} by an amount that depends on {slope}{other}: "
+    text += f"{fitted.coefficients[0]:+.2g} {shown_unit(fitted.unit)} a unit of their product"
+    return told(fitted, text, product=Quantity(float(fitted.coefficients[0]), f"{fitted.unit}/K^2"))
 
 
 EFFECT = Effect(**words_of("thermal.interaction"), variants=_variants, testable=_testable, reading=_reading)

@@ -7,7 +7,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
 from selector.diagnosis.shapes.heating import (
     lacking,
     rise_parts,
@@ -92,10 +92,7 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
     heat = "its simulated course" if name == fitted.response else f"the heating {with_place(comparison, name)}"
-    return Reading(
-        f"{fitted.response} follows {heat} {delay_of(fitted)} that the simulation does not carry; {worth(fitted)}.",
-        quantities(fitted),
-    )
+    return told(fitted, f"{fitted.response} follows {heat} {delay_of(fitted)} that the simulation does not carry")
 
 
 EFFECT = Effect(**words_of("thermal.memory"), variants=_variants, testable=_testable, reading=_reading)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import delay_of, late, quantities, with_place, worth
+from selector.diagnosis.effects.thermal._wording import delay_of, late, told, with_place
 from selector.diagnosis.shapes.heating import heats, lacking, rise_parts, says_other_source, sources
 from selector.diagnosis.shapes.signals import excited, time_constants
 from selector.types import Vector
@@ -57,11 +57,10 @@ def _testable(comparison: Comparison, response: str) -> str | None:
 
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     name = fitted.variant.sources[0]
-    return Reading(
-        f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not "
-        f"have, {delay_of(fitted)}; {worth(fitted)}.",
-        quantities(fitted),
+    text = (
+        f"{fitted.response} follows {with_place(comparison, name)}, a source of heat that the simulation does not have"
     )
+    return told(fitted, f"{text}, {delay_of(fitted)}")
 
 
 EFFECT = Effect(**words_of("thermal.second_source"), variants=_variants, testable=_testable, reading=_reading)

@@ -6,7 +6,7 @@ import numpy as np
 
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
-from selector.diagnosis.effects.thermal._wording import late, place_of, quantities, worth
+from selector.diagnosis.effects.thermal._wording import late, place_of, told
 from selector.diagnosis.shapes.heating import (
     EXPONENTS,
     SpindleLaw,
@@ -87,10 +87,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         law = f"goes with {name}^{variant.shape['speed_exponent'].value:.2g}"
     known = spindle_law(comparison, fitted.response)
     has = "has none" if known is None else f"has {name}^{known.exponent:.2g}"
-    return Reading(
-        f"{fitted.response} shows heating by the spindle that {law}, where the simulation {has}; {worth(fitted)}.",
-        quantities(fitted),
-    )
+    return told(fitted, f"{fitted.response} shows heating by the spindle that {law}, where the simulation {has}")
 
 
 EFFECT = Effect(**words_of("thermal.speed_heating"), variants=_variants, testable=_testable, reading=_reading)
