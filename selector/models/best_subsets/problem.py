@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import connected_components
 
 from selector.errors import InputError
 from selector.findings import Finding
@@ -36,7 +37,7 @@ def factor_from_rows(X: ArrayLike, y: ArrayLike, *, intercept: bool = True) -> M
     factor = np.zeros((n, n))
     upper = np.asarray(np.linalg.qr(rows, mode="r"))
     factor[: upper.shape[0]] = upper
-    return _positive_diagonal(factor)
+    return factor * np.where(np.diag(factor) < 0.0, -1.0, 1.0)[:, None]
 
 
 def rss_from_factor(factor: Matrix, columns: tuple[int, ...]) -> float:
@@ -54,11 +55,6 @@ def rss_from_factor(factor: Matrix, columns: tuple[int, ...]) -> float:
     upper -= basis @ (basis.T @ upper)
     upper -= basis @ (basis.T @ upper)
     return float(upper @ upper) * float(scale[-1]) ** 2
-
-
-def _positive_diagonal(factor: Matrix) -> Matrix:
-    signs = np.where(np.diag(factor) < 0.0, -1.0, 1.0)
-    return factor * signs[:, None]
 
 
 def _rows(X: ArrayLike, y: ArrayLike, intercept: bool) -> Matrix:
@@ -212,16 +208,10 @@ def _findings(problem: Problem, null: Matrix) -> Iterator[Finding]:
         yield FINDINGS.finding("constant-column", told, evidence={"columns": columns})
     links = np.abs(null @ null.T) > 1e-6
     links[constant] = False
-    left = {int(j) for j in np.flatnonzero(np.diag(links))}
-    while left:
-        group = {left.pop()}
-        while True:
-            more = {int(j) for i in group for j in np.flatnonzero(links[i])} - group
-            if not more:
-                break
-            group |= more
-        left -= group
-        columns = sorted(group)
+    inside = np.flatnonzero(np.diag(links))
+    of = connected_components(links[np.ix_(inside, inside)], directed=False)[1]
+    for group in dict.fromkeys(of.tolist()):
+        columns = inside[of == group].tolist()
         told = f"Columns {columns} are linearly dependent (to 1e-10 of their sums of squares): several sets of them "
         told += "explain the same, and one of those is reported."
         yield FINDINGS.finding("dependent-columns", told, evidence={"columns": columns})
