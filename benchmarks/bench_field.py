@@ -25,13 +25,8 @@ from selector.physics.thermal.field import field_machine
 from selector.physics.thermal.field.geometry import MachineGeometry, machine_blocks
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.thermoelasticity import (
-    MATERIALS,
-    conduction_matrices,
-    direct_solver,
-    elastic_matrices,
-    elasticity,
-)
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, conduction_matrices, elastic_matrices, elasticity
+from selector.physics.thermal.network.heat_system import solver_of
 from selector.physics.thermal.network.laws import Conditions, FilmLaw, HeatLaw, Laws
 from selector.physics.thermal.network.transient import simulate_heat
 
@@ -72,7 +67,7 @@ def steady(refinement: float) -> dict[str, float]:
     machine, machine_s = timed(lambda: field_machine(refinement=refinement, probes=BEARING_SEAT))
     system = machine.system
     matrix = system.conduction + FILM_W_PER_M2_K * sum(system.films.values())
-    solve, factor_s = timed(lambda: direct_solver(matrix.tocsr(), machine.mesh.nodes_m))
+    solve, factor_s = timed(lambda: solver_of(matrix.tocsr()).solve)
     rise = solve(sum(heat_w * system.sources[name] for name, heat_w in HEAT_W.items()))
     values = {name: float(system.displacements[name] @ rise) for name in ("X", "Y_lower", "Y_upper", "Z")}
     values |= {name: float(row @ rise) for name, row in system.probes.items()}

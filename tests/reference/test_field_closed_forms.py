@@ -14,13 +14,13 @@ from selector.physics.thermal.field.mesh import Block, block_mesh
 from selector.physics.thermal.field.thermoelasticity import (
     MATERIALS,
     conduction_matrices,
-    direct_solver,
     elastic_matrices,
     elasticity,
     film,
     rigid_motions,
     surface_source,
 )
+from selector.physics.thermal.network.heat_system import solver_of
 
 IRON = MATERIALS["cast iron"]
 
@@ -98,9 +98,7 @@ class TestHeat:
             body = box(1.0, 1.0, 1.0, cell=1 / cells)
             capacity, conduction = conduction_matrices(body, {"cast iron": unit})
             load = capacity @ (wave(body.nodes_m.T) * (3 * np.pi**2 + 1))
-            errors.append(
-                l2_error(body, direct_solver(sparse.csr_array(conduction + capacity), body.nodes_m)(load), wave)
-            )
+            errors.append(l2_error(body, solver_of(sparse.csr_array(conduction + capacity)).solve(load), wave))
         orders = np.log2(np.array(errors[:-1]) / errors[1:])
         # trilinear: p + 1 = 2; 5 cells a half wave are still rough: 1.93
         assert orders == pytest.approx([2.0, 2.0], abs=0.1)

@@ -1,7 +1,7 @@
 """Heat conduction and static linear thermoelasticity on a mesh as matrices, solvers, and constants of materials."""
 
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -10,84 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from selector.physics.thermal.field.mesh import SolidMesh
+from selector.physics.thermal.network.heat_system import Solve, solver_of
 from selector.types import Indices, Vector
-
-_LEAF = 60  # unknowns below which cutting further gains nothing
-
-
-def nested_dissection(matrix: sparse.csr_array, places_m: NDArray[np.float64]) -> Indices:
-    """Permutation of shape (n,) by nested dissection with planes (George 1973).
-
-    The unknowns, which sit at `places_m` (n, 3), are cut in halves across their longest extent; those of one half that
-    have a neighbour in the other separate them and come last. Unknowns at one place stay together.
-    """
-    # work on places, not on unknowns: the three displacements of a node share their neighbours
-    _, first, place_of = np.unique(places_m, axis=0, return_index=True, return_inverse=True)
-    place_of = place_of.ravel()
-    gather = sparse.csr_array(
-        (np.ones(len(place_of)), (place_of, np.arange(len(place_of)))), shape=(len(first), len(place_of))
-    )
-    graph = sparse.csr_array(gather @ (abs(matrix) @ gather.T))
-    places = places_m[first]
-    order: list[Indices] = []
-    stack = [(np.arange(len(first)), False)]
-    while stack:
-        part, finished = stack.pop()
-        if finished or len(part) <= _LEAF:
-            order.append(part)
-            continue
-        low, separator, high = _cut(graph, places, part)
-        if not len(low) or not len(high):
-            order.append(part)
-            continue
-        stack += [(separator, True), (low, False), (high, False)]
-    ranks = np.empty(len(first), dtype=np.int64)
-    ranks[np.concatenate(order)] = np.arange(len(first))
-    return np.argsort(ranks[place_of], kind="stable")
-
-
-def _cut(graph: sparse.csr_array, places_m: NDArray[np.float64], part: Indices) -> tuple[Indices, Indices, Indices]:
-    """The two halves of a part and what separates them: the smallest separator among the three axes."""
-    best: tuple[Indices, Indices, Indices] | None = None
-    for axis in range(3):
-        along = places_m[part, axis]
-        middle = np.median(along)
-        upper = along > middle if (along > middle).any() else along >= middle
-        if upper.all() or not upper.any():
-            continue
-        high, low = part[upper], part[~upper]
-        side = np.zeros(graph.shape[0])
-        side[high] = 1.0
-        touching = (graph[low] @ side) > 0
-        cut = (low[~touching], low[touching], high)
-        if min(len(cut[0]), len(cut[2])) and (best is None or len(cut[1]) < len(best[1])):
-            best = cut
-    return best or (part[:0], part, part[:0])
-
-
-Solver = Callable[[Vector], Vector]
 
 MULTIGRID_TOLERANCE = 1e-10  #: Residual over right-hand side at which conjugate gradients stop.
 
 
-def direct_solver(matrix: sparse.csr_array, places_m: Vector) -> Solver:
-    """Solver of a symmetric positive definite system whose unknowns sit at `places_m` (n, 3), factorised once."""
-    order = nested_dissection(matrix, places_m)
-    permuted = sparse.csc_array(matrix[order][:, order])
-    factors = splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-
-    def solve(right: Vector) -> Vector:
-        result = np.empty_like(right, dtype=np.float64)
-        result[order] = factors.solve(np.ascontiguousarray(right[order]))
-        return result
-
-    return solve
-
-
-def multigrid_solver(matrix: sparse.csr_array, nodes_m: Vector) -> Solver:
+def multigrid_solver(matrix: sparse.csr_array, nodes_m: Vector) -> Solve:
     """Solver of an elastic system with three unknowns a node: conjugate gradients with smoothed aggregation.
 
     The coarse spaces hold the six motions of a rigid body exactly (Vaněk, Mandel and Brezina 1996).
@@ -184,7 +115,7 @@ class Elasticity:
 
     stiffness: sparse.csr_array  #: (3n, 3n): K [N/m], feet included
     expansion: sparse.csr_array  #: (3n, n): F [N/K]: forces of the heated material
-    solve: Solver  #: u = K⁻¹·f for a force vector of shape (3n,) or several as columns
+    solve: Solve  #: u = K⁻¹·f for a force vector of shape (3n,) or several as columns
 
     def displacement_um(self, rise_k: Vector) -> Vector:
         """Displacement of every node, of shape (n, 3) [µm], for its temperature rise [K]."""
@@ -207,10 +138,8 @@ def elasticity(
     stiffness, expansion = elastic_matrices(body, materials)
     held = sparse.csr_array(stiffness + sparse.diags_array(springs_n_per_m.ravel()))
     if direct if direct is not None else len(body.nodes_m) * body.degree <= DIRECT_NODES:
-        solver = direct_solver(held, np.repeat(body.nodes_m, 3, axis=0))
-    else:
-        solver = multigrid_solver(held, body.nodes_m)
-    return Elasticity(held, expansion, solver)
+        return Elasticity(held, expansion, solver_of(held).solve)
+    return Elasticity(held, expansion, multigrid_solver(held, body.nodes_m))
 
 
 def elasticity_to_keep(elastic: Elasticity, body: SolidMesh) -> Elasticity | None:

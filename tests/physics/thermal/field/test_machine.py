@@ -23,7 +23,8 @@ from selector.physics.thermal.field.geometry import (
 )
 from selector.physics.thermal.field.machine import CELL_M, displacement_readings
 from selector.physics.thermal.field.mesh import block_mesh
-from selector.physics.thermal.field.thermoelasticity import MATERIALS, direct_solver, rigid_motions
+from selector.physics.thermal.field.thermoelasticity import MATERIALS, rigid_motions
+from selector.physics.thermal.network.heat_system import solver_of
 
 COARSE = 0.2
 ONE_ALPHA = {name: replace(material, expansion_per_k=11e-6) for name, material in MATERIALS.items()}
@@ -145,7 +146,7 @@ def test_the_upper_gauge_sees_less_of_a_tilt_by_the_250_mm_between_the_gauges(ma
 def heated(machine, name, heat_w=100.0):
     """Steady temperature rise in a hall, 8 W/(m²·K) everywhere."""
     matrix = machine.system.conduction + 8.0 * sum(machine.system.films[patch] for patch in machine.system.films)
-    return direct_solver(matrix.tocsr(), machine.mesh.nodes_m)(heat_w * machine.system.sources[name])
+    return solver_of(matrix.tocsr()).solve(heat_w * machine.system.sources[name])
 
 
 def test_heat_goes_out_where_it_can_and_warms_what_is_near(machine):
