@@ -154,6 +154,7 @@ class Compensation:
         self._is_armed = False  #: A touch-off may come: its flag was down since the start and since the last one
         self._said: dict[str, Any] = {}
         self._refused: str | None = None
+        self._ended: dict[str, str] = {}
         adapted = [] if model.adaptation is None else [of.output for of in model.adaptation.outputs]
         if untouched := [name for name in adapted if io.outputs[name].touch is None]:
             self.journal.tell("no-touch-offs", outputs=untouched, advice="say outputs.NAME.touch in the IO file")
@@ -176,6 +177,7 @@ class Compensation:
                     self._keep()
             await self._to_zero(next_s)
         finally:
+            self._ended = {name: "closed" for name, link in self.links.items() if link.is_open}
             for link in self.links.values():
                 await link.close()
             self.journal.tell("stopped", **self._counts)
@@ -226,7 +228,9 @@ class Compensation:
             "correction_um": {} if given is None else {k: float(v) for k, v in given.correction_um.items()},
             "sensors": self._said.get("sensors", {}),
             "touch_offs": self._said.get("touch-offs", {}),
-            "connections": {name: "open" if link.is_open else "lost" for name, link in self.links.items()},
+            "connections": {
+                name: "open" if link.is_open else self._ended.get(name, "lost") for name, link in self.links.items()
+            },
             "rows_in": self._readings.answers,
             **self._counts,
             "latency_median_ms": float(np.median(latencies_ms)),

@@ -109,6 +109,12 @@ def test_an_output_without_an_axis_is_taken_for_that_of_its_name():
         sinumerik_export(hostile.model().model_copy(update={"outputs": outputs, "fallbacks": ()}))
 
 
+@pytest.mark.parametrize("word", ["IF", "whenever", "Do"])
+def test_an_axis_called_by_a_word_of_the_language_is_refused(word):
+    with pytest.raises(ExportRefusedError, match=f"axis '{word}'"):
+        sinumerik_export(with_outputs(hostile.model(), axis=word))
+
+
 def test_what_happens_without_an_alarm_is_said():
     silently = " ".join(sinumerik_export(hostile.model()).silently)
     for word in ("spread over several cycles", "clipped", "proved on the machine", "0.02 mm", "10000 um/m"):

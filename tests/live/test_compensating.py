@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 
 import numpy as np
@@ -34,6 +35,11 @@ def test_a_warming_machine_is_corrected_and_the_clamp_holds(tmp_path):
     assert (status["rows_in"], status["rows_out"], status["rows_confirmed"]) == (150, 150, 150)
     assert status["mismatches"] == 0
     assert status["ready"] == 1
+
+
+def test_a_connection_that_the_end_closes_was_not_lost(tmp_path):
+    process, _, _ = plant(tmp_path)
+    assert set(asyncio.run(process.run(3))["connections"].values()) == {"closed"}
 
 
 def warmed(tmp_path, **options):

@@ -128,10 +128,11 @@ def _decimal(value: float) -> str:
 
 def _require_axis_names(model: ModelFile) -> None:
     for output in model.outputs:
-        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,30}", output.axis_or_name):
+        name, words = output.axis_or_name, filled("sinumerik_words").split()
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,30}", name) or name.upper() in words:
             raise ExportRefusedError(
-                f"axis {output.axis_or_name!r} of output {output.name!r}",
-                expected="the name of an axis as the NC has it: letters, digits and _, 31 at most, no digit first",
+                f"axis {name!r} of output {output.name!r}",
+                expected="the name of an axis as the NC has it: 31 letters, digits, _; no digit first; no word of it",
                 where="SINUMERIK synchronised actions, outputs",
                 advice="name the axis of the output in the model file (outputs.axis)",
             )
