@@ -313,7 +313,8 @@ class TestResult:
         best = min(error for sensors, error in errors.items() if len(sensors) <= len(plain.chosen))
         assert f"best Z {best:.3g} µm" in plain.because
         fewer = plain.fixed_set_errors_um("Z")[len(plain.chosen) - 1]
-        assert f"best with {len(plain.chosen) - 1} Z {fewer:.3g} µm (" in plain.because
+        count = len(plain.chosen) - 1
+        assert f"best with {count} sensor{'' if count == 1 else 's'} Z {fewer:.3g} µm (" in plain.because
         assert f"{100 * (fewer / best - 1):.0f} % " in plain.because
         assert "Z from" in plain.because
 
