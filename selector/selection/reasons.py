@@ -118,7 +118,8 @@ def _compared(
         why = f"more than {100 * MOST_ABOVE_BEST:.0f} %" if far else f"more than {_ONE_ERROR}"
         asked = question.options.within
         why = why if asked is None else f"more than the {asked:g} µm that were asked for"
-        found.append(told(f"best with {(n := len(fewer.set.sensors))} sensor{'s' * (n != 1)}", fewer, why))
+        n = len(fewer.set.sensors)
+        found.append(told(f"best with {n} sensor{'' if n == 1 else 's'}", fewer, why))
     return f"{FIXED_SET[0].upper()}{FIXED_SET[1:]} errors: {'; '.join(found)}. "
 
 
