@@ -163,7 +163,7 @@ def _of_response(name: str, of: Judged, *, is_probed: bool) -> Iterator[Finding]
     if of.learnt is not None and share is not None and not HELD[0] <= share <= HELD[1]:
         yield FINDINGS.finding(
             "interval-not-held",
-            f"{name}: of the samples of unseen runs, {share:.1%} are in their {LEVEL:.0%} interval.",
+            f"{name}: of the samples of unseen runs, {100 * share:.1f} % are in their {100 * LEVEL:.0f} % interval.",
             Where(channel=name),
             {"level": LEVEL, "share": share},
         )
@@ -206,7 +206,7 @@ def _of_policy(policy: Policy | None) -> Iterator[Finding]:
     if policy.is_reached and policy.every_s is None:
         yield FINDINGS.finding(
             "within-without-probing",
-            f"The model alone is within ± {policy.within_um:g} µm in {policy.share_within:.1%} of the time.",
+            f"The model alone is within ± {policy.within_um:g} µm in {100 * policy.share_within:.1f} % of the time.",
             None,
             evidence,
         )
@@ -215,7 +215,7 @@ def _of_policy(policy: Policy | None) -> Iterator[Finding]:
         yield FINDINGS.finding(
             "within-not-reached",
             f"No rate of probing that was tried holds ± {policy.within_um:g} µm in 95 % of the time; "
-            f"{policy.share_within:.1%} was the most, {how}.",
+            f"{100 * policy.share_within:.1f} % was the most, {how}.",
             None,
             evidence,
         )

@@ -78,7 +78,7 @@ def outside_valid_range(
         when = np.flatnonzero(outside)
         width = item.valid_max - item.valid_min
         slight = share < SLIGHT_SHARE and float(excess[worst]) < SLIGHT_EXCESS * width
-        said = f"{share:.1%}" if share >= 0.001 else "less than 0.1%"
+        said = f"{100 * share:.1f} %" if share >= 0.001 else "less than 0.1 %"
         yield FINDINGS.finding(
             "outside-valid-range",
             f"{item.name} in run {run}: the {what} leaves the valid range {item.valid_min:.4g} … {item.valid_max:.4g} "
@@ -121,13 +121,14 @@ def _broken(item: Input, run: str, time_s: Array, values: Array, where: Mask, ki
     evidence: dict[str, Any] = {"share_of_time": share, "samples": len(when)}
     id_: str = SENSOR_LOOKS_BROKEN
     if kind == "missing":
-        said = "has no reading at all" if where.all() else f"has no reading for {share:.1%} of the time"
+        said = "has no reading at all" if where.all() else f"has no reading for {100 * share:.1f} % of the time"
         if share <= MISSING_SHARE and not where[-LAST_SAMPLES:].all():
             id_ = "missing-readings"
     else:
         reading, unit = float(values[when[0]]), item.unit.replace("degC", "°C")
         meaning = "the code of a broken sensor" if kind == "break-code" else "beyond the limits of its readings"
-        said = f"reads {reading:.6g} {unit} since {at.from_s:.0f} s, which is {meaning}, for {share:.1%} of the time"
+        said = f"reads {reading:.6g} {unit} since {at.from_s:.0f} s, which is {meaning}"
+        said += f", for {100 * share:.1f} % of the time"
         evidence["reading"] = reading
     broken = {} if id_ == "missing-readings" else {"kind": kind}
     yield FINDINGS.finding(
@@ -406,7 +407,7 @@ def _predictions(
             found.append(
                 FINDINGS.finding(
                     "no-prediction",
-                    f"Run {run} has no prediction of {name} for {share:.1%} of the time, for want of readings.",
+                    f"Run {run} has no prediction of {name} for {100 * share:.1f} % of the time, for want of readings.",
                     Where(channel=name, run=run),
                     {"share_of_time": share, "samples": int(missing.sum())},
                 )

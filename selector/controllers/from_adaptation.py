@@ -98,7 +98,7 @@ def clamp_findings(model: ModelFile, found: Adaptation) -> Iterator[Finding]:
             yield FINDINGS.finding(
                 "adaptation-clamped",
                 f"The clamp of {name} is ±{clamp:g} µm; with touch-offs up to {np.max(wanted):.3g} µm are to be "
-                f"corrected, and {np.mean(wanted > clamp):.1%} of the samples are beyond the clamp.",
+                f"corrected, and {100 * np.mean(wanted > clamp):.1f} % of the samples are beyond the clamp.",
                 Where(channel=name),
                 {"clamp_um": clamp, "largest_um": float(np.max(wanted)), "share": float(np.mean(wanted > clamp))},
             )

@@ -233,7 +233,9 @@ def _largest(comparison: Comparison, fit: _Fit) -> float:
 
 
 def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:
-    why = "no temperature or speed was recorded" if fit is None else f"the best terms miss {fit.missed:.0%} of it"
+    why = (
+        "no temperature or speed was recorded" if fit is None else f"the best terms miss {100 * fit.missed:.0f} % of it"
+    )
     return FINDINGS.finding(
         "correction-not-in-model-file",
         f"No model.json holds the correction of {name} ({', '.join(effects)}); as readings and lags it cannot be "

@@ -373,8 +373,8 @@ def clamp_reached(
     share, rms = float(np.mean(cut > 0.0)), float(np.sqrt(np.mean(cut**2)))
     return FINDINGS.finding(
         "clamp-reached",
-        f"The clamp of {output}, ±{clamp_um:g} µm, cuts the correction in {share:.0%} of the samples {where}: up to "
-        f"{lost:.3g} of {largest:.3g} µm are left, {rms:.3g} µm rms.",
+        f"The clamp of {output}, ±{clamp_um:g} µm, cuts the correction in {100 * share:.0f} % of the samples {where}: "
+        f"up to {lost:.3g} of {largest:.3g} µm are left, {rms:.3g} µm rms.",
         Where(channel=output, run=run),
         {
             "clamp_um": clamp_um,

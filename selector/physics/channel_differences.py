@@ -121,6 +121,6 @@ def clock_jitter(stray: float, done: str, where: Where | None = None) -> tuple[F
     """What was `done` where stamps stray by this share of a period from an even clock; nothing where they do not."""
     if stray <= EVEN:
         return ()
-    said = f"Stamps stray by up to {stray:.1%} of a period from an even clock: {done}."
+    said = f"Stamps stray by up to {100 * stray:.1f} % of a period from an even clock: {done}."
     level: Level = "info" if stray < _FAR else "warning"
     return (FINDINGS.finding("recorded-clock-jitter", said, where, {"stray": stray}, level=level),)

@@ -175,7 +175,7 @@ def _reported(survey: Survey, run: str, column: int, broken: NDArray[np.bool_]) 
         window = joined(survey.time[run], broken, present)
         yield FINDINGS.finding(
             "sensor-break",
-            f"{channel.name} in run {run} holds the code of a broken sensor ({said}) in {share:.0%} of its samples.",
+            f"{channel.name} in run {run} holds the code of a broken sensor ({said}) in {100 * share:.0f} % of rows.",
             Where(channel.name, run, window[0][0], window[-1][1]),
             evidence,
             "Check the sensor, its plug and its input. The channel is left out of this run.",

@@ -248,7 +248,9 @@ def _missing_of(survey: Survey, series: Series, missing: int, name: str) -> Iter
         return  # single lost samples
     usual = float(np.median(np.diff(time))) if time.size > 1 else 0.0
     share = missing / time.size
-    yield _gap(windows, usual, series.run, name, f"{name} has no value in {share:.1%} of the rows", samples=missing)
+    yield _gap(
+        windows, usual, series.run, name, f"{name} has no value in {100 * share:.1f} % of the rows", samples=missing
+    )
 
 
 def _gap(

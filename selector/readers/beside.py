@@ -201,7 +201,7 @@ def _shifted(run: TimedRun, other: TimedRun, late_s: float) -> list[Finding]:
     shift_s = k * _HALF_HOUR_S
     when = f"{abs(shift_s) / 3600.0:g} h {'later' if k > 0 else 'earlier'}"
     said = f"Run {other.name!r} fits {run.name!r} far better when it begins {when} than their clocks say: a straight "
-    said += f"line then leaves {np.sqrt(then):.1%} of its movement, not {np.sqrt(now):.0%}."
+    said += f"line then leaves {100 * np.sqrt(then):.1f} % of its movement, not {100 * np.sqrt(now):.0f} %."
     advice = "if their clocks are in two time zones, or one in summer time, say so: "
     advice += f"late_s = {late_s + shift_s:g} in [runs.{other.name}]"
     evidence = {"shift_s": shift_s, "late_s": late_s + shift_s, "left_now": np.sqrt(now), "left_then": np.sqrt(then)}

@@ -403,7 +403,7 @@ def _offer_findings(errors: Mapping[Offer, float], taken: Offer) -> Iterator[Fin
     if len(errors) == 1:
         return
     words = {"linear": "linear terms only", "polynomial": "powers and products", "memory": "lagged terms"}
-    listed = ", ".join(f"{words[offer]} {error:.1%}" for offer, error in errors.items())
+    listed = ", ".join(f"{words[offer]} {100 * error:.1f} %" for offer, error in errors.items())
     helped = taken == list(errors)[-1]
     yield FINDINGS.finding(
         "terms-that-help" if helped else "terms-not-used",

@@ -102,7 +102,7 @@ def _left_out_for_gaps(
             reasons[name] = (
                 SENSOR_MISSING,
                 f"is missing in {100 * gaps[name]:.0f} % of the samples"
-                + ("" if math.isnan(likeness[name]) else f"; others explain {likeness[name]:.1%} of it"),
+                + ("" if math.isnan(likeness[name]) else f"; others explain {100 * likeness[name]:.1f} % of it"),
                 f"check its wiring; if it must be kept at the price of those samples: --must {shlex.quote(name)}",
             )
     spare = sorted(

@@ -102,7 +102,8 @@ def _of_response(name: str, of: Judged, found: Adaptation) -> str:
     often = "the touch-offs" if found.every_s is None else f"a touch-off every {span_text(found.every_s)}"
     return (
         f"{name}: {number_text(one.rmse_um)} µm are left with {often}, {alone}. Followed is {_WORDS[of.kind]}; on "
-        f"unseen runs {share_text(one.interval_share or 0.0)} of the samples were in their {LEVEL:.0%} interval."
+        f"unseen runs {share_text(one.interval_share or 0.0)} of the samples were in their {100 * LEVEL:.0f} % "
+        "interval."
     )
 
 

@@ -260,8 +260,8 @@ def rehearsal_table(replay: Replay) -> Table:
          "it follows", ">reacts after [s]"],
         rows,
         f"Faults rehearsed on run {first.run}, each from {first.from_s:.0f} s to its end: dead, no reading; stuck, the "
-        f"last reading; jumping, by {JUMP_SHARE:.0%} of the valid range; noisy, by {NOISE_SHARE:.0%} of it; power "
-        f"cycle and stop of {OUTAGE_S:.0f} s; the clock put by {CLOCK_S:.0f} s.",
+        f"last reading; jumping, by {100 * JUMP_SHARE:.0f} % of the valid range; noisy, by {100 * NOISE_SHARE:.0f} % "
+        f"of it; power cycle and stop of {OUTAGE_S:.0f} s; the clock put by {CLOCK_S:.0f} s.",
     )  # fmt: skip
 
 

@@ -250,13 +250,13 @@ def _because(
     for finding in applied.findings if part.tells_mode else ():
         if finding.id == OUTSIDE_VALID_RANGE and finding.where.run == run:
             width = finding.evidence["valid_max"] - finding.evidence["valid_min"]
-            far = f"{finding.evidence['largest_excess'] / width:.0%}" if width > 0.0 else "any amount"
+            far = f"{100 * finding.evidence['largest_excess'] / width:.0f} %" if width > 0.0 else "any amount"
             yield f"{finding.where.channel} leaves the range of the model by up to {far} of its width"
     for finding in clamped:
         if finding.where.channel == output:
-            yield f"the clamp cuts the correction in {finding.evidence['share_of_samples']:.0%} of the samples"
+            yield f"the clamp cuts the correction in {100 * finding.evidence['share_of_samples']:.0f} % of the samples"
     if faulty > 0.0:
-        yield f"a sensor is not believed in {faulty:.1%} of the samples"
+        yield f"a sensor is not believed in {100 * faulty:.1f} % of the samples"
     if begins_s > 0.0:
         yield f"nothing is corrected in the first {begins_s:.0f} s"
     if part.lacks:
@@ -360,7 +360,7 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
                 did = "the whole guard would have held, ramped to zero or fallen back; this control followed it"
             yield FINDINGS.finding(
                 "not-the-whole-model",
-                f"Run {run.run}: a sensor was not to be believed in {run.faulty_share:.1%} of the samples; {did}.",
+                f"Run {run.run}: a sensor was not to be believed in {100 * run.faulty_share:.1f} % of samples; {did}.",
                 Where(run=run.run),
                 {"share_of_samples": run.faulty_share},
             )
@@ -369,10 +369,11 @@ def _of_runs(proof: Replay, has_guard: bool) -> Iterator[Finding]:
             item, is_rise = one.input, one.input.reference == "rise"
             unit = unit_of_difference(item) if is_rise else item.unit
             did = "The program took the end of the range" if has_guard else "This control has no range and extrapolates"
+            share = f"{100 * one.share_of_samples:.1f} % of the samples"
             yield FINDINGS.finding(
                 "outside-valid-range",
                 f"Run {run.run}: {item.name} was beyond {item.valid_min:.4g} … {item.valid_max:.4g} {unit}, where the "
-                f"model has seen it{' rise' if is_rise else ''}, in {one.share_of_samples:.1%} of the samples. {did}.",
+                f"model has seen it{' rise' if is_rise else ''}, in {share}. {did}.",
                 Where(channel=item.name, run=run.run),
                 {"valid_min": item.valid_min, "valid_max": item.valid_max, "unit": unit}
                 | {"share_of_samples": one.share_of_samples},

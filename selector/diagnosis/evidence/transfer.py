@@ -85,9 +85,9 @@ def told_of_carried(effects: Sequence[NamedEffect], found: Search) -> tuple[Find
             share, by_chance = found.carried[effect.id]
             title = effect_of(effect.id).title
             text = (
-                f"{title[0].upper()}{title[1:]} is named for what it explains of {effect.channel}: {share:.0%} of the "
-                "mean square of fitted and unseen rows alike, where shapes at a wrong time explain "
-                f"{by_chance.max():.0%} at most. So these rows have chosen it: the error on them is no proof of it."
+                f"{title[0].upper()}{title[1:]} is named for what it explains of {effect.channel}: {100 * share:.0f} % "
+                "of the mean square of fitted and unseen rows alike, where shapes at a wrong time explain "
+                f"{100 * by_chance.max():.0f} % at most. So these rows have chosen it: the error on them is no proof."
             )
             evidence = {"share": share, "by_chance": float(by_chance.max())}
             told.append(FINDINGS.finding("chosen-by-unseen-rows", text, Where(channel=effect.channel), evidence))

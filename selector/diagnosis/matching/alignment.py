@@ -112,8 +112,8 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
         run, (there, of) = max(counts.items(), key=lambda item: item[1][0] / item[1][1])
         others = ", fewer in the others" if len(counts) > 1 else ""
         raise InputError(
-            f"{there} of {of} recorded rows of run {run} ({there / of:.1%}) lie within the simulated time{others}",
-            expected=f"a simulation of at least {_LEAST:.0%} of a run",
+            f"{there} of {of} recorded rows of run {run} ({100 * there / of:.1f} %) lie within the simulation{others}",
+            expected=f"a simulation of at least {100 * _LEAST:.0f} % of a run",
             where="simulation",
             advice="check the unit of time in both (--time-unit, --simulation-time-unit), or give only the part of the "
             "recording that was simulated",
@@ -121,8 +121,8 @@ def partly_simulated(covered: Mapping[str, Mask]) -> list[Finding]:
     return [
         FINDINGS.finding(
             "partly-simulated",
-            f"Run {run}: the simulation has a value at {there} of {of} recorded rows ({there / of:.0%}); only these "
-            "are compared.",
+            f"Run {run}: the simulation has a value at {there} of {of} recorded rows ({100 * there / of:.0f} %); only "
+            "these are compared.",
             Where(run=run),
             {"rows": there, "of": of, "share": there / of},
         )

@@ -287,7 +287,7 @@ def stability_sentence(limit: StabilityLimit) -> str:
     if depths[best] < _WORTH * depth:
         return f"{text}; half or twice the speed changes that by less than {share_text(_WORTH - 1.0)}."
     allowed = "any depth" if math.isinf(depths[best]) else f"{number_text(float(depths[best]))} mm"
-    return f"{text}; {float(f'{speed[best]:.3g}'):g} r/min ± {_SPEED_HOLDS:.0%} allows {allowed}."
+    return f"{text}; {float(f'{speed[best]:.3g}'):g} r/min ± {100 * _SPEED_HOLDS:.0f} % allows {allowed}."
 
 
 def kinds_table(heights: Sequence[KindHeight]) -> Table:

@@ -93,7 +93,7 @@ def _of_another_rate(comparison: Comparison, course: Vector, slope: Vector) -> I
         for shift_s in _tried(comparison, course, slope, _FINE_SIZES if part.run is None else few):
             error = shift_s / comparison.longest_s
             change = _late(comparison, course, error * comparison.time_s) - course
-            words = f"late by {error:.2%} of the time"
+            words = f"late by {100 * error:.2f} % of the time"
             large.append(_variant(part, change, words, "rate_error", Quantity(error, "1")))
     yield from equally_likely((_variant(part, -comparison.time_s * slope, _RATE) for part in parts), large)
 
@@ -135,7 +135,7 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
         off = fitted.coefficient("1", factor=_tried_value(variant, "rate_error"))
         gap_s = off.value * comparison.longest_s
         return Reading(
-            f"The clock of {channel} runs {abs(off.value):.3%} too {'slow' if off.value < 0 else 'fast'}"
+            f"The clock of {channel} runs {100 * abs(off.value):.3f} % too {'slow' if off.value < 0 else 'fast'}"
             f"{fitted.where}: {duration(abs(gap_s))} at the end of the longest run.",
             {"rate_error": off},
         )

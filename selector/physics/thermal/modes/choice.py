@@ -111,10 +111,10 @@ def _number_of_modes(fit: Fit, data: ModeData, tried: Sequence[tuple[Fit, Vector
     reasons = [
         "the runs are too short to leave stretches out"
         if not both.any()
-        else f"the error on left-out stretches would {'fall' if better > 0 else 'rise'} by {abs(better):.1%}, "
+        else f"the error on left-out stretches would {'fall' if better > 0 else 'rise'} by {100 * abs(better):.1f} %, "
         "which is within chance"
         if better < 0.05
-        else f"the error on left-out stretches would fall by {better:.1%}, not in all of them"
+        else f"the error on left-out stretches would fall by {100 * better:.1f} %, not in all of them"
     ]
     ratio = tau[1:] / tau[:-1]
     if len(ratio) and ratio.min() < NEAR:

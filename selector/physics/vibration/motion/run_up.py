@@ -155,7 +155,7 @@ def too_quick(
                     "run-up-too-quick",
                     f"Order {line.order:g} of {source.name} changes at up to {rate:.3g} Hz/s, too quickly for the "
                     f"resonance at {root.real / (2.0 * np.pi):.4g} Hz, which fades to 1/e in {ring_s:.3g} s: the true "
-                    f"motion is later, and higher or lower, by about {min(share, 1.0):.0%} of its largest value.",
+                    f"motion is later, and higher or lower, by about {100 * min(share, 1.0):.0f} % of its maximum.",
                     Where(
                         channel=list(finals)[final],
                         from_s=max(float(moments_s[at] - time_s[0]) - ring_s, 0.0),
