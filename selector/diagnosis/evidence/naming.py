@@ -13,7 +13,7 @@ from selector.diagnosis.effects.effect import Fitted, Quantity, Variant
 from selector.diagnosis.evidence.moments import solved
 from selector.diagnosis.evidence.recalibration import Recalibrated
 from selector.diagnosis.evidence.response import Bench
-from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, unseen_rms
+from selector.diagnosis.evidence.search import MOST_OF_IT, TENTH, Search, numbers, unseen_rms
 from selector.diagnosis.finding_table import FINDINGS, SMALL_MISFIT
 from selector.diagnosis.matching.runs import pure_error, rms
 from selector.diagnosis.shapes.axis import motion
@@ -101,6 +101,9 @@ _HALF = 0.5
 #: Weights, and how often names of such a weight are right: 102 names of real recordings, 203 of development seeds, and
 #: 451 of an exam that was over.
 _RIGHT = (0.0, 0.5, 0.7, 0.85, 1.0), (0.0, 0.5, 0.75, 0.9, 0.96)
+#: Nats that a smooth misfit of a per cent gains for some effect, too, and how sure what gains less is at most where it
+#: explains little and unseen rows leave no gap to judge it by.
+_BY_A_MISFIT, _OFTEN = 20.0, 0.75
 _FAR_ABOVE = 4.0
 _ONE_SPEED = 0.1  #: Of the usual speed, by which it differs at most.
 _SHOWN = 9.0  #: Gain from which an effect shows in a response by itself: three standard errors.
@@ -132,6 +135,8 @@ def named_effect(comparison: Comparison, found: Search, id_: str) -> NamedEffect
     if gap is not None and gap.high is not None and (share < MOST_OF_IT or id_.startswith("data.")):
         # no surer than the names are shown to carry on unseen rows
         confidence = min(confidence, gap.high)
+    if gap is None and share < TENTH and standing.score < _BY_A_MISFIT:
+        confidence = min(confidence, _OFTEN)
     # with nothing meant to be kept nothing is lacking
     held = comparison.held_out
     # a fault may be of one run; physics that only one has is borne out by none
