@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 from numba import njit
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from selector.errors import OptionError
 from selector.models.run_before import Before, chain_before
@@ -367,7 +367,7 @@ def _start_fits(time: tuple[float, ...]) -> tuple[tuple[_StartFit, ...], Array]:
             basis = powers[:, : order + 1]
             solver = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
             further = np.asarray(np.linalg.pinv(powers[:, : order + 2])[-1], dtype=np.float64)
-            limit = float(2.0 * gammaincinv(0.5 * (k - order - 1), 0.9))
+            limit = float(chdtri(k - order - 1, 0.1))
             fits.append(_StartFit(basis, solver, further, float(np.linalg.norm(further)), limit))
             gains.append(float(np.linalg.norm(solver[0])))
     return tuple(fits), np.array(gains)

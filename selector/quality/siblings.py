@@ -471,7 +471,7 @@ def _due(
     if count < 4:
         return None
     if others:
-        apart = [o for o in range(len(relations.runs)) if o not in others]
+        apart = np.setdiff1d(np.arange(len(relations.runs)), others).tolist()
         weights = relations.weights_without(i, siblings, apart)
     elif (~inside).sum() >= 20:
         weights = relations.weights_on(i, siblings, r, ~inside)

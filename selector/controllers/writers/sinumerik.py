@@ -127,12 +127,13 @@ def _decimal(value: float) -> str:
 
 
 def _require_axis_names(model: ModelFile) -> None:
+    words = filled("sinumerik_words").split()
     for output in model.outputs:
-        name, words = output.axis_or_name, filled("sinumerik_words").split()
+        name = output.axis_or_name
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,30}", name) or name.upper() in words:
             raise ExportRefusedError(
                 f"axis {name!r} of output {output.name!r}",
-                expected="the name of an axis as the NC has it: at most 31 of A-Z, 0-9, _; no digit first; no NC word",
+                expected="a name of an axis as the NC has it: up to 31 letters, digits, _; no digit first; no NC word",
                 where="SINUMERIK synchronised actions, outputs",
                 advice="name the axis of the output in the model file (outputs.axis)",
             )

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 from threadpoolctl import threadpool_limits
 
 from selector.findings import Finding, Where
@@ -335,7 +335,7 @@ def _without_chance(fit: Fit, tried: list[tuple[Fit, Vector]], data: ModeData) -
             added = fit.spec.n_searched - spec.n_searched
             added += fit.solution.coefficients.size - simpler.solution.coefficients.size
             variance = fit.cost / max(int((fit.weights > 0).sum()), 1) * resemblance(fit, data)
-            if simpler.cost - fit.cost > variance * float(2.0 * gammaincinv(0.5 * added, CERTAIN)):
+            if simpler.cost - fit.cost > variance * float(chdtri(added, 1.0 - CERTAIN)):
                 break
             fit = simpler
     return fit

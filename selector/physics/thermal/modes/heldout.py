@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from selector.physics.thermal.modes.fit import STEP, Fit, columns, expectations, limits, searched, slopes
 from selector.physics.thermal.modes.thermal_test import ModeData
@@ -167,7 +167,7 @@ def tau_intervals(fit: Fit, data: ModeData) -> tuple[Vector, Vector]:
     n_free = max(int((fit.weights > 0).sum()) - derivative.shape[1], 1)
     # neighbouring residuals that resemble each other widen it
     variance = max(fit.cost / n_free, 1e-12) * resemblance(fit, data)
-    allowed = variance * float(2.0 * gammaincinv(0.5, CONFIDENCE))
+    allowed = variance * float(chdtri(1, 1.0 - CONFIDENCE))
     low, high = np.full(modes, np.nan), np.full(modes, np.nan)
     bounds = limits(fit.spec, data)
     for k in range(modes):

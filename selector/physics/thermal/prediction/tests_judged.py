@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import gammaincinv
+from scipy.special import chdtri
 
 from selector.errors import InputError
 from selector.findings import Finding, Where
@@ -161,7 +161,7 @@ def movement_findings(tests: Sequence[ThermalTest], responses: Sequence[str]) ->
                 advice=f"check the gauge of {name} and its unit, or predict other displacements only",
             )
         moved, free = np.sum([_slow_part(course) for course in courses], axis=0)
-        if moved <= float(2.0 * gammaincinv(0.5 * max(free, 1.0), CERTAIN)):
+        if moved <= float(chdtri(max(free, 1.0), 1.0 - CERTAIN)):
             noise = float(np.median([_noise_um(course) for course in courses]))
             yield FINDINGS.finding(
                 "no-thermal-movement",
