@@ -167,6 +167,8 @@ def test_a_name_that_is_no_text_is_told_without_an_encoding(capfd):
 
 def test_ctrl_c_while_the_interpreter_ends_changes_nothing(monkeypatch):
     monkeypatch.setattr(cli, "exit_status", lambda: 0)
+    # a thread that another test left would end this process at once, as it has to
+    monkeypatch.setattr(cli.threading, "active_count", lambda: 1)
     before = signal.getsignal(signal.SIGINT)
     try:
         with warnings.catch_warnings(), pytest.raises(SystemExit) as ended:
