@@ -407,7 +407,7 @@ def _recalibration_holds(bench: Bench) -> bool:
     """Whether recalibration makes no unseen row worse on average."""
     left = bench.residual([])
     held = np.isfinite(left) & ~bench.fitted
-    return not held.any() or bool(np.sum(left[held] ** 2) <= np.sum(bench.target[held] ** 2))
+    return not held.any() or bool(np.sum(left[held] ** 2) <= np.sum(bench.given[held] ** 2))
 
 
 def _judged(state: _State) -> _State:
@@ -503,7 +503,9 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return found.only({id_ for id_ in worth if sizes[id_] >= _LEAST or not _refuted(comparison, found, id_)})
+    return found.only(
+        {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes}
+    )
 
 
 def _part(found: Search, effect: NamedEffect) -> float:
@@ -551,15 +553,12 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
 def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
     """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
 
-    A trifle of the mismatch has to make the error itself smaller there: the filter may make much of what is quick.
+    A trifle of the mismatch that acts there has to make the error itself smaller: the filter may make much of what is
+    quick.
     """
     effect = named_effect(comparison, found, id_)
-    is_lost = effect.share < _LEAST and left_unseen(effect, found) >= 1.0
-    return _doubted(effect) if is_lost or _refuted(comparison, found, id_) else effect
-
-
-def _refuted(comparison: Comparison, found: Search, id_: str) -> bool:
-    return confirmation(comparison, found, id_).refutes
+    is_lost = effect.share < _LEAST and effect.acts is None and left_unseen(effect, found) >= 1.0
+    return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
 
 
 def _doubted(effect: NamedEffect) -> NamedEffect:

@@ -121,6 +121,29 @@ def test_a_fault_that_began_in_the_last_fitted_run_goes_on_or_not_as_the_unseen_
     assert answer.fit["Z"].heldout.rmse_after == pytest.approx(1.0, abs=0.1)  # the noise
 
 
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_jump_within_the_last_fitted_run_goes_on_or_not_as_the_unseen_run_has_it(goes_on):
+    made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
+    level = np.where(np.arange(N) >= (N // 3) * (2 if not goes_on else 3), 0.0, 0.6) * (np.arange(N) >= N // 2)
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + level})
+    answer = diagnosis(made, effects=[effect_of(name) for name in ("data.zero", "data.step", "thermal.instant_speed")])
+    (named,) = answer.effects
+    assert named.id == "data.step"
+    assert not named.suspected
+    assert ("in all later runs" in named.statement) == goes_on
+
+
+@pytest.mark.parametrize("size", [3.0, -3.0])
+def test_which_of_two_runs_is_off_is_said_by_the_unseen_one(size):
+    """The simulation is 5 off in all runs, so that the run with the fault may be the one that is nearer to it."""
+    made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})
+    level = np.repeat([5.0, 5.0 + size, 5.0], N // 3)
+    made = replace(made, recorded={**made.recorded, "Z": made.recorded["Z"] + level})
+    (named,) = diagnosis(made, effects=[effect_of("data.zero")]).effects
+    assert "in run r2" in named.statement
+    assert named.parameters["zero"].value == pytest.approx(size, abs=0.3)
+
+
 def test_a_fault_of_an_unseen_run_has_no_words_of_what_correcting_it_gains():
     """The errors of an answer are those of the model, which knows nothing of a fault found in the unseen run alone."""
     made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})

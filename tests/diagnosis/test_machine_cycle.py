@@ -11,6 +11,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
 from selector.diagnosis.shapes.machine_cycle import machine_cycle
+from selector.diagnosis.workflow import diagnosis
 from selector.recording import Channel
 from tests.diagnosis.test_search import effect
 
@@ -49,9 +50,11 @@ def locked(generator):
     return (smooth - smooth.mean()) / smooth.std()
 
 
+SIMULATED = STROKE * (np.sin(TURN) + 0.3 * np.sin(2.0 * TURN))
+
+
 def found(residual, seed=0):
-    simulated = STROKE * (np.sin(TURN) + 0.3 * np.sin(2.0 * TURN))
-    bench, _ = bench_of(compared(residual, simulated), "E", [effect(*item) for item in COURSES.items()])
+    bench, _ = bench_of(compared(residual, SIMULATED), "E", [effect(*item) for item in COURSES.items()])
     return search({"E": bench}, false_alarm=0.02, seed=seed)
 
 
@@ -88,6 +91,18 @@ def test_what_every_cycle_repeats_is_no_effect():
         off += result.benches["E"].is_off_cycle
     assert off == 12
     assert named <= 1  # 2 % each
+
+
+def test_what_every_cycle_repeats_calibrates_nothing():
+    """An offset, gain or delay that fits what comes back would leave structure in runs of other strokes."""
+    silent = 0
+    for seed in range(8):
+        generator = np.random.default_rng(seed)
+        made = compared(0.6 * locked(generator) + 0.3 * generator.standard_normal(3 * N), SIMULATED)
+        answer = diagnosis(made, effects=[effect(*item) for item in COURSES.items()])
+        silent += answer.verdict == "nothing-missing"
+        assert answer.recalibration["E"]["gain"].value == pytest.approx(1.0, abs=0.06)
+    assert silent >= 7
 
 
 def test_beside_it_what_differs_from_run_to_run_is_found():

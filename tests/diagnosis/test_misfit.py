@@ -153,12 +153,12 @@ def test_the_command_of_another_axis_says_nothing_of_how_large_a_misfit_is(axis)
 
 
 def test_a_late_position_is_told_as_a_delay_without_friction_that_adds_nothing():
-    late = np.interp(MOVED_S - 0.035, MOVED_S, COMMAND) + 2e-5 * noise(12)
+    late = np.interp(MOVED_S - 0.015, MOVED_S, COMMAND) + 2e-5 * noise(12)
     found = diagnosis(followed(late, COMMAND), seed=0)
     assert found.verdict == "miscalibrated"
     told = found.recalibration["x"]
     assert set(told) == {"offset", "gain", "delay"}
-    assert told["delay"].value == pytest.approx(0.035, abs=0.002)
+    assert told["delay"].value == pytest.approx(0.015, abs=0.002)
 
 
 @pytest.mark.parametrize("size", [1.0, 0.001])

@@ -10,7 +10,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.gain import recalibration
 from selector.diagnosis.evidence.naming import named_effect
-from selector.diagnosis.evidence.response import bench_of
+from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
 from selector.types import Vector
@@ -24,6 +24,7 @@ _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and s
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
+_THE_SAME, _AS_LITTLE = 1.0 - 1e-6, 1.0 + 1e-6  #: Canonical correlation of courses that fitted rows cannot tell; error.
 _RUINED = 1.5  #: Times the held-out error without an effect from which on it is another thing that was taken for it.
 
 
@@ -111,25 +112,39 @@ def _unseen(id_: str, found: Search, response: str) -> tuple[float, float]:
 
 
 def as_unseen_rows_have_it(found: Search) -> Search:
-    """The search with those faults that the unseen rows bear out best, of some that are the same in the fitted ones.
+    """The search with those places of effects that the unseen rows bear out best, of some that fitted rows cannot tell.
 
-    A fault that began in the last fitted run may have ended with it, or have gone on.
+    A fault that began in the last fitted run may have ended with it, or have gone on; what one of two runs has is, with
+    the other sign, what the other one has.
     """
     for id_, of in found.named.items():
-        for response, v in of.items() if id_.startswith("data.") else ():
+        for response, v in of.items():
             bench, others = found.benches[response], numbers(without(found.named, id_), response)
-            own = bench.candidates[v]
-            twins = [
+            same = [
                 k
                 for k, one in enumerate(bench.candidates)
-                if one.effect.id == id_
-                and len(one.variant.names) == len(own.variant.names)
-                and np.array_equal(one.variant.columns[bench.fitted], own.variant.columns[bench.fitted])
+                if one.effect.id == id_ and _is_the_same(bench, others, v, k)
             ]
-            if len(twins) > 1:
-                best = min((unseen_rms(bench, [*others, k]), k) for k in twins)[1]
+            if len(same) > 1:
+                left = [unseen_rms(bench, [*others, k]) for k in same]
+                # of those that are the same there, too, the first
+                best = next(k for k, one in zip(same, left, strict=True) if one <= _AS_LITTLE * min(left))
                 found = replace(found, named={**found.named, id_: {**found.named[id_], response: best}})
     return found
+
+
+def _is_the_same(bench: Bench, others: Sequence[int], v: int, k: int) -> bool:
+    """Whether fitted rows cannot tell two candidates: their columns are equal, or differ by recalibration alone.
+
+    Beside a misfit of nobody's they have to be equal: of two runs, unseen rows are always nearer to one.
+    """
+    if bench.counts[v] != bench.counts[k] or bench.is_misfit:
+        own, other = (bench.candidates[one].variant.columns for one in (v, k))
+        return own.shape == other.shape and np.array_equal(own[bench.fitted], other[bench.fitted])
+    base = np.linalg.qr(bench.base(others))[0]
+    both = (bench.white_columns[:, bench.candidates[one].columns] for one in (v, k))
+    own, other = (np.linalg.qr(columns - base @ (base.T @ columns))[0] for columns in both)
+    return float(np.linalg.svd(own.T @ other, compute_uv=False).min()) > _THE_SAME
 
 
 def not_ruinous(comparison: Comparison, found: Search) -> Search:

@@ -413,9 +413,9 @@ def is_little_in_one_run(comparison: Comparison, found: Search, response: str) -
 def is_recalibrated(found: Search, response: str) -> bool:
     """Whether recalibration makes the error much smaller, in the rows that it is fitted to and in the others."""
     bench = found.benches[response]
-    left, seen = bench.residual([]), np.isfinite(bench.target)
+    left, given, seen = bench.residual([]), bench.given, np.isfinite(bench.target)
     parts = [rows for rows in (bench.fitted, seen & ~bench.fitted) if rows.any()]
-    return all(rms(left[rows]) < _MUCH_SMALLER * rms(bench.target[rows]) for rows in parts)
+    return all(rms(left[rows]) < _MUCH_SMALLER * rms(given[rows]) for rows in parts)
 
 
 def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> bool:

@@ -63,6 +63,8 @@ def recalibrated(bench: Bench, named: list[int], noise: Vector, unit: str, *, se
     for k, name in enumerate(bench.nuisance_names):
         if not name.startswith(OF_MODEL):
             value, half = _NEUTRAL.get(name, 0.0) + beta[k], 1.96 * float(np.sqrt(covariance[k, k]))
+            if size[k] < 1e-6 * np.linalg.norm(bench.nuisance[bench.rows, k]) / bench.noise.sd:
+                half = np.inf
             quantities[name] = Quantity(value, {"gain": "1", "delay": "s"}.get(name, unit), value - half, value + half)
     return Recalibrated(
         p_value=tail_probability(gain, drawn),
@@ -87,7 +89,7 @@ def contradicted(bench: Bench, again: Recalibrated) -> bool:
     held = np.isfinite(left) & ~bench.fitted
     if not held.any():
         return False
-    after, before, fitted = rms(left[held]), rms(bench.target[held]), rms(left[bench.fitted])
+    after, before, fitted = rms(left[held]), rms(bench.given[held]), rms(left[bench.fitted])
     return min(after, before) > _FAR * fitted or (
         again.p_value < _SURELY_OTHER and after > _UNLIKE * max(before, fitted)
     )

@@ -24,6 +24,7 @@ from selector.diagnosis.shapes.signals import by_run, rate
 from selector.types import Matrix, Vector
 
 _BLOCKS = 24
+_CHANGES = 0.1  #: Of a course: what differs between cycles by less is taken to come back with them.
 _HIGHEST = np.array([1.0, -3.0, 3.0, -1.0]) / np.sqrt(20.0)
 _ROUNDS = 4
 _MOST_SAMPLES = 2.0
@@ -228,7 +229,24 @@ class Bench:
         beta = all_moderated(beta, inverse, own, counts)
         rest = (self.target - self.raw_base(named)[:, own:] @ beta[own:])[self.fitted]
         beta[:own] = least_squares(self.nuisance[self.fitted], rest)
+        if self.cycle is not None and self.is_off_cycle:
+            left = np.zeros((len(self.target), 1))
+            left[self.fitted, 0] = rest - self.nuisance[self.fitted] @ beta[:own]
+            beta[:own] += self._of_what_changes @ (left - self.cycle.repeated(left, self.fitted))[self.fitted, 0]
         return beta, inverse
+
+    @cached_property
+    def _of_what_changes(self) -> Matrix:
+        """What recalibration makes of what cycles differ by, shape (p, n_fitted), as far as its own columns do.
+
+        What comes back with every cycle is taken for noise, and would be fitted by a gain or a delay.
+        """
+        assert self.cycle is not None
+        changes = (self.nuisance - self.cycle.repeated(self.nuisance, self.fitted))[self.fitted]
+        size = np.maximum(np.linalg.norm(self.nuisance[self.fitted], axis=0), 1e-300)
+        left, values, right = np.linalg.svd(changes / size, full_matrices=False)
+        kept = values > _CHANGES
+        return np.asarray((right[kept].T / values[kept]) @ left[:, kept].T / size[:, None])
 
     def residual(self, named: Sequence[int]) -> Vector:
         """The target less recalibration and named candidates [unit], all rows; NaN where the target is missing.
@@ -239,6 +257,11 @@ class Bench:
         if self.cycle is None or not self.is_off_cycle:
             return left
         return np.asarray(left - self.cycle.repeated(left[:, None], self.fitted)[:, 0])
+
+    @property
+    def given(self) -> Vector:
+        """The target [unit], all rows, less what comes back with every cycle where that counts as noise."""
+        return np.asarray(self.residual([]) + self.explained([]))
 
     def mean_square(self, named: Sequence[int]) -> float:
         """Of the residual beside the candidates `named`, over the fitted rows [unit²]."""

@@ -84,7 +84,9 @@ def tests_of(bench: Bench, named: Sequence[int], noise: Vector, *, seed: int) ->
     numbers = members_of(bench)
     costs = costs_of(bench)
     prices = prices_of(bench)
-    best_of = {name: int(of[np.argmax((whole.gain - prices)[of])]) for name, of in numbers.items()}
+    worth = whole.gain - prices
+    # of those that fit alike, to the rounding, the first
+    best_of = {name: int(of[np.argmax(worth[of] > worth[of].max() - 1e-6)]) for name, of in numbers.items()}
     draws = noise_gains(bench, base, sums, noise, seed=seed)
     found = {}
     for name, of in numbers.items():

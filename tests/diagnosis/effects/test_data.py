@@ -86,7 +86,7 @@ def best_fit(effect_id, comparison, response):
         ):
             continue
         left = float(np.sum((y[fit] - design @ beta) ** 2))
-        if best is None or left < best[0]:
+        if best is None or left < (1.0 - 1e-9) * best[0]:
             error = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * left / fit.sum())[:k]
             best = left, variant, beta[:k], error
     if best is None:

@@ -13,6 +13,7 @@ from selector.types import Mask, Vector
 
 _MOST_MOMENTS = 40
 _ALL_MOMENTS = 160
+_FEW_RUNS = 8  #: Beyond them what goes on is as well told from its first whole run on.
 _LEAST_ROWS = 8  #: Rows of a run before and after a moment, without which nothing tells the two apart.
 
 
@@ -70,31 +71,27 @@ def whole_runs(comparison: Comparison, oddness: Callable[[slice], float] | None 
     """Single runs, and runs from one on, that can be told apart while all runs together may be recalibrated.
 
     `oddness` says how far the run of these rows is off by itself. Of two runs, "the one" and "the other" are the same
-    fit beside what all runs share: the one that is farther off is meant. None: nothing that all runs share resembles
-    the fault, so that every run counts, and all of them together.
+    fit beside what all runs share: if unseen rows do not tell, the one that is farther off is meant. None: nothing that
+    all runs share resembles the fault, so that every run counts, and all of them together.
     """
     runs = fitted_runs(comparison)
-    singles: tuple[str, ...] = runs
-    onwards: tuple[str, ...] = ()
-    # what begins in the last fitted run may go on in the runs that are held out: these say which it is
-    lasting = runs[-1:] != comparison.runs[-1:]
     if oddness is None:
         yield everywhere(comparison)
-        onwards = runs[1:] if lasting else runs[1:-1]
-        singles = () if len(runs) < 2 else runs[:-1] if lasting else runs
-    elif len(runs) < 2:
+    if len(runs) < 2:
         return
-    elif len(runs) == 2:
+    lasting = runs[-1] != comparison.runs[-1]
+    singles: list[str] = list(runs)
+    if oddness is not None and len(runs) == 2:
         far = {run: abs(oddness(rows)) for run, rows in comparison.rows_of_runs() if run in runs}
-        singles = (max(runs, key=lambda run: far[run]),)
-    else:
-        # from the second on is all but the first
-        onwards = runs[2:-1]
-    if oddness is not None and lasting and runs[-1] in singles:
-        onwards = (*onwards, runs[-1])
-    yield from (in_one_run(comparison, run) for run in singles)
-    for run in onwards:
-        yield Part(comparison.run_index >= comparison.runs.index(run), None, f"from run {run} on")
+        singles.sort(key=lambda run: -far[run])
+        singles = singles if lasting else singles[:1]
+    # from the second on is all but the first, beside what all runs share
+    onwards = runs[1:-1] if oddness is None else runs[2:-1]
+    for run in singles:
+        yield in_one_run(comparison, run)
+        # unseen rows say whether what begins in the last fitted run goes on, and which of two runs it is
+        if run in onwards or (lasting and run == runs[-1]):
+            yield Part(comparison.run_index >= comparison.runs.index(run), None, f"from run {run} on")
 
 
 def later_parts(
@@ -120,6 +117,14 @@ def later_parts(
         for first in firsts + rows.start:
             part = window(comparison, run, first, rows.stop - 1)
             yield replace(part, words=f"run {run} from {duration(part.from_s or 0.0)} on")
+
+
+def also_going_on(comparison: Comparison, part: Part) -> Iterator[Part]:
+    """A part of a run to its end, and the same going on in all later runs, if there are any."""
+    yield part
+    if part.run != comparison.runs[-1] and len(comparison.runs) <= _FEW_RUNS:
+        rows = np.arange(len(part.rows)) >= int(np.argmax(part.rows))
+        yield replace(part, rows=rows, run=None, words=f"{part.words} and in all later runs")
 
 
 def window(comparison: Comparison, run: str, first: int, last: int) -> Part:
