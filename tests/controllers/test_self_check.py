@@ -168,6 +168,15 @@ def test_settings_of_the_guard_that_are_hardly_meant_are_told():
     assert [one.id for one in told if one.level == "warning"] == []
 
 
+def test_the_smallest_slew_limit_is_tested_and_told():
+    # 50 µm at 5e-324 µm/s are more steps than a float can count
+    guard = Guard(limits=(OutputLimits(output="Z", clamp_um=50.0, slew_um_per_s=5e-324),))
+    model = self_check.sealed(rise_model(guard=guard))
+    assert "slew-too-slow" in {finding.id for finding in model_findings(model)}
+    (signs,) = [one for one in model.guard_vectors if one.test_um]
+    assert max(map(abs, signs.expected["Z"])) < 1e-300
+
+
 def test_a_break_code_that_the_limits_of_readings_exclude_is_no_temperature():
     item = Input(name="T1", valid_min=-1.0, valid_max=8.0, reading_min=5.0, reading_max=60.0)
     for code, is_told in ((65.0, False), (55.0, True), (0.0, False)):
