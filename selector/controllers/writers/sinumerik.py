@@ -133,7 +133,7 @@ def _require_axis_names(model: ModelFile) -> None:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{0,30}", name) or name.upper() in words:
             raise ExportRefusedError(
                 f"axis {name!r} of output {output.name!r}",
-                expected="the name of an axis as the NC has it: up to 31 letters, digits, _; no digit first; no NC word",
+                expected="the name of an axis as the NC has it: ≤ 31 letters, digits, _; no digit first; no NC word",
                 where="SINUMERIK synchronised actions, outputs",
                 advice="name the axis of the output in the model file (outputs.axis)",
             )
