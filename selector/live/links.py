@@ -298,5 +298,6 @@ def _require_table(path: str, writes: tuple[str, ...], where: str) -> None:
             advice="name another file for the outputs, or move this one away",
         )
     if not writes and "time_s" not in head:
-        found = "no column time_s" if is_there else "no such file"
-        raise OptionError(found, expected="a CSV with a column time_s", where=where, advice="correct url")
+        found = f"no column time_s among {', '.join(head)[:80] or 'none'}" if is_there else "no such file"
+        expected = "a CSV with a column time_s, commas between its cells and decimal points"
+        raise OptionError(found, expected=expected, where=where, advice="correct url, or write the file anew")

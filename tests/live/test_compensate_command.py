@@ -100,10 +100,12 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     (folder / "day.csv").write_text(broken + "9" * 200_000, "utf-8")
     assert command(folder, "--fast", "--json") == 0
     assert 50 < json.loads(capsys.readouterr().out)["cycles"] < 300
-    (folder / "day.csv").write_text(text.replace("time_s", "when"), "utf-8")
+    (folder / "day.csv").write_text(text.replace(",", ";").replace(".", ","), "utf-8")
     before = sorted((folder / "out").iterdir())
     assert command(folder, "--fast") == 2
-    assert "time_s" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "no column time_s among time_s;PT1" in said
+    assert "commas between its cells and decimal points" in said
     assert sorted((folder / "out").iterdir()) == before
 
 
