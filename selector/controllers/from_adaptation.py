@@ -14,6 +14,10 @@ from selector.controllers.model_file import ModelFile
 from selector.controllers.self_check import sealed
 from selector.findings import Finding, Where
 from selector.recording import Recording
+from selector.types import Array
+
+#: Touch-offs of which half are farther from the recording than so much of its size are something else than it.
+CONTRADICTS = 0.5
 
 #: Response → run → (time on the clock of the run [s], displacement [µm] as the gauge has it), by time.
 Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
@@ -34,7 +38,7 @@ def adaptation_courses(
     for output in model.outputs:
         if touched is not None and output.name not in touched:
             continue
-        courses, only = [], []
+        courses, only, pairs = [], [], [np.zeros((2, 0))]
         for run in recording.runs:
             zero = zeros[run].get(output.name, 0.0)
             modelled = table.loc[table["run"] == run, output.name].to_numpy(dtype=np.float64) - zero
@@ -44,9 +48,11 @@ def adaptation_courses(
             if touched is not None:
                 course, left_out = _touched(course, touched[output.name].get(run, ()), zero)
                 findings.extend(_left_out(output.name, run, left_out))
+                pairs.append(np.array([course.touched_um, recorded[course.touched_at]]))
                 if len(course.touched_at) and not np.isfinite(recorded).any():
                     only.append(run)
             courses.append(course)
+        findings.extend(_contradiction(output.name, *np.concatenate(pairs, axis=1)))
         if only:
             findings.append(
                 FINDINGS.finding(
@@ -73,6 +79,22 @@ def _touched(course: Course, touched: Sequence[tuple[float, float]], zero: float
         recorded[at[known]] = um[known]
     course = Course(course.run, course.time_s, course.modelled_um, recorded, at[known], um[known])
     return course, times[~known].tolist()
+
+
+def _contradiction(response: str, touched_um: Array, recorded_um: Array) -> Iterator[Finding]:
+    """Touch-offs in another unit, sign or clock than the recording; a few false ones are none."""
+    touched_um, recorded_um = np.compress(np.isfinite(recorded_um) & (recorded_um != 0.0), (touched_um, recorded_um), 1)
+    n = len(touched_um)
+    off_um, size_um = (float(np.median(np.abs(of))) if n > 2 else 0.0 for of in (touched_um - recorded_um, recorded_um))
+    if off_um > CONTRADICTS * size_um:
+        ratio = float(np.median(touched_um / recorded_um))
+        yield FINDINGS.finding(
+            "touch-offs-contradict-recording",
+            f"{response}: half of {n} touch-offs differ by {off_um:.3g} µm or more from what was recorded at the time "
+            f"(typically {size_um:.3g} µm, of which they are {ratio:.3g} times).",
+            Where(channel=response),
+            {"touch_offs": n, "off_um": off_um, "recorded_um": size_um, "ratio": ratio},
+        )
 
 
 def _left_out(response: str, run: str, times_s: Sequence[float]) -> Iterator[Finding]:

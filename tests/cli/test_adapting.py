@@ -123,6 +123,26 @@ def test_touch_offs_as_measured_are_those_of_the_recording(shop, capsys, tmp_pat
     assert answer["overall"]["Z"]["rmse_um"] == pytest.approx(every["overall"]["Z"]["rmse_um"], rel=0.1)
 
 
+@pytest.mark.parametrize(("factor", "seconds", "false_ones"), [(0.001, 1, 0), (-1, 1, 0), (1, 60, 0), (1, 1, 2)])
+def test_touch_offs_that_are_something_else_than_the_recording_are_told(
+    shop, capsys, tmp_path, factor, seconds, false_ones
+):
+    rows = ["run,time_s,Z"]
+    for day in range(5):
+        table = pd.read_csv(shop / "runs" / f"d{day}.csv").iloc[30::30]
+        for k, (t, z) in enumerate(zip(table["time_s"], table["Z"], strict=True)):
+            rows.append(f"d{day},{t / seconds:g},{factor * z + 50 * (k < false_ones)!r}")
+    file = tmp_path / "probe.csv"
+    file.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    answer = told(shop, capsys, "--touch-offs", file)
+    contradictions = [one for one in answer["findings"] if one["id"] == "touch-offs-contradict-recording"]
+    # readings in mm, of the other sign, times in minutes; two false readings of eight are a matter of the gate
+    assert len(contradictions) == (not false_ones)
+    if seconds == 1 and not false_ones:
+        assert contradictions[0]["evidence"]["ratio"] == pytest.approx(factor)
+        assert contradictions[0]["evidence"]["touch_offs"] == 40
+
+
 def test_touch_offs_count_from_the_start_of_the_recording_where_the_gauge_begins_later(shop, capsys, tmp_path):
     (tmp_path / "runs").mkdir()
     rows = ["run,time_s,Z"]
