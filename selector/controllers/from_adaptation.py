@@ -16,9 +16,6 @@ from selector.findings import Finding, Where
 from selector.recording import Recording
 from selector.types import Array
 
-#: Touch-offs of which half are farther from the recording than so much of its size are something else than it.
-CONTRADICTS = 0.5
-
 #: Response → run → (time on the clock of the run [s], displacement [µm] as the gauge has it), by time.
 Touched = Mapping[str, Mapping[str, Sequence[tuple[float, float]]]]
 
@@ -82,12 +79,12 @@ def _touched(course: Course, touched: Sequence[tuple[float, float]], zero: float
 
 
 def _contradiction(response: str, touched_um: Array, recorded_um: Array) -> Iterator[Finding]:
-    """Touch-offs in another unit, sign or clock than the recording; a few false ones are none."""
+    """Touch-offs in another unit, sign or clock than the recording: half are off by half of it and more."""
     touched_um, recorded_um = np.compress(np.isfinite(recorded_um) & (recorded_um != 0.0), (touched_um, recorded_um), 1)
     n = len(touched_um)
-    off_um, size_um = (float(np.median(np.abs(of))) if n > 2 else 0.0 for of in (touched_um - recorded_um, recorded_um))
-    if off_um > CONTRADICTS * size_um:
-        ratio = float(np.median(touched_um / recorded_um))
+    sizes = np.abs(touched_um - recorded_um), np.abs(recorded_um), touched_um / recorded_um
+    off_um, size_um, ratio = (float(np.median(of)) if n > 2 else 0.0 for of in sizes)
+    if off_um > 0.5 * size_um:
         yield FINDINGS.finding(
             "touch-offs-contradict-recording",
             f"{response}: half of {n} touch-offs differ by {off_um:.3g} µm or more from what was recorded at the time "
