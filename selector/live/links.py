@@ -299,5 +299,4 @@ def _require_table(path: str, writes: tuple[str, ...], where: str) -> None:
         )
     if not writes and "time_s" not in head:
         found = f"no column time_s among {', '.join(head)[:80] or 'none'}" if is_there else "no such file"
-        expected = "a CSV with a column time_s, commas between its cells and decimal points"
-        raise OptionError(found, expected=expected, where=where, advice="correct url, or write the file anew")
+        raise OptionError(found, expected="a column time_s, cells parted by commas", where=where, advice="correct url")

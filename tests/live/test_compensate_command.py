@@ -105,7 +105,7 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     assert command(folder, "--fast") == 2
     said = capsys.readouterr().err
     assert "no column time_s among time_s;PT1" in said
-    assert "commas between its cells and decimal points" in said
+    assert "cells parted by commas" in said
     assert sorted((folder / "out").iterdir()) == before
 
 
