@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from selector.models.best_subsets import _sensor_tree as tree
-from selector.models.best_subsets._algebra import DROPPED, KEPT, insert, set_rss
+from selector.models.best_subsets._algebra import DROPPED, KEPT, insert
 from selector.models.best_subsets._start import starting_sets
 from selector.models.best_subsets._tree import DONE, FULL, NODES, PROOF_TOLERANCE, Scratch, open_bound, push, search
 from selector.models.best_subsets.problem import (
@@ -243,8 +243,8 @@ def best_sensor_sets(
     candidates = [s for s in range(n_sensors) if s not in kept]
     least, most = max(1, len(kept)), min(max_sensors, len(kept) + len(candidates))
     require(least <= most, f"max_sensors = {max_sensors}", f"at least {least}, and a sensor that may be used")
-    house = _House(problem, needs, n_sensors, kept)
-    alone = {s: house.rss({*kept, s}) for s in candidates}
+    house = _House(problem, needs, n_sensors)
+    alone = {s: house.state_and_rss({*kept, s})[1] for s in candidates}
     ranked = np.array(sorted(candidates, key=lambda s: (alone[s], s)), dtype=np.int64)
     statistics, full_rss = problem.statistics()
     best_rss = {size: np.full(n_best, np.inf) for size in range(least, most + 1)}
@@ -253,28 +253,18 @@ def best_sensor_sets(
     bound: dict[int, float] = {}
     visited, stopped = 0, False
     for size in best_rss:
-        choose = size - len(kept)
-        if choose > 0 and size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
-            house.extend(best_state[size - 1][0], candidates, best_rss[size], best_state[size])
-        path = house.path(choose)
-        total = tree.combinations(len(ranked), choose)
-        ended = stopped
-        if choose == 0 and not ended:
-            house.offer(kept, best_rss[size], best_state[size])
+        choose, best = size - len(kept), (best_rss[size], best_state[size])
+        if size - 1 in best_rss and np.isfinite(best_rss[size - 1][0]):
+            smaller = set(np.flatnonzero(best_state[size - 1][0] == KEPT).tolist())
+            for s in set(candidates) - smaller:
+                insert(*best, *house.state_and_rss({*smaller, s}))
+        path = house.path(kept, choose)
+        if choose == 0:
+            insert(*best, *house.state_and_rss(kept))
             path.counters[tree.EVALUATED] = 1
-            ended = True
+        ended = stopped or choose == 0
         while not ended:
-            ended = tree.search_sensors(
-                problem.gram,
-                problem.cross,
-                house.owners,
-                ranked,
-                choose,
-                path,
-                best_rss[size],
-                best_state[size],
-                CHUNK_WORK,
-            )
+            ended = tree.search_sensors(problem.gram, problem.cross, ranked, choose, path, *best, CHUNK_WORK)
             late = time_limit_s is not None and time.perf_counter() - started >= time_limit_s
             if late and not ended:
                 stopped = True
@@ -282,7 +272,7 @@ def best_sensor_sets(
         counters = path.counters
         visited += int(counters[tree.VISITED])
         done = int(counters[tree.EVALUATED]), int(counters[tree.BOUNDED])
-        coverage[size] = Coverage(*done, left=total - sum(done))
+        coverage[size] = Coverage(*done, left=tree.combinations(len(ranked), choose) - sum(done))
         bound[size] = full_rss / problem.sst * (1.0 - 1e-9) if coverage[size].left else np.inf
     return SensorSetSearch(
         **_of_sizes(problem, bound, best_rss, best_state, partial(house.sensor_set, statistics)),
@@ -296,75 +286,28 @@ def best_sensor_sets(
 class _House:
     """Sensors and the columns that they bring, for one problem."""
 
-    def __init__(self, problem: Problem, needs: list[tuple[int, ...]], n_sensors: int, kept: set[int]) -> None:
-        self.problem, self.needs, self.n_sensors, self.kept = problem, needs, n_sensors, kept
-        by_sensor: list[list[int]] = [[] for _ in range(n_sensors)]
+    def __init__(self, problem: Problem, needs: list[tuple[int, ...]], n_sensors: int) -> None:
+        self.problem, self.needs, self.n_sensors = problem, needs, n_sensors
+        self._table = np.full((len(needs), max([1, *map(len, needs)])), -1, dtype=np.int64)
         for j, one in enumerate(needs):
-            for s in one:
-                by_sensor[s].append(j)
-        table = np.full((len(needs), max([1, *map(len, needs)])), -1, dtype=np.int64)
-        for j, one in enumerate(needs):
-            table[j, : len(one)] = one
-        self.owners = tree.Owners(
-            np.cumsum([0, *map(len, by_sensor)]).astype(np.int64),
-            np.array([j for columns in by_sensor for j in columns], dtype=np.int64),
-            table,
-        )
-        p = problem.n_columns
-        self._flat = np.zeros((p + 1) * (p + 2))
-        self._order = np.zeros(p, np.int64)
-        self._factor = np.zeros((p + tree.LANES, p + tree.LANES))
+            self._table[j, : len(one)] = one
 
-    def columns(self, sensors: Iterable[int]) -> tuple[int, ...]:
-        """Columns that a set of sensors brings, those without owners included."""
-        chosen = set(sensors)
-        return tuple(j for j, one in enumerate(self.needs) if chosen.issuperset(one))
-
-    def rss(self, sensors: Iterable[int]) -> float:
-        """Residual sum of squares of a set of sensors, the total scaled to 1."""
-        state = np.full(self.problem.n_columns, DROPPED, np.int8)
-        state[list(self.columns(sensors))] = KEPT
-        return float(set_rss(self.problem.gram, self.problem.cross, state, self._flat, self._order))
-
-    def offer(self, sensors: Iterable[int], best_rss: Array, best_state: States) -> None:
-        """Record a set of sensors if it is among the best."""
-        state = np.full(self.n_sensors, DROPPED, np.int8)
-        state[sorted(sensors)] = KEPT
-        insert(best_rss, best_state, state, self.rss(sensors))
-
-    def extend(self, smaller: States, candidates: list[int], best_rss: Array, best_state: States) -> None:
-        """Record every set of one sensor more than a given one."""
-        inside = {int(s) for s in np.flatnonzero(smaller == KEPT)}
-        for s in candidates:
-            if s not in inside:
-                self.offer({*inside, s}, best_rss, best_state)
-
-    def path(self, choose: int) -> tree.Path:
-        """Start of a search: the columns that are in every set are in the factor."""
+    def path(self, sensors: Iterable[int], choose: int = 0) -> tree.Path:
+        """Start of a search for `choose` sensors beside some."""
         p = self.problem.n_columns
-        path = tree.Path(
-            np.zeros(5, np.int64),
-            np.zeros(choose + 2, np.int64),
-            np.zeros(choose + 2, np.int64),
-            np.ones(choose + 2),
-            np.zeros(self.n_sensors, np.int8),
-            np.zeros(p + tree.LANES, np.int64),
-            self._factor,
-            np.zeros(p + tree.LANES),
-            np.zeros((p + tree.LANES, tree.LANES)),
-            np.zeros((tree.LANES, tree.LANES + 1)),
-            np.zeros(p + tree.LANES, np.int64),
-            np.zeros(self.n_sensors, np.int8),
-        )
-        path.inside[sorted(self.kept)] = 1
-        first = self.columns(self.kept)
-        path.fresh[: len(first)] = first
-        gram, cross = self.problem.gram, self.problem.cross
-        path.count[0], path.rss[0] = tree.joined(gram, cross, path, 0, len(first), 1.0, True, -np.inf)
-        return path
+        inside = np.full(self.n_sensors, DROPPED, np.int8)
+        inside[sorted(sensors)] = KEPT
+        columns, flat = np.zeros(p, np.int8), np.zeros((p + 1) * (p + 2))
+        choice = np.zeros(choose + 2, np.int64)
+        return tree.Path(np.zeros(5, np.int64), choice, inside, self._table, columns, np.zeros(p, np.int64), flat)
 
-    def sensor_set(self, statistics: Statistics, state: States, _: float) -> SensorSet:
+    def state_and_rss(self, sensors: Iterable[int]) -> tuple[States, float]:
+        """A set as the search holds it, and its residual sum of squares, the total scaled to 1."""
+        path = self.path(sensors)
+        return path.inside, float(tree.sensors_rss(self.problem.gram, self.problem.cross, path))
+
+    def sensor_set(self, statistics: Statistics, state: States, rss: float) -> SensorSet:
         """The value that is returned."""
-        sensors = tuple(int(s) for s in np.flatnonzero(state == KEPT))
-        columns = self.columns(sensors)
-        return SensorSet(columns, *statistics.of(self.rss(sensors) * self.problem.sst, len(columns)), sensors=sensors)
+        sensors = tuple(np.flatnonzero(state == KEPT).tolist())
+        columns = tuple(j for j, one in enumerate(self.needs) if set(sensors).issuperset(one))
+        return SensorSet(columns, *statistics.of(float(rss) * self.problem.sst, len(columns)), sensors=sensors)
