@@ -200,7 +200,8 @@ def main() -> None:
     run_trajectory(source, 60, (0.05, 0.1, 0.2, 0.4, 0.8, None))
     if options.many:
         run_trajectory(source, 100, (1.0, 3.0, 10.0, 30.0, None))
-        run_trajectory(source, 1000, (10.0, 60.0), 10_000, 10)
+        for n_samples in (2_000, 10_000):
+            run_trajectory(source, 1000, (10.0, 60.0), n_samples, 10)
     run_sensors(source, min(repeat, 3))
 
 

@@ -7,12 +7,15 @@ import math
 import signal
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 import statsmodels.api as sm
 
 from selector.errors import InputError
+from selector.models.best_subsets import _wide as wide
 from selector.models.best_subsets import subsets
 from selector.models.best_subsets.problem import (
     Problem,
@@ -60,11 +63,20 @@ def test_criteria_without_degrees_of_freedom_are_not_numbers():
     assert bic(0.0, 6, 2) == -math.inf
 
 
-@pytest.mark.parametrize("look", [0, subsets.EARLY_LOOK], ids=["raised from the first node", "as it is"])
+@pytest.fixture(params=["few columns", "many columns", "many columns given away"])
+def bound(request, monkeypatch):
+    """Every search as for few columns, or as for many."""
+    if request.param == "few columns":
+        return
+    monkeypatch.setattr(subsets, "MANY_COLUMNS", 0)
+    monkeypatch.setattr(subsets, "better_for_few", lambda *_: True)
+    monkeypatch.setattr(wide, "LEAST_SHARE", 0.7 if "away" in request.param else wide.LEAST_SHARE)
+    monkeypatch.delattr(subsets._SizeSearch, "run")
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("kind", ["warm", "independent"])
-def test_same_optimum_as_all_65535_subsets(kind, seed, look, monkeypatch):
-    monkeypatch.setattr(subsets, "EARLY_LOOK", look)
+def test_same_optimum_as_all_65535_subsets(kind, seed, bound):
     rng = np.random.default_rng(seed)
     columns, response = warm_machine(80, 16, seed)
     if kind == "independent":
@@ -92,7 +104,7 @@ def test_best_takes_the_best_value_of_a_criterion():
         found.best("r2")
 
 
-def test_duplicates_constants_and_sums_are_explained_and_never_nan():
+def test_duplicates_constants_and_sums_are_explained_and_never_nan(bound):
     rng = np.random.default_rng(0)
     x = rng.normal(size=(40, 3))
     columns = np.column_stack([x, x[:, 0], np.full(40, 20.1), x[:, 1] + x[:, 2]])
@@ -111,17 +123,18 @@ def test_duplicates_constants_and_sums_are_explained_and_never_nan():
     assert sorted(dependent) == [[0, 3], [1, 2, 5]]
 
 
-def test_duplicate_columns_still_end_with_proof():
+def test_duplicate_columns_still_end_with_proof(bound):
     columns, response = warm_machine(150, 14, seed=5)
     doubled = np.column_stack([columns, columns[:, :6]])
-    plain = best_subsets(cross_products(columns, response), 150)
-    found = best_subsets(cross_products(doubled, response), 150)
+    most = 4 if subsets.MANY_COLUMNS == 0 else 14  # the bound for many is poor for more of so few
+    plain = best_subsets(cross_products(columns, response), 150, max_size=most)
+    found = best_subsets(cross_products(doubled, response), 150, max_size=None if most == 14 else most)
     assert found.proved
-    for size in range(1, 15):
+    for size in range(1, most + 1):
         assert found.by_size[size][0].rss == pytest.approx(plain.by_size[size][0].rss, rel=1e-8)
 
 
-def test_fewer_samples_than_columns_end_with_proof():
+def test_fewer_samples_than_columns_end_with_proof(bound):
     rng = np.random.default_rng(4)
     columns, response = rng.normal(size=(9, 12)), rng.normal(size=9)
     found = best_subsets(cross_products(columns, response), 9)
@@ -225,6 +238,37 @@ def test_a_worker_of_a_pool_leaves_the_other_cores_to_the_others(monkeypatch, pa
     assert asked == [threads]
 
 
+def test_few_of_many_columns_are_proved_where_eigenvalues_say_little():
+    columns, response = warm_machine(400, 250, seed=1)
+    cross = cross_products(columns, response)
+    found = best_subsets(cross, 400, max_size=4)
+    assert found.proved
+    assert best_subsets(cross, 400, max_size=4) == replace(found, seconds=ANY)
+    stopped = best_subsets(cross, 400, max_size=4, time_limit_s=0.0)
+    assert max(stopped.gap.values()) > 0.0
+    for size, sets in found.by_size.items():
+        assert stopped.lower_bound[size] <= sets[0].rss * (1 + 1e-9)
+    assert found.nodes < 500  # 264; with the bound for fewer columns it has not ended after 606
+
+
+@pytest.mark.parametrize("a", [2, 3, 5])
+def test_no_choice_of_a_columns_is_below_the_bound_of_how_few_they_are(a):
+    columns, response = warm_machine(60, 12, seed=3)
+    problem = Problem.of(cross_products(columns, response), 60, (), True, 1, None)
+    directions = wide.shared_directions(problem)[:, :3]
+    basis, n = wide.conditioned(problem, directions, (4,), np.delete(np.arange(12), 4))[2:]
+    rng = np.random.default_rng(a)
+    w, d = wide.evened(n, rng.uniform(0.5, 2.0, 11), a)
+    rows = np.abs(n) * w / w[:, None]
+    np.fill_diagonal(rows, 0.0)
+    plain = np.diag(n) - np.sort(rows, axis=1)[:, -(a - 1) :].sum(axis=1)
+    assert d == pytest.approx(plain, abs=1e-12)  # ROUNDING times the columns, and that of sums
+    gram = n + basis @ basis.T
+    for chosen in itertools.combinations(range(11), a):
+        part = gram[np.ix_(chosen, chosen)] - (basis @ basis.T)[np.ix_(chosen, chosen)] - np.diag(d[list(chosen)])
+        assert np.linalg.eigvalsh(part)[0] > -1e-12
+
+
 def test_raised_diagonals_of_open_nodes_are_valid_and_no_node_needs_more_room():
     columns, response = warm_machine(200, 70, seed=2, noise_um=3.0)
     problem = Problem.of(cross_products(columns, response), 200, (), True, 1, None)
@@ -236,10 +280,9 @@ def test_raised_diagonals_of_open_nodes_are_valid_and_no_node_needs_more_room():
         part.run(problem, problem.scratch(), best_rss, best_state, 1_000_000)
     assert not part.ended
     assert part.tree.bound.size <= 300
-    assert part.tree.counters[1] > 0  # depth first, because there is no room
-    heap, stack = (part.tree.slots[k, : part.tree.counters[k]] for k in range(2))
+    assert part.tree.rank.min() < 0.0  # depth first, because there is no room
     raised = 0
-    for slot in [*heap, *stack]:
+    for slot in np.flatnonzero(part.tree.rank < np.inf):
         kept, free = (np.flatnonzero(part.tree.state[slot] == state) for state in (1, 0))
         link = problem.gram[np.ix_(free, kept)]
         given = problem.gram[np.ix_(free, free)] - link @ np.linalg.solve(problem.gram[np.ix_(kept, kept)], link.T)

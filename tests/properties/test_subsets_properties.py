@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selector.models.best_subsets import subsets
 from selector.models.best_subsets._algebra import relax, spread_shares
 from selector.models.best_subsets.problem import Problem, cross_products, valid_diagonal
 from selector.models.best_subsets.subsets import best_sensor_sets, best_subsets
@@ -59,17 +58,8 @@ def test_best_subsets_are_those_of_brute_force(case, n_best, intercept, data):
     total = float(y @ y)
     if total < 1e-9:
         return
-    with pytest.MonkeyPatch.context() as patch:
-        # problems this small end before D is raised, unless it is raised from the first node
-        patch.setattr(subsets, "EARLY_LOOK", data.draw(st.sampled_from([0, subsets.EARLY_LOOK])))
-        found = best_subsets(
-            cross_products(columns, response, intercept=intercept),
-            n,
-            n_best=n_best,
-            must=must,
-            intercept=intercept,
-            max_size=p,
-        )
+    products = cross_products(columns, response, intercept=intercept)
+    found = best_subsets(products, n, n_best=n_best, must=must, intercept=intercept, max_size=p)
     assert found.proved
 
     def allowed(chosen):

@@ -145,32 +145,21 @@ def set_rss(gram: Any, cross: Any, state: Any, a: Any, order: Any) -> float:
 
 
 @kernel
-def insert(best_rss: Any, best_state: Any, state: Any, rss: float) -> bool:
+def insert(best_rss: Any, best_state: Any, state: Any, rss: float) -> None:
     """Put a set into the sorted list of the best ones of its size, unless it is there already."""
-    n = best_rss.size
-    if not rss < best_rss[n - 1]:
-        return False
-    p = state.size
-    for i in range(n):
-        if best_rss[i] == np.inf:
-            break
-        same = True
-        for j in range(p):
-            if (best_state[i, j] == KEPT) != (state[j] == KEPT):
-                same = False
-                break
-        if same:
-            return False
-    i = n - 1
+    if not rss < best_rss[-1]:
+        return
+    kept = state == KEPT
+    for i in range(best_rss.size):
+        if best_rss[i] < np.inf and np.all((best_state[i] == KEPT) == kept):
+            return
+    i = best_rss.size - 1
     while i > 0 and best_rss[i - 1] > rss:
         best_rss[i] = best_rss[i - 1]
-        for j in range(p):
-            best_state[i, j] = best_state[i - 1, j]
+        best_state[i] = best_state[i - 1]
         i -= 1
     best_rss[i] = rss
-    for j in range(p):
-        best_state[i, j] = KEPT if state[j] == KEPT else DROPPED
-    return True
+    best_state[i] = np.where(kept, KEPT, DROPPED)
 
 
 SMALLEST_SHARE = 1e-9  #: Shares z are kept above this; the bound stays valid, the matrix stays finite.

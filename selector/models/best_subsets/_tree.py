@@ -17,22 +17,21 @@ from selector.models.best_subsets._algebra import (
     inverse_after_elimination,
     inverse_diagonal,
     kernel,
-    largest_scale,
     raised,
     relax,
     set_rss,
     spread_shares,
 )
 
-#: Places of the counters: nodes in the heap, on the stack, visited in all, slots ever used, work left in this chunk.
-HEAP, STACK, NODES, HELD, WORK = 0, 1, 2, 3, 4
+#: Places of the counters: open nodes, nodes visited in all, work left in this chunk.
+OPEN, NODES, WORK = 0, 1, 2
 
 
 class Tree(NamedTuple):
-    """Open nodes of one size; slots are shared by a heap (best bound first) and, when that is full, a stack."""
+    """Open nodes of one size; the next one is looked for, which costs little beside a node."""
 
-    counters: Any  # int64 (5,)
-    slots: Any  # int64 (3, capacity): the heap, the stack, and the slots that are free again
+    counters: Any  # int64 (3,)
+    rank: Any  # float64 (capacity,): the least comes first: the bound, below 0 when room is short; infinite: free
     bound: Any  # float64 (capacity,)
     state: Any  # int8 (capacity, p)
     share: Any  # float32 (capacity, p): z of the parent, where the next solve starts
@@ -58,76 +57,14 @@ CURRENT, TRIAL = 0, 1
 @kernel
 def push(tree: Any, state: Any, z: Any, diagonal: Any, bound: float, depth_first: bool) -> None:
     """Open a node."""
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    unused = tree.slots[2]
-    n = tree.counters
-    if n[HELD] > n[HEAP] + n[STACK]:
-        slot = unused[n[HELD] - n[HEAP] - n[STACK] - 1]
-    else:
-        slot = n[HELD]
-        n[HELD] += 1
+    slot = np.argmax(tree.rank)
+    tree.counters[OPEN] += 1
+    tree.rank[slot] = -tree.counters[OPEN] if depth_first else bound
     tree.bound[slot] = bound
     for j in range(state.size):
         tree.state[slot, j] = state[j]
         tree.share[slot, j] = z[j]
         tree.diagonal[slot, j] = diagonal[j] * ROUNDED
-    if depth_first:
-        stack[n[STACK]] = slot
-        n[STACK] += 1
-        return
-    i = n[HEAP]
-    n[HEAP] += 1
-    while i > 0:
-        parent = (i - 1) // 2
-        if tree.bound[heap[parent]] <= bound:
-            break
-        heap[i] = heap[parent]
-        i = parent
-    heap[i] = slot
-
-
-@kernel
-def pop(tree: Any) -> int:
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    unused = tree.slots[2]
-    n = tree.counters
-    if n[STACK] > 0:
-        n[STACK] -= 1
-        slot = stack[n[STACK]]
-    else:
-        slot = heap[0]
-        n[HEAP] -= 1
-        last = heap[n[HEAP]]
-        i = 0
-        while True:
-            child = 2 * i + 1
-            if child >= n[HEAP]:
-                break
-            if child + 1 < n[HEAP] and tree.bound[heap[child + 1]] < tree.bound[heap[child]]:
-                child += 1
-            if tree.bound[heap[child]] >= tree.bound[last]:
-                break
-            heap[i] = heap[child]
-            i = child
-        heap[i] = last
-    unused[n[HELD] - n[HEAP] - n[STACK] - 1] = slot
-    return int(slot)
-
-
-@kernel
-def open_bound(tree: Any) -> float:
-    """The smallest bound of the nodes that are still open; infinite when there are none."""
-    heap = tree.slots[0]
-    stack = tree.slots[1]
-    n = tree.counters
-    least = np.inf
-    if n[HEAP] > 0:
-        least = tree.bound[heap[0]]
-    for i in range(n[STACK]):
-        least = min(least, tree.bound[stack[i]])
-    return float(least)
 
 
 @kernel
@@ -164,16 +101,16 @@ def enumerate_leaves(
     first = 1 if n == 0 else t
     last = t if n == 2 else 1
     for i in range(first):
-        di = q[i * stride + i]
+        inverse = 1.0 / q[i * stride + i] if q[i * stride + i] > 1e-14 else 0.0
         vi = q[i * stride + t]
-        gi = vi * vi / di if n > 0 else 0.0
+        gi = vi * vi * inverse if n > 0 else 0.0
         # the only choice there is (n = 0) is offered in any case
         value[i * last] = rss + sign * gi if n > 0 else 0.0
         for j in range(i + 1, last):
-            f = q[i * stride + j] / di
+            f = q[i * stride + j] * inverse
             dj = q[j * stride + j] - f * q[i * stride + j]
             vj = q[j * stride + t] - f * vi
-            value[i * last + j] = rss + sign * (gi + (vj * vj / dj if dj > 1e-12 * q[j * stride + j] else 0.0))
+            value[i * last + j] = rss + sign * (gi + (vj * vj / dj if dj > 1e-14 else 0.0))
     inside = KEPT if keep else DROPPED
     for k in range(first * last):
         i = k // last
@@ -192,6 +129,31 @@ def enumerate_leaves(
             offer(gram, cross, best_rss, best_state, trial, w)
 
 
+@kernel
+def enumerate_triples(
+    gram: Any, cross: Any, best_rss: Any, best_state: Any, w: Any, q: Any, stride: int, t: int, rss: float
+) -> None:
+    """Offer every choice of three of t columns with cross-products q: each with the pairs of those after it."""
+    free = w.integers[FREE_COLUMNS]
+    part = w.matrices[PM]
+    for i in range(t - 2):
+        n = t - 1 - i
+        d = q[i * stride + i]
+        top = q[i * stride + i + 1 : i * stride + t + 1]
+        for j in range(n):
+            f = top[j] / d
+            source = q[(i + 1 + j) * stride + i + 1 : (i + 1 + j) * stride + t + 1]
+            for e in range(j, n + 1):
+                part[j * (n + 1) + e] = source[e] - f * top[e]
+        column = free[0]
+        for j in range(n):
+            free[j] = free[j + 1]
+        w.states[CURRENT, column] = KEPT
+        left = rss - q[i * stride + t] ** 2 / d
+        enumerate_leaves(gram, cross, best_rss, best_state, w, part, n + 1, n, 2, left, True)
+        w.states[CURRENT, column] = DROPPED
+
+
 DONE, PAUSED, FULL = 0, 1, 2
 CLOSED, AGAIN = -1, -2
 
@@ -204,8 +166,8 @@ BARRIER = 1.5  #: Of what is left to close, for each column: it keeps room for t
 
 
 @kernel
-def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, best_state: Any, look: int) -> int:
-    """Bound the next node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
+def expand(gram: Any, cross: Any, size: int, tree: Any, slot: int, w: Any, best_rss: Any, best_state: Any) -> int:
+    """Bound a node: CLOSED, AGAIN (many columns were fixed), or the column to branch on.
 
     What is to be opened stands in the scratch: the state in CURRENT, the shares in Y, bounds in OUTCOME.
     """
@@ -226,7 +188,6 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, b
     current = w.states[CURRENT]
     p = gram.shape[0]
     n = tree.counters
-    slot = pop(tree)
     bound0 = tree.bound[slot]
     threshold = best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14
     if bound0 >= threshold:
@@ -303,18 +264,14 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, b
         n[WORK] -= t * t
         enumerate_leaves(gram, cross, best_rss, best_state, w, w.matrices[which], sp, t, few, r, keep)
         return CLOSED
-    missing = False
     for j in range(t):
         diagonal[j] = tree.diagonal[slot, free[j]]
         wz[j] = max(tree.share[slot, free[j]], 1e-4)
         ranking[j] = j
-        missing = missing or diagonal[j] <= 0.0
-    fresh = False
     dependent = COUNT(-1)
-    if missing:
-        fresh = inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal)
+    if diagonal[:t].min() <= 0.0:
         n[WORK] -= 10 * t * t * t
-        if not fresh:
+        if not inverse_diagonal(pm, sp, t, wm, wx, wy, inv, diagonal):
             for j in range(t):
                 diagonal[j] = tree.diagonal[slot, free[j]]
                 if wm[j * sp + j] <= 0.0 and dependent < 0:
@@ -323,7 +280,6 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, b
     now = bound0
     last = -np.inf
     settled = -np.inf
-    simple = n[NODES] * t * t * t < look or (missing and not fresh)
     fixed = COUNT(0)
     for solve in range(MAX_SOLVES):
         spread_shares(wz, t, a)
@@ -346,14 +302,8 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, b
                     fixed += 1
         if 5 * fixed > t or solve == MAX_SOLVES - 1:
             break
-        if solve == 0 and simple and not missing:
-            scale = largest_scale(pm, sp, t, diagonal, inv, wx, wy)
-            n[WORK] -= t * t * (t + 12) // 3
-            for j in range(t):
-                diagonal[j] *= scale
-            last = -np.inf
-        elif now - last < (2.5 * MIN_PROGRESS if simple else MIN_PROGRESS) * (threshold - now):
-            if now - settled < MIN_RAISE * (threshold - now) or simple:
+        if now - last < MIN_PROGRESS * (threshold - now):
+            if now - settled < MIN_RAISE * (threshold - now) or dependent >= 0 or threshold == np.inf:
                 break
             settled = now
             n[WORK] -= t * t * (t + 12)
@@ -365,10 +315,9 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, b
             wz[j] = max(wz[j] * np.sqrt(h[j] * np.sqrt(h[j])), 1e-150)
     if dependent >= 0 and current[dependent] == FREE:
         return _carried(tree, w, slot, dependent, bound)
-    if not simple:
-        n[WORK] -= t * t * t // 3
-        inverse_after_elimination(wm, sp, t, inv)
-    return _chosen(w, t, a, bound, now, fixed, simple)
+    n[WORK] -= t * t * t // 3
+    inverse_after_elimination(wm, sp, t, inv)
+    return _chosen(w, t, a, bound, now, fixed)
 
 
 @kernel
@@ -386,11 +335,11 @@ def _carried(tree: Any, w: Any, slot: int, column: int, bound: float) -> int:
 
 
 @kernel
-def _chosen(w: Any, t: int, a: int, bound: float, now: float, fixed: int, simple: bool) -> int:
+def _chosen(w: Any, t: int, a: int, bound: float, now: float, fixed: int) -> int:
     """The free column to branch on, or AGAIN after many columns were fixed.
 
     By what the relaxed RSS rises at fixed shares when the column is dropped, plus what it rises when it is kept, each
-    less what the others gain or lose by the change of its share; `simple` by the largest share alone.
+    less what the others gain or lose by the change of its share.
     """
     z = w.vectors[Z]
     h = w.vectors[H]
@@ -414,12 +363,9 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, fixed: int, simple
         share = z[j] / largest
         shares[free[j]] = share
         handed[free[j]] = diagonal[j]
-        if simple:
-            v = z[j] + h[j]
-        else:
-            rest = 1.0 - z[j]
-            own = min(max(diagonal[j] * inv[j * (t + 1) + j] / z[j], 1e-12), 1.0)
-            v = z[j] * (h[j] / own - h[ranking[a]]) + h[j] * rest * rest * (1.0 - own) / (1.0 - rest * own)
+        rest = 1.0 - z[j]
+        own = min(max(diagonal[j] * inv[j * (t + 1) + j] / z[j], 1e-12), 1.0)
+        v = z[j] * (h[j] / own - h[ranking[a]]) + h[j] * rest * rest * (1.0 - own) / (1.0 - rest * own)
         if current[free[j]] == FREE and v > best:
             best = v
             at = j
@@ -434,28 +380,27 @@ def _chosen(w: Any, t: int, a: int, bound: float, now: float, fixed: int, simple
 
 @kernel
 def search(
-    gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, best_state: Any, most: int, look: int, work: int
+    gram: Any, cross: Any, size: int, tree: Any, w: Any, best_rss: Any, best_state: Any, most: int, work: int
 ) -> int:
     """Expand nodes until none is open (DONE), the work is used up (PAUSED) or more room is needed (FULL)."""
-    heap = tree.slots[0]
     current = w.states[CURRENT]
     outcome = w.vectors[OUTCOME]
     n = tree.counters
     n[WORK] = work
     room = tree.bound.size
-    while n[HEAP] + n[STACK] > 0:
-        if n[WORK] < 0:
-            return PAUSED
-        if room < most and n[HEAP] + n[STACK] + 2 > room:
+    while n[WORK] >= 0:
+        slot = int(np.argmin(tree.rank))
+        if tree.rank[slot] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
+            return DONE
+        if room < most and n[OPEN] + 2 > room:
             return FULL
-        if n[STACK] == 0 and tree.bound[heap[0]] >= best_rss[-1] * (1.0 - PROOF_TOLERANCE) - 1e-14:
-            n[HEAP] = 0
-            break
-        column = expand(gram, cross, size, tree, w, best_rss, best_state, look)
-        depth_first = n[HEAP] >= most - 2 * gram.shape[0] - 8
+        tree.rank[slot] = np.inf
+        n[OPEN] -= 1
+        column = expand(gram, cross, size, tree, slot, w, best_rss, best_state)
+        depth_first = n[OPEN] >= most - 2 * gram.shape[0] - 8
         # the child that keeps the column comes last: a stack takes it first
         for child in range(0 if column == CLOSED else 1 if column == AGAIN else 2):
             if column >= 0:
                 current[column] = DROPPED if child == 0 else KEPT
             push(tree, current, w.vectors[Y], w.vectors[HANDED], outcome[1 - child], depth_first)
-    return DONE
+    return PAUSED

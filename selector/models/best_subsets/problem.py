@@ -135,8 +135,8 @@ class Problem:
         """An empty store of open nodes."""
         p = self.n_columns
         return Tree(
-            np.zeros(5, np.int64),
-            np.zeros((3, room), np.int64),
+            np.zeros(3, np.int64),
+            np.full(room, np.inf),
             np.zeros(room),
             np.zeros((room, p), np.int8),
             np.zeros((room, p), np.float32),
@@ -148,8 +148,7 @@ class Problem:
         room = tree.bound.size
         grown = self.tree(min(2 * room, most))
         grown.counters[:] = tree.counters
-        grown.slots[:, :room] = tree.slots
-        for name in ("bound", "state", "share", "diagonal"):
+        for name in ("rank", "bound", "state", "share", "diagonal"):
             getattr(grown, name)[:room] = getattr(tree, name)
         return grown
 

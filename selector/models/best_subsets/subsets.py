@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from queue import SimpleQueue
 from types import MappingProxyType
 from typing import Any
 
@@ -22,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from selector.models.best_subsets import _sensor_tree as tree
 from selector.models.best_subsets._algebra import DROPPED, KEPT, insert
 from selector.models.best_subsets._start import starting_sets
-from selector.models.best_subsets._tree import DONE, FULL, NODES, PROOF_TOLERANCE, Scratch, open_bound, push, search
+from selector.models.best_subsets._tree import DONE, FULL, NODES, PROOF_TOLERANCE, WORK, Scratch, push, search
+from selector.models.best_subsets._wide import MANY_COLUMNS, WideSearch, better_for_few, curvature, shared_directions
 from selector.models.best_subsets.problem import (
     CHUNK_WORK,
     Problem,
@@ -38,7 +38,6 @@ from selector.types import Array
 
 States = NDArray[np.int8]
 MAX_OPEN_BYTES = 2**30  #: Memory for the open nodes of all sizes together; beyond it the search goes depth first.
-EARLY_LOOK = 1_000_000  #: Nodes of a size, times their columns cubed, before a larger D and better branching pay.
 
 
 def compile_search() -> None:
@@ -47,6 +46,7 @@ def compile_search() -> None:
     cross = cross_products(rows[:, :8], rows[:, 8])
     best_subsets(cross, len(rows), n_best=2)
     best_sensor_sets(cross, len(rows), [(k,) for k in range(8)], n_sensors=8, max_sensors=3)
+    curvature(np.eye(3), np.ones(3), 2, np.ones(3))
 
 
 def best_subsets(
@@ -98,44 +98,37 @@ def best_subsets(
     while not starting_sets(*start, CHUNK_WORK) and not out_of_time():
         pass
     diagonal, findings = valid_diagonal(problem)
-    floor = max(1, problem.n_must)
-    parts = {size: _SizeSearch(problem, size, diagonal) for size in range(floor, top + 1)}
+    sizes = range(max(1, problem.n_must), top + 1)
+    parts = {} if out_of_time() else _searches(problem, sizes, diagonal)
     statistics, full_rss = problem.statistics()
-    bound = dict.fromkeys(parts, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
-    spare: SimpleQueue[Scratch] = SimpleQueue()
+    bound = dict.fromkeys(sizes, full_rss / problem.sst * (1.0 - PROOF_TOLERANCE))
 
-    def searched(size: int, chunks: int, work: int) -> None:
-        part, scratch = parts[size], spare.get()
-        try:
-            while chunks > 0 and not part.ended and not late.is_set():
-                part.run(problem, scratch, best_rss[size], best_state[size], work)
-                bound[size] = np.inf if part.ended else max(bound[size], open_bound(part.tree))
-                chunks -= 1
-                out_of_time()
-        finally:
-            spare.put(scratch)
+    def searched(size: int, scratch: Scratch, work: int) -> None:
+        part = parts[size]
+        part.run(problem, scratch, best_rss[size], best_state[size], work)
+        bound[size] = np.inf if part.ended else max(bound[size], part.open_bound())
+        out_of_time()
 
-    spare.put(problem.scratch())
     # a short look at every size first: closed forms, then from the largest, whose bound holds for the smaller ones, too
+    scratch = problem.scratch()
     for size in sorted(parts, key=lambda size: (size > problem.n_must + 2, -size)):
-        searched(size, 1, CHUNK_WORK // 20)
-    open_sizes = [size for size, part in parts.items() if not part.ended]
+        if not late.is_set():
+            searched(size, scratch, CHUNK_WORK // 20)
+    open_sizes = [size for size in sizes if size not in parts or not parts[size].ended]
     if open_sizes and not late.is_set():
         node_bytes = 9 * problem.n_columns + 32
         for size in open_sizes:
             parts[size].most = max(parts[size].most, MAX_OPEN_BYTES // (len(open_sizes) * node_bytes))
         # a worker of a pool has the other cores' workers beside it
         n_cores = 1 if multiprocessing.parent_process() else os.cpu_count() or 1
-        n_threads = min(n_cores, len(open_sizes))
-        for _ in range(n_threads - 1):
-            spare.put(problem.scratch())
-        with ThreadPoolExecutor(n_threads) as threads:
+        spaces = [problem.scratch() for _ in range(min(n_cores, len(open_sizes)))]
+        with ThreadPoolExecutor(len(spaces)) as threads:
             try:
-                chunks = 1
                 while open_sizes and not late.is_set():
-                    list(threads.map(partial(searched, chunks=chunks, work=CHUNK_WORK), open_sizes))
+                    # those with the largest gap for the work that they have had
+                    open_sizes.sort(key=lambda size: -relative_gap(best_rss[size, 0], bound[size]) / parts[size].spent)
+                    list(threads.map(partial(searched, work=CHUNK_WORK), open_sizes, spaces))
                     open_sizes = [size for size in open_sizes if not parts[size].ended]
-                    chunks *= 2
             finally:
                 late.set()
     # adding a column never raises the RSS
@@ -150,28 +143,40 @@ def best_subsets(
     )
 
 
+def _searches(problem: Problem, sizes: range, diagonal: Array) -> "dict[int, _SizeSearch | WideSearch]":
+    """For every size the search whose bound is the better one."""
+    parts: dict[int, _SizeSearch | WideSearch] = {}
+    few = problem.n_columns >= MANY_COLUMNS
+    directions = shared_directions(problem) if few else problem.gram
+    for size in sizes:
+        few = few and better_for_few(problem, directions, size, diagonal)
+        parts[size] = WideSearch(problem, size, directions) if few else _SizeSearch(problem, size, diagonal)
+    return parts
+
+
 class _SizeSearch:
     """The open nodes of one size."""
 
     def __init__(self, problem: Problem, size: int, diagonal: Array) -> None:
-        self.size, self.ended = size, False
+        self.size, self.ended, self.spent, self.visited = size, False, 0, 0
         self.most = 2 * problem.n_columns + 40  #: Open nodes there may be
         self.tree = problem.tree(min(64, self.most))
         push(self.tree, problem.root, np.ones(problem.n_columns), diagonal, 0.0, False)
 
-    @property
-    def visited(self) -> int:
-        return int(self.tree.counters[NODES])
+    def open_bound(self) -> float:
+        """The smallest bound of the nodes that are still open."""
+        return float(np.min(self.tree.bound, where=self.tree.rank < np.inf, initial=np.inf))
 
     def run(self, problem: Problem, scratch: Scratch, best_rss: Array, best_state: States, work: int) -> None:
         """Work for one chunk; it has ended when no node is open any more."""
         outcome = FULL
         while outcome == FULL:
-            best = best_rss, best_state, self.most, EARLY_LOOK, work
+            best = best_rss, best_state, self.most, work
             outcome = search(problem.gram, problem.cross, self.size, self.tree, scratch, *best)
+            self.spent += work - int(self.tree.counters[WORK])
             if outcome == FULL:
                 self.tree = problem.larger(self.tree, self.most)
-        self.ended = bool(outcome == DONE)
+        self.ended, self.visited = bool(outcome == DONE), int(self.tree.counters[NODES])
 
 
 def _of_sizes(
