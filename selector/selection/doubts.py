@@ -16,7 +16,7 @@ from selector.selection.choice import Offer
 from selector.selection.finding_table import FEW_RUNS, FINDINGS
 from selector.selection.fitting import evenly
 from selector.selection.proving import MOST_FOLDS, fold_of_run
-from selector.selection.result import BEST_OF_SIZE, MOST_TOLD_FACTOR, PROCEDURE, Known, Selection
+from selector.selection.result import BEST_OF_SIZE, PROCEDURE, Known, Selection
 from selector.selection.survey import Survey
 from selector.sensors.finding_table import ROUND_WITHOUT_EFFECT
 from selector.sensors.fuzzy import between_finding
@@ -325,21 +325,23 @@ def _few_runs(selection: Selection) -> Iterator[Finding]:
     one, proof = selection.known, selection.proof
     if one is None or one.factor <= PROMISED_FACTOR:
         return
-    errors = {name: (proof.rmse_um(name), one.factor_of(name)) for name in selection.models}
-    spans = {name: (error / factor, error * factor) for name, (error, factor) in errors.items()}
-    said = ", ".join(f"{name} by {low:.2g} to {high:.2g} µm" for name, (low, high) in spans.items())
+    spans = {name: one.span_um(name, proof.rmse_um(name)) for name in selection.models}
+    told = {name: one.factor_of(name) for name, span in spans.items() if span is not None}
+    errors = ", ".join(f"{name} by {span[0]:.2g} to {span[1]:.2g} µm" for name, span in spans.items() if span)
     begin = f" that do not begin alike (sensors {one.starts_apart_k:.2g} K apart from run to run)" * one.is_warm
     asides = [f"{one.in_a_row} of which begin where another ended"] if one.in_a_row else []
     asides += ["which is little for memory"] if selection.recipe.design.lags else []
     begin += "".join(f", {aside}" for aside in asides) + "," * bool(asides)
     kind = "conditions" if proof.left_out == "condition" else "runs"
-    known_to = f"is known to a factor of {one.factor:.2g}"
-    if one.factor > MOST_TOLD_FACTOR:
-        known_to = f"cannot be told from so few {kind}"
+    says = []
+    if told:
+        known_to = f"is known to a factor of {max(told.values()):.2g}"
+        says = [f"{known_to}: on further runs within what these cover the model may err {errors}"]
+    if untold := " and ".join(name for name in spans if name not in told):
+        says.append(f"of {untold} " * bool(told) + f"cannot be told from so few {kind}")
     yield FINDINGS.finding(
         FEW_RUNS,
-        f"The error on unseen runs rests on {one.runs} {kind}{begin} and {known_to}: on further runs within what these "
-        f"cover the model may err {said}.",
+        f"The error on unseen runs rests on {one.runs} {kind}{begin} and {'; that '.join(says)}.",
         evidence={**fields_of(one, "runs", "factor", "in_a_row", "starts_apart_k"), "between_um": spans},
         suggestion="record more runs"
         + (", and let the machine cool down before each, or begin each where the last one ended" * one.is_warm),

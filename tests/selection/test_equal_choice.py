@@ -13,11 +13,13 @@ from selector.recording import Recording
 from selector.selection import Options, select
 from selector.selection.candidates import SensorSet
 from selector.selection.choice import Trial, _is_equal, _margin_um, _safest
+from selector.selection.doubts import _few_runs
 from selector.selection.finding_table import FEW_RUNS
 from selector.selection.library import Shape
 from selector.selection.options import Question
 from selector.selection.result import MOST_TOLD_FACTOR
 from selector.selection.workflow import _best_plan, _poorest_of
+from selector.telling.selected.account import gain_table
 from selector.telling.selected.advice import advice
 from tests.selection.machines import machine
 
@@ -144,4 +146,21 @@ def test_of_runs_that_differ_too_much_nothing_is_told():
     assert found.known.factor > MOST_TOLD_FACTOR
     (told,) = [one for one in found.findings if one.id == FEW_RUNS]
     assert "cannot be told from so few runs" in told.statement
+    assert told.evidence["between_um"] == {"Z": None}
     assert "known to a factor" not in advice(found)[1][0] + told.statement
+    assert "cannot be told" in gain_table(found).rows[0]
+
+
+def test_what_cannot_be_told_of_one_response_is_told_of_the_other():
+    source = machine(n_runs=3, second=lambda u: 12.0 * u["spindle"])
+    found = select(source, Options(max_sensors=2))
+    found = replace(found, known=replace(found.known, factor=5.0, factors={"Z": 2.0, "Y": 5.0}))
+    (told,) = _few_runs(found)
+    error = found.proof.rmse_um("Z")
+    assert told.evidence["between_um"] == {"Z": pytest.approx((error / 2.0, error * 2.0)), "Y": None}
+    assert "known to a factor of 2:" in told.statement
+    assert "; that of Y cannot be told from so few" in told.statement
+    rows = {row[0]: row for row in gain_table(found).rows}
+    assert "cannot be told" in rows["Y"]
+    assert "cannot be told" not in rows["Z"]
+    assert "known to a factor of 2.0, Y: how far off on further ones cannot be told from 3" in advice(found)[1][0]

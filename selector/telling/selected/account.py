@@ -43,7 +43,7 @@ def gain_table(selection: Selection) -> Table:
     proof = selection.proof
     known, rows = selection.known, []
     for name, parts in proof.per_response.items():
-        span = () if known is None else (1.0 / known.factor_of(name), known.factor_of(name))
+        span = None if known is None else known.span_um(name, proof.rmse_um(name))
         faults = [one for one in selection.faults if one.response == name]
         worst = max(faults, key=lambda one: one.worst_um, default=None)
         single = [part.rmse_um for part in parts]
@@ -52,7 +52,7 @@ def gain_table(selection: Selection) -> Table:
                 name,
                 proof.baselines_um[name]["none"],
                 proof.rmse_um(name),
-                *([" to ".join(number_text(proof.rmse_um(name) * by, 2) for by in span)] if span else []),
+                *([" to ".join(number_text(end, 2) for end in span) if span else "cannot be told"] if known else []),
                 f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
                 proof.max_um(name),
                 None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",

@@ -79,14 +79,16 @@ def _improvement(selection: Selection, names: tuple[str, ...]) -> str:
 
 
 def _how_known(selection: Selection, names: tuple[str, ...]) -> str:
-    """How far the errors carry: a factor; of too few runs that it cannot be told."""
+    """How far the errors carry: a factor; of runs that are too few for a displacement that it cannot be told."""
     known = selection.known
     if known is None:
         return ", one run" if selection.proof.left_out == "block" else ""
-    factor = max(known.factor_of(name) for name in names)
-    if factor > MOST_TOLD_FACTOR:
-        return f", how far off on further ones cannot be told from {known.runs}"
-    return f", known to a factor of {number_text(factor, 2)}"
+    told = [factor for name in names if (factor := known.factor_of(name)) <= MOST_TOLD_FACTOR]
+    said = f", known to a factor of {number_text(max(told), 2)}" if told else ""
+    if len(told) == len(names):
+        return said
+    of = " and ".join(name for name in names if known.factor_of(name) > MOST_TOLD_FACTOR) + ": " if told else ""
+    return f"{said}, {of}how far off on further ones cannot be told from {known.runs}"
 
 
 def _worse(selection: Selection, names: tuple[str, ...]) -> tuple[str, ...]:
