@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from selector.models.moments import WORTH_OF_A_SENSOR, LeaveOneOut
+from selector.selection.choice import unit_um
 from selector.selection.library import Bench, Shape
 from selector.selection.options import Question
 from selector.types import Array, Indices, Mask
@@ -32,7 +33,7 @@ class EqualSet:
 
 @dataclass(frozen=True)
 class EqualSets:
-    """The sets of one size whose error on unseen parts is within a margin of the best one's, the best first."""
+    """The sets of one size whose errors on unseen parts are all within a margin of the best one's, the best first."""
 
     sets: tuple[EqualSet, ...]
     n_equal: int  #: Sets within the margin; only the best `MOST_LISTED` of them are in `sets`
@@ -51,8 +52,9 @@ class EqualSets:
 def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: Shape) -> EqualSets | None:
     """All sets as large as a known one that are about as good as the best; None where they are too many to look at.
 
-    The bench holds the terms of all sensors. Nothing is missed: to leave a part out never lowers its error, so a set
-    that errs more than the margin allows where it was fitted needs no second look.
+    For every response, and the best in the units in which sets are chosen (`unit_um`). The bench holds the terms of all
+    sensors. Nothing is missed: to leave a part out never lowers its error, so a set that errs more than the margin
+    allows where it was fitted needs no second look.
     """
     sensors, must, size = question.sensors, question.options.must, len(known)
     others = [name for name in sensors if name not in must]
@@ -67,31 +69,27 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
     whole, n = folds.left_out.sum(axis=0, keepdims=True), folds.left_out[:, 0, 0].sum()
     in_sample = LeaveOneOut(whole, whole, folds.n_columns)
     margin, best = question.options.within, bench.held_out(known, shape).rmse_um ** 2
-    # several responses count alike: a noisy one hides no error of another
-    power = np.maximum(best, ROUNDING**2 * bench.power)
+    power = unit_um(question, np.sqrt(best), np.sqrt(bench.power)) ** 2
 
-    def limit(best: Array) -> Array:
-        """Mean squares that a set may have, of the best one's; what rounding leaves of exact fits is alike."""
+    def is_equal(errors: Array, best: Array) -> Mask:
+        """Whether a set errs about as little in every response; what rounding leaves of exact fits is alike."""
         best = np.maximum(best, ROUNDING**2 * bench.power)
-        share = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best
-        return np.asarray(share if margin is None else (np.sqrt(best) + margin) ** 2)
+        most = (1.0 + WORTH_OF_A_SENSOR) ** 2 * best if margin is None else (np.sqrt(best) + margin) ** 2
+        return np.asarray((errors <= most).all(axis=1))
 
-    least = float((best / power).mean())
-    near: list[tuple[Indices, Array]] = []
+    near: list[tuple[Indices, Array]] = [(np.empty((0, size), dtype=np.int64), np.empty((0, n_responses)))]
     for chosen in _chunks(sensors, must, others, size):
         at = np.concatenate([own[chosen].reshape(len(chosen), -1), np.tile(always, (len(chosen), 1))], axis=1)
         seen = in_sample.errors_of(at, n_responses)[0] / n * (1.0 - ROUNDING)
-        promising = _within(seen, limit(best), power, margin)
+        # all that a better one may leave of a response, if it leaves nothing of the others
+        promising = is_equal(seen, (best / power).sum() * power)
         at, chosen = at[promising], chosen[promising]
-        if not len(chosen):
-            continue
-        unseen = folds.errors_of(at, n_responses).sum(axis=0) / n
-        total = (unseen / power).mean(axis=1)
-        if total.min() <= least:
-            least, best = float(total.min()), unseen[int(total.argmin())]
-        near.append((chosen, unseen))
+        if len(chosen):
+            unseen = folds.errors_of(at, n_responses).sum(axis=0) / n
+            near.append((chosen, unseen))
+            best = min(unseen[(unseen / power).sum(axis=1).argmin()], best, key=lambda one: float((one / power).sum()))
     chosen, unseen = (np.concatenate(part) for part in zip(*near, strict=True))
-    good = _within(unseen, limit(best), power, margin)
+    good = is_equal(unseen, best)
     chosen, unseen = chosen[good], unseen[good]
     order = np.argsort((unseen / power).mean(axis=1), kind="stable")[:MOST_LISTED]
     found = []
@@ -100,13 +98,6 @@ def equal_sets(question: Question, bench: Bench, known: tuple[str, ...], shape: 
         fault, vif = bench.faults(of_set, shape)[0], bench.largest_vif(of_set, shape)
         found.append(EqualSet(of_set, tuple(map(float, np.sqrt(error))), vif, fault))
     return EqualSets(tuple(found), len(chosen), n_sets, margin)
-
-
-def _within(error: Array, most: Array, power: Array, margin: float | None) -> Mask:
-    """A share is one of the error over all responses; micrometres are those of every response."""
-    if margin is None:
-        return np.asarray((error / power).mean(axis=1) <= (most / power).mean())
-    return np.asarray((error <= most).all(axis=1))
 
 
 def _chunks(sensors: Sequence[str], must: Sequence[str], others: Sequence[str], size: int) -> Iterator[Indices]:
