@@ -49,7 +49,8 @@ _PINT_NAMES = frozenset(_SPELLINGS.values())
 def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=None)
     registry.define("decimicron = 0.1 * micrometer")
-    registry.define("millidegC = 0.001 * kelvin; offset: 273.15")
+    for part, of_a_degree in (("deci", 0.1), ("centi", 0.01), ("milli", 0.001)):
+        registry.define(f"{part}degC = {of_a_degree} * kelvin; offset: 273.15")
     return registry
 
 

@@ -36,8 +36,8 @@ class Mistake:
 _THERMAL = (
     Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"', "degF"),
     Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"', "K"),
-    Mistake("tenths of a degree taken for °C", 10.0, 0.0, "divide the column by 10"),
-    Mistake("hundredths of a degree taken for °C", 100.0, 0.0, "divide the column by 100"),
+    Mistake("tenths of a degree taken for °C", 10.0, 0.0, 'declare unit = "0.1 degC"', "0.1 degC"),
+    Mistake("hundredths of a degree taken for °C", 100.0, 0.0, 'declare unit = "0.01 degC"', "0.01 degC"),
     Mistake("thousandths of a degree taken for °C", 1000.0, 0.0, 'declare unit = "mdegC"', "mdegC"),
     Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"', "degC"),
     Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"', "degC"),

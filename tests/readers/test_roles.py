@@ -168,12 +168,34 @@ def test_units_in_a_campbell_file_keep_pressures_from_being_positions(reads, ids
     assert "unknown-unit" not in ids(reading)
 
 
-@pytest.mark.parametrize("unit", ["mdegC", "m°C", "milli °C"])
-def test_thousandths_of_a_degree(reads, unit):
-    reading = reads(f"t [s],T1 [{unit}]\n" + "".join(f"{60 * k},{20875 + 62 * k}\n" for k in range(30)))
+@pytest.mark.parametrize(
+    ("unit", "in_a_degree"),
+    [
+        ("mdegC", 1000),
+        ("m°C", 1000),
+        ("milli °C", 1000),
+        ("0,1 K", 10),
+        ("0.1 °C", 10),
+        ("1/10 °C", 10),
+        ("0.01 K", 100),
+    ],
+)
+def test_parts_of_a_degree(reads, unit, in_a_degree):
+    begins, step = 20.8 * in_a_degree, 0.1 * in_a_degree
+    reading = reads(f"t [s];T1 [{unit}]\n" + "".join(f"{60 * k};{begins + step * k:.0f}\n" for k in range(30)))
     seen = reading.recording.values("r1", ("T1",))[:, 0]
-    np.testing.assert_allclose(seen, 20.875 + 0.062 * np.arange(30), atol=1e-9)
+    np.testing.assert_allclose(seen, 20.8 + 0.1 * np.arange(30), atol=1e-9)
     assert [one.id for one in inspect(reading.recording) if one.level != "info"] == []
+
+
+def test_a_column_in_tenths_of_a_degree_is_told_the_unit_that_reads_it(reads):
+    table = "".join(f"{60 * k},{20 + 0.1 * k},{21 + 0.1 * k},{205 + k}\n" for k in range(60))
+    header = "t [s],T1 [°C],T2 [°C],T3 [°C]\n"
+    told = [one for one in inspect(reads(header + table).recording) if one.id == "wrong-unit"]
+    assert [(one.where.channel, one.evidence["unit"]) for one in told] == [("T3", "0.1 degC")]
+    right = reads(header.replace("T3 [°C]", f"T3 [{told[0].evidence['unit']}]") + table).recording
+    assert [one.id for one in inspect(right) if one.id == "wrong-unit"] == []
+    np.testing.assert_allclose(right.values("r1", ("T3",))[:, 0], 20.5 + 0.1 * np.arange(60), atol=1e-9)
 
 
 def test_thousandths_of_a_degree_without_their_unit_are_told(reads):
