@@ -53,8 +53,8 @@ def folder_written_whole(folder: Path, earlier: Iterable[str] = ()) -> Iterator[
     folder.parent.mkdir(parents=True, exist_ok=True)
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(errno.ENOTDIR, "not a folder", str(folder))
-    # named before it is made, so that a Ctrl-C at any moment finds it again
-    part = folder.parent / f".{folder.name[:60]}.{secrets.token_hex(8)}.part"
+    # named before it is made: a Ctrl-C finds it again; inside of a folder that exists, which may be another disk
+    part = (folder if folder.exists() else folder.parent) / f".{folder.name[:60]}.{secrets.token_hex(8)}.part"
     try:
         part.mkdir()
         yield part
@@ -209,19 +209,13 @@ def require_writable_folder(folder: Path, option: str, results: Iterable[str] = 
     Raises OptionError: it is a file, or its place cannot be written to; or a file that is not of this program stands in
     the place of one of the `results`: what ends in ``.html`` is a page, anything else JSON.
     """
-    if folder.is_symlink() and not folder.exists():
+    is_lost = folder.is_symlink() and not folder.exists()
+    if is_lost or (folder.exists() and not folder.is_dir()):
         raise OptionError(
-            "a link that leads nowhere, or to itself",
+            "a link that leads nowhere, or to itself" if is_lost else "a file of this name exists",
             expected="a folder, or a name that is free",
             where=f"{option} {folder}",
-            advice="choose another name, or remove the link",
-        )
-    if folder.exists() and not folder.is_dir():
-        raise OptionError(
-            "a file of this name exists",
-            expected="a folder, or a name that is free",
-            where=f"{option} {folder}",
-            advice="choose another name",
+            advice="choose another name, or remove the link" if is_lost else "choose another name",
         )
     require_replaceable(folder, {name: _OURS.get(Path(name).suffix, _OURS[".json"]) for name in results}, option)
     place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())

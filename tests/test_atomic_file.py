@@ -36,6 +36,25 @@ def test_existing_folder_keeps_what_is_not_replaced(tmp_path):
     assert sorted(path.name for path in (out / "notes").iterdir()) == ["mine.txt", "new.txt"]
 
 
+@pytest.mark.parametrize("is_link", [False, True])
+def test_a_folder_that_exists_is_all_that_is_written_to(tmp_path, is_link):
+    # another disk may be mounted there, and nothing can be moved onto it from beside it
+    out = real = tmp_path / "study"
+    if is_link:
+        real = tmp_path / "disk" / "far"
+        real.mkdir(parents=True)
+        out.symlink_to(real)
+    else:
+        out.mkdir()
+    beside = sorted(tmp_path.iterdir())
+    with folder_written_whole(out) as part:
+        assert sorted(tmp_path.iterdir()) == beside
+        assert part.parent.samefile(real)
+        (part / "model.json").write_text("{}", encoding="utf-8")
+    assert [path.name for path in real.iterdir()] == ["model.json"]
+    assert out.is_symlink() is is_link
+
+
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, ValueError])
 @pytest.mark.parametrize("there_before", [False, True])
 def test_stopped_work_leaves_nothing(tmp_path, stop, there_before):
