@@ -199,8 +199,12 @@ def _fits(said: IoFile, model: ModelFile, where: str) -> None:
         raise _unusable(
             found, where, "write at least as often as a confirmation holds, at most every 10 s; collect may be slower"
         )
+    read: dict[tuple[str, str], str] = {}
     for item in model.inputs:
         _known(item.name, said.channels, f"{where}, key channels", "channel of this name, which the model reads,")
+        place = said.channels[item.name]
+        if (first := read.setdefault((place.at, place.address), item.name)) != item.name:
+            raise _unusable(f"{place.address!r} for both {first} and {item.name}", where, "give each its own address")
         if said.channels[item.name].role != item.role:
             raise _unusable(
                 f"role {said.channels[item.name].role!r} of {item.name!r}", where, f"say role = {item.role!r}"

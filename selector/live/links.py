@@ -263,7 +263,7 @@ def supervised_links(io: IoFile, clock: Clock, tell: Tell) -> dict[str, Supervis
 def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     writes = io.writes(name)
     if connection.kind == "file":
-        _require_table(connection.url, writes, f"connection {name}: {connection.url}")
+        _require_table(connection.url, writes, io.reads(name), f"connection {name}: {connection.url}")
         return FileLink(connection.url, writes, clock)
     # heavy, and extras
     if connection.kind == "opcua":
@@ -284,19 +284,17 @@ def _link(connection: Connection, io: IoFile, name: str, clock: Clock) -> Link:
     return HalLink()
 
 
-def _require_table(path: str, writes: tuple[str, ...], where: str) -> None:
-    """Ends with an error unless this is a CSV with a column ``time_s``, or new, empty or begun with these outputs."""
+def _require_table(path: str, writes: tuple[str, ...], reads: tuple[str, ...], where: str) -> None:
+    """Ends with an error unless this is a CSV with ``time_s`` and all of `reads`, or new, empty or one of `writes`."""
     is_there, head = Path(path).is_file(), list[str]()
     if is_there:
         with Path(path).open(encoding="utf-8-sig", errors="replace", newline="") as file:
             head = next(csv.reader([file.readline(100_000)]), [])
-    if writes and head not in ([], ["time_s", *writes]):
+    wanted = ["time_s", *(writes or reads)]
+    if not (head in ([], wanted) if writes else set(wanted) <= set(head)):
         raise OptionError(
-            "a file with other columns",
-            expected=f"no file yet, or one with the columns {', '.join(('time_s', *writes))}",
+            f"a file with other columns: {', '.join(head)[:200] or 'none'}" if is_there else "no such file",
+            expected=f"{'no file yet, or a' if writes else 'a'} CSV with commas and columns {', '.join(wanted)[:200]}",
             where=where,
-            advice="name another file for the outputs, or move this one away",
+            advice="name another file for the outputs, or move this one away" if writes else "correct url or addresses",
         )
-    if not writes and "time_s" not in head:
-        found = f"no column time_s among {', '.join(head)[:80] or 'none'}" if is_there else "no such file"
-        raise OptionError(found, expected="a column time_s, cells parted by commas", where=where, advice="correct url")

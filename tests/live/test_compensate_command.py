@@ -104,8 +104,8 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
     before = sorted((folder / "out").iterdir())
     assert command(folder, "--fast") == 2
     said = capsys.readouterr().err
-    assert "no column time_s among time_s;PT1" in said
-    assert "cells parted by commas" in said
+    assert "a file with other columns: time_s;PT1" in said
+    assert "CSV with commas and columns time_s, PT1" in said
     assert sorted((folder / "out").iterdir()) == before
 
 
@@ -122,6 +122,7 @@ def test_rows_that_are_broken_are_no_readings_and_end(folder, capsys):
         ("period_s = 1.0", "period_s = 0", "period_s"),
         ("period_s = 1.0", "period_s = 6", "stale_after_s = 5"),
         ('url = "given.csv"', 'url = "day.csv"', "other columns"),
+        ('address = "PT1"', 'address = "PT7"', "columns time_s, PT7"),
         ('at = "program"', 'at = "day"', "other columns"),
         ("period_s = 1.0", "perid_s = 1.0", "period_s"),
         ("period_s = 1.0", 'period_s = 1.0\nmachine = "lathe 3"', "letters, digits"),
