@@ -16,7 +16,7 @@ from selector.controllers.guard.guarded_model import GuardedModel
 from selector.controllers.guard.vectors import MINUTE_S, START_DEGC, guard_vectors, recomputed
 from selector.controllers.model_file import Fallback, Input, ModelFile, read_model, with_digest
 from selector.errors import ModelFileError
-from selector.findings import Finding, Where
+from selector.findings import Finding, Level, Where
 from selector.types import Array
 
 DAY_S = 86_400.0
@@ -65,29 +65,44 @@ def _never_met(model: ModelFile) -> Iterator[Finding]:
         least, most = (item.valid_min, item.valid_max) if item.reference == "absolute" else (-math.inf, math.inf)
         if item.unit == "degC":
             least, most = max(least, COLDEST_DEGC), min(most, HOTTEST_DEGC)
-        said = f"{low:g} … {high:g} {item.unit.replace('degC', '°C')}"
         if low >= high or low > most or high < least or (item.reference == "rise" and high - low < 0.5 * width):
-            yield FINDINGS.finding(
-                "limits-never-met",
+            said = f"{low:g} … {high:g} {item.unit.replace('degC', '°C')}"
+            yield _unmet(
                 f"{item.name}: readings count as good within {said} only, where it cannot be and do what the model has "
                 "seen: it is never believed.",
-                evidence={"input": item.name, "reading_min": item.reading_min, "reading_max": item.reading_max},
-                level="error",
+                {"input": item.name, "reading_min": item.reading_min, "reading_max": item.reading_max},
+                "error",
             )
         rate = item.rate_limit_per_min
         if rate is not None and width / rate > DAY_S / MINUTE_S:
-            yield FINDINGS.finding(
-                "limits-never-met",
+            yield _unmet(
                 f"{item.name}: at the {rate:g} a minute that are believed its valid range takes "
                 f"{width / rate / 1440.0:.3g} days; a machine that warms up looks like a jump.",
-                evidence={"input": item.name, "rate_limit_per_min": rate},
-                level="warning",
+                {"input": item.name, "rate_limit_per_min": rate},
             )
+    good_s, still_s = model.guard.recover_after_s, model.guard.stuck_after_s
+    if good_s > DAY_S:
+        said = f"Nothing is corrected until readings were good for {good_s / DAY_S:.3g} days (recover_after_s)."
+        yield _unmet(said, {"recover_after_s": good_s})
+    if still_s is not None and still_s < MINUTE_S:
+        said = f"A sensor that reads the same for {still_s:g} s counts as broken (stuck_after_s); at rest each does."
+        yield _unmet(said, {"stuck_after_s": still_s})
+
+
+def _unmet(said: str, evidence: Mapping[str, Any], level: Level = "warning") -> Finding:
+    return FINDINGS.finding("limits-never-met", said, evidence=evidence, level=level)
 
 
 def _too_slow(model: ModelFile) -> Iterator[Finding]:
     for limits in model.guard.limits:
         name, clamp_um, slew = limits.output, limits.clamp_um, limits.slew_um_per_s
+        if clamp_um is not None and limits.dead_band_um >= clamp_um:
+            yield FINDINGS.finding(
+                "dead-band-too-wide",
+                f"{name}: within ±{limits.dead_band_um:g} µm nothing is moved, and the clamp is ±{clamp_um:g} µm: "
+                "the correction stays at 0.",
+                evidence={"output": name, "dead_band_um": limits.dead_band_um, "clamp_um": clamp_um},
+            )
         if clamp_um is not None and slew is not None and clamp_um / slew > DAY_S:
             yield FINDINGS.finding(
                 "slew-too-slow",
@@ -242,10 +257,8 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
         ["vectors of its fallbacks"] if any(len(v.fallbacks) < len(model.fallbacks) for v in model.test_vectors) else []
     )
     if not model.test_vectors:
-        yield FINDINGS.finding(
-            "no-test-vectors",
-            "The model file has no test vectors: a program on a control cannot check itself against it.",
-        )
+        said = "The model file has no test vectors: a program on a control cannot check itself against it."
+        yield FINDINGS.finding("no-test-vectors", said)
         return
     largest, samples, wrong = 0.0, 0, False
     everything: list[Equations] = [model, *model.fallbacks]
@@ -266,10 +279,9 @@ def _vector_findings(model: ModelFile) -> Iterator[Finding]:
                 else:
                     largest = max(largest, float(np.max(difference)))
     if not wrong:
+        said = f"All {samples} expected outputs were recomputed; the largest difference is {largest:.3g} µm."
         yield FINDINGS.finding(
-            "test-vectors-agree",
-            f"All {samples} expected outputs were recomputed; the largest difference is {largest:.3g} µm.",
-            evidence={"samples": samples, "max_abs_difference_um": largest},
+            "test-vectors-agree", said, evidence={"samples": samples, "max_abs_difference_um": largest}
         )
     if lacking:
         yield FINDINGS.finding(
@@ -371,39 +383,31 @@ def clamp_reached(
     if not lost > least * largest:
         return None
     share, rms = float(np.mean(cut > 0.0)), float(np.sqrt(np.mean(cut**2)))
+    lost_um = {"lost_max_um": lost, "lost_rms_um": rms}
     return FINDINGS.finding(
         "clamp-reached",
         f"The clamp of {output}, ±{clamp_um:g} µm, cuts the correction in {100 * share:.0f} % of the samples {where}: "
         f"up to {lost:.3g} of {largest:.3g} µm are left, {rms:.3g} µm rms.",
         Where(channel=output, run=run),
-        {
-            "clamp_um": clamp_um,
-            "largest_um": largest,
-            "share_of_samples": share,
-            "lost_max_um": lost,
-            "lost_rms_um": rms,
-        },
+        {"clamp_um": clamp_um, "largest_um": largest, "share_of_samples": share} | lost_um,
         f"if the machine may be corrected so far, export with --clamp {output}={math.ceil(largest)}",
     )
 
 
 def _size_findings(model: ModelFile) -> Iterator[Finding]:
-    for output in model.outputs:
-        if not math.isfinite(output_bound_um(model, output)):
-            yield FINDINGS.finding(
-                "output-not-finite",
-                f"{output.name} can overflow while every input is in its valid range.",
-                evidence={"output": output.name},
-            )
+    everything: list[Equations] = [model, *model.fallbacks]
+    for of, output in ((one, output) for one in everything for output in one.outputs):
+        if not math.isfinite(output_bound_um(of, output)):
+            name = f"{output.name} of a fallback" if isinstance(of, Fallback) else output.name
+            said = f"{name} can overflow while every input is in its valid range."
+            yield FINDINGS.finding("output-not-finite", said, evidence={"output": output.name})
 
 
 def _range_findings(model: ModelFile) -> Iterator[Finding]:
     for item in model.inputs:
         if (level := item.valid_min) == item.valid_max:
+            said = f"{item.name} was {level:g} throughout: the model does not know what a change of it does."
+            own = {"input": item.name, "valid_min": level, "valid_max": level}
             yield FINDINGS.finding(
-                "valid-range-empty",
-                f"{item.name} was {level:g} throughout: the model does not know what a change of it does.",
-                evidence={"input": item.name}
-                | dict.fromkeys(("valid_min", "valid_max"), level)
-                | {"centre": item.centre, "scale": item.scale},
+                "valid-range-empty", said, evidence=own | {"centre": item.centre, "scale": item.scale}
             )

@@ -124,6 +124,25 @@ def test_overflow_inside_the_valid_range_is_an_error():
     assert output_bound_um(model, model.outputs[0]) == math.inf
 
 
+def test_overflow_of_a_fallback_is_an_error_and_no_defect(tmp_path, capsys):
+    from selector.cli import exit_status
+
+    document = json.loads(model_text(self_check.sealed(hostile_with(lambda of: of))))
+    document["fallbacks"][0]["outputs"][0]["terms"][0]["coefficient"] = 1e308
+    document["fallbacks"][0]["inputs"][0]["scale"] = 1e-320
+    (tmp_path / "m.json").write_text(json.dumps(document), encoding="utf-8")
+    before = (tmp_path / "m.json").read_bytes()
+    assert exit_status(["model", "check", str(tmp_path / "m.json"), "--accept"]) == 2
+    assert "of a fallback can overflow" in capsys.readouterr().err
+    assert (tmp_path / "m.json").read_bytes() == before
+
+
+def test_the_largest_clamp_has_a_sign_test_that_is_a_number():
+    guard = Guard(limits=(OutputLimits(output="Z", clamp_um=1e308),))
+    (signs,) = [one for one in self_check.sealed(rise_model(guard=guard)).guard_vectors if one.test_um]
+    assert 0.0 < max(signs.test_um["Z"]) < math.inf
+
+
 def test_bound_holds_and_is_reached():
     model = rich_model()
     rng = np.random.default_rng(0)
@@ -162,7 +181,7 @@ def test_settings_of_the_guard_that_are_hardly_meant_are_told():
         break_codes=(850.0, 20.0),
     )
     told = {finding.id for finding in model_findings(with_vectors(rise_model(guard=odd))) if finding.level == "warning"}
-    assert told == {"break-code-in-valid-range", "slew-too-slow"}
+    assert told == {"break-code-in-valid-range", "slew-too-slow", "dead-band-too-wide"}
     usual = Guard(limits=(OutputLimits(output="Z", clamp_um=50.0, slew_um_per_s=0.01, dead_band_um=0.5),))
     told = model_findings(with_vectors(rise_model(guard=usual)))
     assert [one.id for one in told if one.level == "warning"] == []
@@ -227,6 +246,26 @@ def test_limits_that_no_reading_can_meet_are_told(changes, level):
         if f.id == "limits-never-met"
     ]
     assert [f.level for f in found] == [level]
+
+
+@pytest.mark.parametrize(
+    ("key", "never", "usual"), [("recover_after_s", 864000.0, 3600.0), ("stuck_after_s", 1e-9, 3600.0)]
+)
+def test_a_guard_that_never_believes_a_sensor_is_told(key, never, usual):
+    found = [
+        [f for f in model_findings(rise_model(guard=Guard(**{key: value}))) if f.id == "limits-never-met"]
+        for value in (never, usual)
+    ]
+    assert [[(f.level, f.evidence) for f in of] for of in found] == [[("warning", {key: never})], []]
+
+
+def test_a_dead_band_as_wide_as_the_clamp_never_moves_the_axis():
+    for dead_band_um, moves in ((10.0, False), (1.0, True)):
+        limits = OutputLimits(output="Z", clamp_um=10.0, dead_band_um=dead_band_um)
+        model = self_check.sealed(rise_model(guard=Guard(limits=(limits,))))
+        assert ("dead-band-too-wide" in ids(model_findings(model))) is not moves
+        courses = [one.expected["Z"] for one in model.guard_vectors if not one.test_um]
+        assert any(map(any, courses)) is moves
 
 
 def test_a_clamp_that_cuts_two_thirds_is_told():

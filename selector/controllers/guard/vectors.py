@@ -186,7 +186,7 @@ def _sign_test(calls: _Calls, model: ModelFile) -> None:
         steps = of.clamp_um / max(of.own_slew_um_per_s, 1e-300) / 10.0
         n = math.ceil(min(steps, MOST_TESTS // len(limits))) + 2
         for _ in range(n):
-            calls.call(0.3, 10.0, test_um={name: round(2.0 * of.clamp_um, _DECIMALS)})
+            calls.call(0.3, 10.0, test_um={name: round(min(2.0 * of.clamp_um, 1e300), _DECIMALS)})
         for _ in range(2):
             calls.call(0.3, 10.0)
 
