@@ -76,6 +76,7 @@ def _frame(bench: Bench) -> Component:
         html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
         html.Nav(tabs, **parts.marks(aria_label="Pages")),
         html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
+        html.Div(id=parts.NOTICE),
     ]
     by_hand = [
         html.Span("The same by hand", className="title"),
@@ -85,7 +86,7 @@ def _frame(bench: Bench) -> Component:
         html.Span(id="saved", className="about", role="status"),
     ]
     status = html.Div(id="status", role="status", **parts.marks(aria_live="polite"))
-    main = html.Main([html.Div(id=parts.NOTICE), *sheets])
+    main = html.Main(sheets)
     foot = html.Footer([status, html.Div(by_hand, id="by-hand")])
     return html.Div([*unseen, html.Header(head), main, foot], id="workbench")
 

@@ -192,4 +192,5 @@ def _probe(folder: Path) -> None:
 
 def no_recordings(where: str) -> OptionError:
     """That there is nothing to work on yet."""
-    return OptionError("no recordings", expected="recordings that can be read", where=where, advice="load some first")
+    advice = "load some on the page Recordings, which also says what is wrong with those that are there"
+    return OptionError("no recording was read", expected="recordings that can be read", where=where, advice=advice)

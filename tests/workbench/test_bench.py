@@ -203,7 +203,7 @@ def test_an_export_is_taken_up_again_but_nobody_is_told_that_a_sign_test_was_pas
 
 
 def test_without_recordings_there_is_nothing_to_save(tmp_path):
-    with pytest.raises(InputError, match="no recordings"):
+    with pytest.raises(InputError, match="no recording was read"):
         Bench(tmp_path).save()
     assert list(tmp_path.iterdir()) == []
 

@@ -47,7 +47,7 @@ def layout(bench: Bench) -> Component:
     return html.Div(
         [
             html.H1("Sensors: how many, and which"),
-            html.Div("Load recordings first.", id=f"{ID}-wait", className="about", role="status"),
+            html.Div("Load recordings that can be read first.", id=f"{ID}-wait", className="about", role="status"),
             html.Div(
                 [
                     # filled by sensors.js
@@ -116,7 +116,7 @@ def register(app: dash.Dash, bench: Bench) -> None:
         except InputError as refused:
             return (True, parts.problem(refused), *nothing)
         if view is None:
-            waits = "Adding up the samples …" if bench.material.reading else "Load recordings first."
+            waits = "Adding up the samples …" if bench.material.reading else "Load recordings that can be read first."
             return (True, waits, *nothing)
         now = _signature(bench, view)
         if now == shown:
