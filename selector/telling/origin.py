@@ -71,7 +71,7 @@ def description_account(description: Mapping[str, Any]) -> Account:
         f"{what}: {named([str(run['run']) for run in runs])}.",
         *(f"{len(names)} × {role}: {named(names)}." for role, names in roles.items()),
         *(
-            f"Guessed was the {_words(what)} of {named(names)}: correct it in a machine file."
+            f"The {_words(what)} of {named(names)} was guessed: if it is wrong, correct it in a machine file."
             for what, names in guessed.items()
         ),
     ]

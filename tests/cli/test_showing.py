@@ -99,6 +99,21 @@ def test_numbers_stay_whole_and_nothing_is_cut_off(width, monkeypatch, capfd):
         assert "tool − workpiece" in shown  # headings give way where they must only
 
 
+def test_columns_move_together_before_a_word_of_a_heading_is_broken(monkeypatch, capfd):
+    heads = ["run", "moved", "test of", "X1 [µm]", "program − reference [µm]", "correction: largest [µm]", "not whole"]
+    row = ["tests", "spindle", "39 h 51 min", "2.01", "0.123", "1.61", "0 %"]
+    words = {word for told in (*heads, "tests spindle 51 min") for word in told.split()}
+    told = {}
+    # the longest words have 5, 7, 4, 4, 9, 11 and 5 letters: with 1, 2 and 3 blanks between them
+    for width in (45 + 8, 45 + 14, 45 + 20, 120):
+        monkeypatch.setenv("COLUMNS", str(width))
+        showing.screen().print(showing.table("Drift", heads, [row], numeric=heads[3:]))
+        told[width] = capfd.readouterr().out
+        assert max(map(len, told[width].splitlines())) <= width
+        assert words <= {*told[width].split()}
+    assert "tests   spindle   39 h 51 min" in told[120]
+
+
 def test_people_read_stderr_when_stdout_is_json(capfd):
     showing.screen(as_json=True).print("progress")
     assert capfd.readouterr() == ("", "progress\n")

@@ -18,24 +18,31 @@ class FittedTable(Table):
         )
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """As `Table`, once the widths are settled."""
-        between = 3 * len(self.columns) - 1  # a blank at either edge, three between two columns
-        room = options.max_width - between
-        whole = sum(max(_width(column), cell_len(str(column.header))) for column in self.columns)
-        spare = room - sum(_least(column) for column in self.columns)
-        for column in self.columns:
-            column.width = None
-            # where numbers would not fit they had better be broken than lost at the edge
-            if column.justify == "right" and spare >= 0 and room < whole:
-                # words of headings are broken before numbers are
-                wider = min(spare, _narrowest(column) - _least(column))
-                column.width, spare = _least(column) + wider, spare - wider
+        """As `Table`, once the widths are settled: what a column needs, then words that stay whole, then the widest."""
+        needs, gaps = sum(map(_narrowest, self.columns)) + 2, len(self.columns) - 1
+        # three blanks between two columns, or fewer before a word is broken; one at either edge
+        blanks = next((some for some in (3, 2) if needs + some * gaps <= options.max_width), 1)
+        self.padding = (0, blanks - blanks // 2 - 1, 0, blanks // 2)
+        room = options.max_width - blanks * gaps - 2
+        wishes = [max(_width(column), cell_len(str(column.header))) for column in self.columns]
+        widths = [_least(column) for column in self.columns]
+        # where numbers would not fit they had better be broken than lost at the edge
+        fits = sum(widths) <= room < sum(wishes)
+        # words of headings are broken before numbers are, and as few as can be
+        lacks = [_narrowest(column) - width for column, width in zip(self.columns, widths, strict=True)]
+        for at in sorted(range(gaps + 1), key=lacks.__getitem__) if fits else ():
+            widths[at] += max(0, min(room - sum(widths), lacks[at]))
+        while fits and sum(widths) < room:
+            lacks = [wish - width for wish, width in zip(wishes, widths, strict=True)]
+            widths[lacks.index(max(lacks))] += 1
+        for column, width in zip(self.columns, widths, strict=True):
+            column.width = width if fits else None
         return super().__rich_console__(console, options)
 
 
 def _least(column: Column) -> int:
     """What a column needs to be read: whole numbers, and some letters of a text or heading."""
-    if column.justify != "right":
+    if column.justify != "right" and not column.no_wrap:
         return min(_narrowest(column), _LEAST_TEXT)
     return max(_width(column), min(_narrowest(column), _LEAST_HEADING))
 

@@ -55,13 +55,13 @@ def gain_table(selection: Selection) -> Table:
                 *([" to ".join(number_text(end, 2) for end in span) if span else "cannot be told"] if known else []),
                 f"{number_text(min(single))} to {number_text(max(single))}" if len(single) > 1 else None,
                 proof.max_um(name),
-                None if worst is None else f"{number_text(worst.worst_um)} ({worst.sensor})",
+                *((None, None) if worst is None else (worst.worst_um, worst.sensor)),
                 max((one.per_kelvin_um for one in faults), default=None),
             )
         )
     headings = [
         "error of", ">without [µm]", f">unseen, {PROCEDURE} [µm]", *([">on further runs [µm]"] if known else []),
-        f">single {proof.left_out}s [µm]", ">largest [µm]", ">worst sensor fault [µm]", ">1 K too high [µm]",
+        f">single {proof.left_out}s [µm]", ">largest [µm]", ">worst fault [µm]", "of sensor", ">1 K too high [µm]",
     ]  # fmt: skip
     note = (
         f"Root mean square over all {proof.left_out}s that were left out in turn"

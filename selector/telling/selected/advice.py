@@ -6,7 +6,7 @@ from selector.selection import Selection
 from selector.selection.result import MOST_TOLD_FACTOR, PROCEDURE
 from selector.telling.account import Verdict
 
-_UNUSABLE = ("constant-sensor", "sensor-missing")
+_UNUSABLE = {"constant-sensor": "never changes", "sensor-missing": "values missing"}
 USELESS = "no-better-than-nothing"
 _UNSEEN = {
     "run": "On runs that the model has not seen",
@@ -46,13 +46,13 @@ def useless_responses(selection: Selection) -> frozenset[str]:
 
 def _dropped(selection: Selection) -> tuple[str, ...]:
     dropped, found = len(selection.sensors) - len(selection.chosen), []
-    gone = (one.where.channel for one in selection.findings if one.id in _UNUSABLE)
-    unusable = [name for name in dict.fromkeys(gone) if name is not None and name not in selection.sensors]
+    gone = {one.where.channel: _UNUSABLE[one.id] for one in selection.findings if one.id in _UNUSABLE}
+    unusable = [f"{name} ({why})" for name, why in gone.items() if name and name not in selection.sensors]
     if dropped > 1:
         usable = " usable" if unusable else ""
         found.append(f"The other {dropped} of {len(selection.sensors)}{usable} sensors are not needed.")
     if unusable:
-        found.append(f"Not usable and left out: {listed(unusable)} (see the warnings).")
+        found.append(f"Not usable and left out: {listed(unusable)}.")
     return tuple(found)
 
 
