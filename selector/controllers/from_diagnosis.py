@@ -210,7 +210,8 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
                 ),
             )
         )
-        limits.append(OutputLimits(output=name, clamp_um=float(np.ceil(_largest(comparison, fit))) or None))
+        largest = np.abs(np.column_stack(_columns(comparison, fit.terms)) @ fit.coefficients).max()
+        limits.append(OutputLimits(output=name, clamp_um=float(np.ceil(largest)) or None))
     model = ModelFile(
         name=f"correction of {' and '.join(fits)}",
         inputs=tuple(inputs),
@@ -226,10 +227,6 @@ def _file(comparison: Comparison, fits: dict[str, _Fit], found: Diagnosis, partl
         ),
     )
     return sealed(model)
-
-
-def _largest(comparison: Comparison, fit: _Fit) -> float:
-    return float(np.abs(np.column_stack(_columns(comparison, fit.terms)) @ fit.coefficients).max())
 
 
 def _not_expressible(name: str, effects: Sequence[str], fit: _Fit | None) -> Finding:

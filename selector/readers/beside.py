@@ -180,7 +180,8 @@ def _shifted(run: TimedRun, other: TimedRun, late_s: float) -> list[Finding]:
     """
     ends_s = float(run.time_s[-1]), late_s + float(other.time_s[-1])
     period_s = max(run.period_s, other.period_s, max(ends_s) / _SHIFT_SAMPLES)
-    if _has_zone(run) or period_s > _HALF_HOUR_S:
+    has_zone = run.start is not None and datetime.fromisoformat(run.start).tzinfo is not None
+    if has_zone or period_s > _HALF_HOUR_S:
         return []
     per_half_hour = int(_HALF_HOUR_S // period_s)
     clock = np.arange(min(0.0, late_s), max(ends_s), _HALF_HOUR_S / per_half_hour)
@@ -259,10 +260,6 @@ def begins_after_s(run: TimedRun, other: TimedRun) -> float:
 
 def _has_dates(*runs: TimedRun) -> bool:
     return all(run.start is not None for run in runs)
-
-
-def _has_zone(run: TimedRun) -> bool:
-    return run.start is not None and datetime.fromisoformat(run.start).tzinfo is not None
 
 
 def _zone(start: datetime) -> str:

@@ -115,8 +115,8 @@ def equal_table(selection: Selection) -> Table | None:
         ],
         [(", ".join(one.sensors), *one.heldout_rmse_um, one.largest_vif, one.worst_fault) for one in equal.sets],
         f"All {equal.n_compared} sets of this size were looked at: {equal.n_equal} have at most {margin} more error "
-        "than the best of them, in every displacement. Worst fault: share of the displacement's spread that one sensor moves when it is wrong "
-        "by its own spread." + (f" {left} more are not listed." if left else ""),
+        "than the best of them, in every displacement. Worst fault: share of the displacement's spread that one sensor "
+        "moves when it is wrong by its own spread." + (f" {left} more are not listed." if left else ""),
         [i for i, one in enumerate(equal.sets) if set(one.sensors) == set(selection.chosen)],
     )
 

@@ -45,6 +45,13 @@ class Part:
         columns, regime = self.over(course)[:, None], self.words or self.run
         return Variant(columns, (name,), {**self.shape, **shape}, place, run=self.run, regime=regime, **also)
 
+    def also_going_on(self, comparison: Comparison) -> Iterator["Part"]:
+        """The end of a run as it is, and the same going on in all later runs, if there are any."""
+        yield self
+        if self.run != comparison.runs[-1] and len(comparison.runs) <= _FEW_RUNS:
+            rows = np.arange(len(self.rows)) >= int(np.argmax(self.rows))
+            yield replace(self, rows=rows, run=None, words=f"{self.words} and in all later runs")
+
 
 def everywhere(comparison: Comparison) -> Part:
     """All rows of all runs."""
@@ -117,14 +124,6 @@ def later_parts(
         for first in firsts + rows.start:
             part = window(comparison, run, first, rows.stop - 1)
             yield replace(part, words=f"run {run} from {duration(part.from_s or 0.0)} on")
-
-
-def also_going_on(comparison: Comparison, part: Part) -> Iterator[Part]:
-    """A part of a run to its end, and the same going on in all later runs, if there are any."""
-    yield part
-    if part.run != comparison.runs[-1] and len(comparison.runs) <= _FEW_RUNS:
-        rows = np.arange(len(part.rows)) >= int(np.argmax(part.rows))
-        yield replace(part, rows=rows, run=None, words=f"{part.words} and in all later runs")
 
 
 def window(comparison: Comparison, run: str, first: int, last: int) -> Part:

@@ -5,15 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from selector.diagnosis.comparison import Comparison
-from selector.diagnosis.effects.data._places import (
-    Part,
-    also_going_on,
-    amount,
-    fitted_runs,
-    later_parts,
-    step_unit,
-    window,
-)
+from selector.diagnosis.effects.data._places import Part, amount, fitted_runs, later_parts, step_unit, window
 from selector.diagnosis.effects.effect import Effect, Fitted, Quantity, Reading, Variant, words_of
 from selector.diagnosis.shapes.input_faults import fault_variants, or_of_input
 from selector.diagnosis.shapes.residual import leftover
@@ -25,7 +17,7 @@ _CLEAR = 6.0  #: Standard deviations of that difference from which the moment of
 def _variants(comparison: Comparison, response: str) -> Iterator[Variant]:
     tried = [(part, 1.0) for part in later_parts(comparison)]
     for part, looked_at in (*tried, *_seen(comparison, response)):
-        for one in also_going_on(comparison, part):
+        for one in part.also_going_on(comparison):
             yield one.variant(np.ones(len(part.rows)), "jump", "sensor", looked_at=looked_at)
     yield from fault_variants(comparison, response, "data.step")
 

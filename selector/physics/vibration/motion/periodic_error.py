@@ -80,7 +80,7 @@ def realisation_amounts(
         block = slice(begin, begin + width)
         z = np.zeros((max(len(active), 1), len(time[block])), dtype=np.complex128)
         for row, s in enumerate(active):
-            z[row] = _phasors(moving[s], turning[s], time[block])
+            z[row] = moving[s] @ np.exp(2j * np.pi * np.outer(turning[s], time[block]))
         # a section a row, so that what is added up lies side by side
         if are_few:
             one, other = _shifted(z[:half], step, fixed=True), _shifted(z[half:], step, fixed=False)
@@ -120,10 +120,6 @@ def section_times(sections: int, duration_s: float) -> Vector:
     the same phase. The duration should hold several periods of the smallest difference between lines of one source.
     """
     return np.sort(np.mod((np.arange(sections) + 0.5) * _GOLDEN, 1.0)) * duration_s
-
-
-def _phasors(motion: NDArray[np.complex128], frequency: Vector, time: Vector) -> NDArray[np.complex128]:
-    return np.asarray(motion @ np.exp(2j * np.pi * np.outer(frequency, time)))
 
 
 def _shifted(z: ComplexMatrix, step: NDArray[np.complex128], *, fixed: bool) -> ComplexMatrix:
