@@ -265,6 +265,23 @@ def test_runs_with_zeros_of_their_own_are_as_one_zero():
     np.testing.assert_allclose(there, here, atol=1e-9)  # roundings
 
 
+def test_what_left_out_tests_were_off_counts_once():
+    """Half-way, by ratio, between it and what the fit expects of itself: it is in one of the two alone."""
+    rng = np.random.default_rng(4)
+    machine = modal_machine([600.0, 4000.0], [[25.0, -8.0, 4.0], [35.0, 25.0, 8.0]], [1.2, 1.3])
+    tests = recorded(machine, rng, 0.2, 60.0, heat_and_cool((800.0, 1250.0, 2000.0)))
+    model = driven_model([replace(one, displacement_um=one.displacement_um[:, :1]) for one in tests], RESPONSES[:1],
+                         whatever=True)  # fmt: skip
+    cycle = of_segments((60, 1000.0), (30, 0.0))
+    time = np.linspace(0.0, cycle.end_s, 50)
+
+    def claimed(times):
+        unseen = replace(model.unseen, error_um=times * model.unseen.error_um)
+        return replace(model, unseen=unseen).error_um(cycle, time, None, follows=False)
+
+    np.testing.assert_allclose(claimed(400.0), 20.0 * claimed(1.0), rtol=1e-12)  # exact but for rounding
+
+
 def separate_tests(rng, *, warm):
     """Tests in runs of their own; warm ones begin where the one before ended."""
     tests, end = [], None

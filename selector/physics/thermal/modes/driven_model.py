@@ -207,7 +207,7 @@ class DrivenModel:
 
         What the record leaves open of coefficients, walk and ripple, times how much more left-out tests were off; and
         how far other fits are from this course. Of separate tests it is over the duty cycle half-way, by ratio, between
-        that and what left-out tests were off.
+        what is left open, as the fit has it, and what left-out tests were off.
         """
         expected = self._expected_um(cyclogram, np.asarray(time_s, dtype=np.float64), hall, follows=follows)
         if not self.is_separate or self.heldout_um is None:
@@ -225,7 +225,7 @@ class DrivenModel:
     ) -> Vector:
         """What is expected of the error before left-out tests tell its size [µm], (n_times, n_responses)."""
         moved = self.moved(cyclogram, time_s, hall, follows=follows)
-        squares = (expected_um(self.fit, moved, time_s) * self.unseen.factor) ** 2
+        squares = (expected_um(self.fit, moved, time_s) * (1.0 if self.is_separate else self.unseen.factor)) ** 2
         here = moved @ self.fit.coefficients
         worse = np.array([worth(other) - worth(self.fit) for other in self.others])
         # of separate tests this was measured; in one long record other fits count alike, as was settled on a real one
