@@ -35,7 +35,7 @@ def adaptation_courses(
     for output in model.outputs:
         if touched is not None and output.name not in touched:
             continue
-        courses, only, pairs = [], [], [np.zeros((2, 0))]
+        courses, only, pairs = [], [], [np.zeros((3, 0))]
         for run in recording.runs:
             zero = zeros[run].get(output.name, 0.0)
             modelled = table.loc[table["run"] == run, output.name].to_numpy(dtype=np.float64) - zero
@@ -45,20 +45,16 @@ def adaptation_courses(
             if touched is not None:
                 course, left_out = _touched(course, touched[output.name].get(run, ()), zero)
                 findings.extend(_left_out(output.name, run, left_out))
-                pairs.append(np.array([course.touched_um, recorded[course.touched_at]]))
-                if len(course.touched_at) and not np.isfinite(recorded).any():
+                at = course.touched_at
+                pairs.append(np.array([course.touched_um, recorded[at], recorded[np.maximum(at - 1, 0)]]))
+                if len(at) and not np.isfinite(recorded).any():
                     only.append(run)
             courses.append(course)
         findings.extend(_contradiction(output.name, *np.concatenate(pairs, axis=1)))
         if only:
-            findings.append(
-                FINDINGS.finding(
-                    "errors-at-touch-offs-only",
-                    f"{output.name} was not recorded in {', '.join(only)}: errors are counted at the touch-offs only.",
-                    Where(channel=output.name, run=only[0] if len(only) == 1 else None),
-                    {"runs": only},
-                )
-            )
+            said = f"{output.name} was not recorded in {', '.join(only)}: errors are counted at the touch-offs only."
+            where = Where(channel=output.name, run=only[0] if len(only) == 1 else None)
+            findings.append(FINDINGS.finding("errors-at-touch-offs-only", said, where, {"runs": only}))
         found[output.name] = courses
     return found, tuple(findings)
 
@@ -78,13 +74,16 @@ def _touched(course: Course, touched: Sequence[tuple[float, float]], zero: float
     return course, times[~known].tolist()
 
 
-def _contradiction(response: str, touched_um: Array, recorded_um: Array) -> Iterator[Finding]:
-    """Touch-offs in another unit, sign or clock than the recording: half are off by half of it and more."""
-    touched_um, recorded_um = np.compress(np.isfinite(recorded_um) & (recorded_um != 0.0), (touched_um, recorded_um), 1)
+def _contradiction(response: str, *probed_um: Array) -> Iterator[Finding]:
+    """Of what was touched, recorded then, and a sample before: in another unit, sign or clock, half are off by half."""
+    usable = np.isfinite(np.sum(probed_um, axis=0)) & (probed_um[1] != 0.0)
+    touched_um, recorded_um, before_um = np.compress(usable, probed_um, 1)
     n = len(touched_um)
-    sizes = np.abs(touched_um - recorded_um), np.abs(recorded_um), touched_um / recorded_um
-    off_um, size_um, ratio = (float(np.median(of)) if n > 2 else 0.0 for of in sizes)
-    if off_um > 0.5 * size_um:
+    sizes = touched_um - recorded_um, recorded_um, touched_um, recorded_um - before_um
+    off_um, size_um, touch_um, noise_um = (float(np.median(np.abs(of))) if n > 2 else 0.0 for of in sizes)
+    # what is hardly more than the noise of the gauge contradicts nothing
+    if off_um > 0.5 * size_um and max(size_um, touch_um) > 5.0 * noise_um:
+        ratio = float(np.median(touched_um / recorded_um))
         yield FINDINGS.finding(
             "touch-offs-contradict-recording",
             f"{response}: half of {n} touch-offs differ by {off_um:.3g} µm or more from what was recorded at the time "

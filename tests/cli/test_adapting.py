@@ -143,6 +143,21 @@ def test_touch_offs_that_are_something_else_than_the_recording_are_told(
         assert contradictions[0]["evidence"]["touch_offs"] == 40
 
 
+def test_touch_offs_of_a_displacement_that_is_noise_contradict_nothing(shop, capsys, tmp_path):
+    random, rows = np.random.default_rng(0), ["run,time_s,Z"]
+    (tmp_path / "runs").mkdir()
+    for day in range(5):
+        table = pd.read_csv(shop / "runs" / f"d{day}.csv")
+        table["Z"] = random.normal(0.0, 0.3, len(table))
+        table.to_csv(tmp_path / "runs" / f"d{day}.csv", index=False)
+        rows += [f"d{day},{t:g},{random.normal(0.0, 1.0)!r}" for t in table["time_s"][30::30]]
+    (tmp_path / "probe.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
+    words = [shop / "m.json", tmp_path / "runs", "--machine", shop / "machine.toml", "--json"]
+    assert exit_status([str(word) for word in ("adapt", *words, "--touch-offs", tmp_path / "probe.csv")]) == 0
+    found = {one["id"] for one in json.loads(capsys.readouterr().out)["findings"]}
+    assert "touch-offs-contradict-recording" not in found
+
+
 def test_touch_offs_count_from_the_start_of_the_recording_where_the_gauge_begins_later(shop, capsys, tmp_path):
     (tmp_path / "runs").mkdir()
     rows = ["run,time_s,Z"]
