@@ -369,9 +369,7 @@ def _reached_clamps(model: ModelFile) -> Iterator[Finding]:
         wanted = [np.abs(np.asarray(vector.expected[limits.output])) for vector in _courses(model)]
         if limits.clamp_um is not None and wanted:
             course, where = np.concatenate(wanted), "of the file's test vectors"
-            finding = clamp_reached(limits.output, limits.clamp_um, course, where, least=1.0 / 3.0)
-            if finding is not None:
-                yield finding
+            yield from filter(None, [clamp_reached(limits.output, limits.clamp_um, course, where, least=1.0 / 3.0)])
 
 
 def clamp_reached(

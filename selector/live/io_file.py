@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -20,8 +21,9 @@ from selector.units import CANONICAL_UNITS, unit_for_role
 SCHEMA = "selector.io/1"
 PAGE = "docs/reference/io.md"
 UM_IN = {"um": 1.0, "mm": 1e-3, "m": 1e-6}
+_NODE_ID = re.compile(r"(\w+=[^;]+;)*(i=\d+|[sgb]=.+)")
 
-Seconds = Annotated[float, Field(gt=0, le=3600, allow_inf_nan=False, strict=False)]
+Seconds = Annotated[float, Field(ge=1e-3, le=3600, allow_inf_nan=False, strict=False)]
 
 
 def _known_role(role: str) -> str:
@@ -158,9 +160,7 @@ def read_io(path: str | Path, model: ModelFile | None = None) -> IoFile:
 
 def _beside(connection: Connection, folder: Path) -> Connection:
     """Its paths, which are relative to the IO file."""
-    paths: dict[str, Any] = {"password_file": connection.password_file}
-    if connection.kind == "file":
-        paths["url"] = connection.url
+    paths = {"password_file": connection.password_file, "url": connection.url if connection.kind == "file" else None}
     found = {name: str(path_at(path, folder)) for name, path in paths.items() if path is not None}
     return connection.model_copy(update=found)
 
@@ -173,12 +173,12 @@ def _fits_itself(said: IoFile, where: str) -> None:
     for name, channel in said.channels.items():
         if name in TIMES:
             raise _unusable(f"a channel called {name!r}", where, "call it otherwise: the lake has a clock of this name")
-        _known(channel.at, said.connections, f"{where}, key channels.{name}.at", "connection")
+        _placed(channel, said, f"{where}, key channels.{name}")
         if channel.unit is not None:
             unit_for_role(channel.unit, channel.role, where=f"{where}, key channels.{name}.unit")
     taken: set[tuple[str, str]] = set()
     for place in said._written():
-        _known(place.at, said.connections, f"{where}, key outputs", "connection")
+        _placed(place, said, f"{where}, key outputs")
         if said.connections[place.at].kind == "mtconnect":
             raise _unusable("an output at an MTConnect agent", where, "write it elsewhere: MTConnect is read only")
         if (place.at, place.address) in taken:
@@ -193,22 +193,25 @@ def _fits_itself(said: IoFile, where: str) -> None:
             _known(watched, said.channels, f"{where}, key {key}", "channel")
 
 
+def _placed(place: Place, said: IoFile, where: str) -> None:
+    _known(place.at, said.connections, f"{where}.at", "connection")
+    if said.connections[place.at].kind == "opcua" and not _NODE_ID.fullmatch(place.address):
+        raise _unusable(f"{place.address!r}, which is no NodeId", where, "write it as in ns=2;s=Spindle.T1")
+
+
 def _fits(said: IoFile, model: ModelFile, where: str) -> None:
     if said.period_s > said.stale_after_s:
         found = f"period_s = {said.period_s:g} with stale_after_s = {said.stale_after_s:g}"
-        raise _unusable(
-            found, where, "write at least as often as a confirmation holds, at most every 10 s; collect may be slower"
-        )
+        advice = "write at least as often as a confirmation holds, at most every 10 s; collect may be slower"
+        raise _unusable(found, where, advice)
     read: dict[tuple[str, str], str] = {}
     for item in model.inputs:
         _known(item.name, said.channels, f"{where}, key channels", "channel of this name, which the model reads,")
         place = said.channels[item.name]
+        if place.role != item.role:
+            raise _unusable(f"role {place.role!r} of {item.name!r}", where, f"say role = {item.role!r}")
         if (first := read.setdefault((place.at, place.address), item.name)) != item.name:
             raise _unusable(f"{place.address!r} for both {first} and {item.name}", where, "give each its own address")
-        if said.channels[item.name].role != item.role:
-            raise _unusable(
-                f"role {said.channels[item.name].role!r} of {item.name!r}", where, f"say role = {item.role!r}"
-            )
     for output in model.outputs:
         _known(output.name, said.outputs, f"{where}, key outputs", "output of this name, which the model has,")
     for name in said.outputs:
