@@ -75,7 +75,7 @@ def _frame(bench: Bench) -> Component:
     head = [
         html.Div([html.Strong("selector"), " workbench"], title=f"selector {__version__}"),
         html.Nav(tabs, **parts.marks(aria_label="Pages")),
-        html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder"),
+        html.Div(["Study folder ", html.Code(str(bench.folder))], className="about folder", title=str(bench.folder)),
         html.Div(id=parts.NOTICE),
     ]
     by_hand = [

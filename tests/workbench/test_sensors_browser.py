@@ -175,3 +175,23 @@ def test_a_pin_is_dragged_into_the_machine_file(page, bench):
     page.locator("#sensors-wishes tr", has_text="T3").locator(".place input").wait_for()
     text = f"{found[0]:g}, {found[1]:g}, {found[2]:g}"
     page.wait_for_function(HAS_PLACE, arg=text)
+
+
+#: The lowest edge of the head, the dial that sticks below it, the right edges of nine tabs and that of their row.
+STUCK = """() => {
+  const box = (one) => document.querySelector(one).getBoundingClientRect();
+  const row = box("#workbench header nav").right;
+  const tabs = [...document.querySelectorAll("#workbench header .tab")].map((one) => one.getBoundingClientRect().right);
+  return [box("#workbench header").bottom, box(".lambda input").top, Math.max(...tabs), row];
+}"""
+
+
+@pytest.mark.parametrize("width", [1280, 800, 400])
+def test_the_head_of_the_page_hides_no_dial_that_sticks_below_it(page, bench, width):
+    assert len(str(bench.folder)) > 60  # a folder so long as to push the tabs, where it may
+    page.set_viewport_size({"width": width, "height": 900})
+    page.evaluate("window.scrollTo(0, 900)")
+    page.wait_for_timeout(300)
+    head, dial, tabs, row = page.evaluate(STUCK)
+    assert head <= dial
+    assert tabs <= row or width < 800
