@@ -5,6 +5,7 @@ import re
 import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -306,6 +307,17 @@ class Layout:
     units: int | None
     description: int | None
     first: int
+    above: int | None = None  #: Names over several columns (merged cells), where those below them have others.
+
+    def headers(self, rows: Sequence[Sequence[str]]) -> list[str]:
+        """The names of the columns, each behind the one that stands over several of them."""
+        if self.names is None or self.above is None:
+            return [] if self.names is None else list(rows[self.names])
+        found, over = [], ""
+        for upper, name in zip_longest(rows[self.above], rows[self.names], fillvalue=""):
+            over = upper or over
+            found.append(f"{over} {name}".strip() if name else upper)
+        return found
 
 
 def is_time_name(name: str) -> bool:
@@ -391,6 +403,8 @@ def layout(
         return timed, len(set(filled)), units is not None and i == units - 1, i
 
     names = max(rest, key=merit)
+    if names + 1 in rest and _is_filled_up(rows[names], rows[names + 1]):
+        return Layout(names + 1, units, None, first, names)
     extra = [i for i in rest if i > names and any(c.isalpha() for cell in rows[i] for c in cell)]
     extra = [i for i in extra if not {cell.casefold() for cell in rows[i]} <= _STATISTICS]
     return Layout(names, units, extra[-1] if extra else None, first)
@@ -436,6 +450,12 @@ def _is_heading(row: Sequence[str], kinds: Sequence[str], decimal: str) -> bool:
         # names may be numbers ("time_s", "1", "2") as long as one of them is a word above a column of numbers
         return words >= 0.5 * len(filled) or is_time_name(without_unit(filled[0]))
     return words >= 0.5 * len(filled)
+
+
+def _is_filled_up(row: Sequence[str], below: Sequence[str]) -> bool:
+    """Whether each of two rows of names has what the other lacks, as merged cells leave them."""
+    gaps = {(bool(upper), bool(lower)) for upper, lower in zip_longest(row, below, fillvalue="")}
+    return {(True, False), (False, True)} <= gaps
 
 
 def _unit_share(row: Sequence[str]) -> float:

@@ -276,7 +276,7 @@ def _table(path: Path, sheet: str, rows: list[list[Any]], overrides: Overrides) 
     head = [row if any(row) else [] for row in head]
     header_row = None if overrides.header_row is None else overrides.header_row - 1
     found = layout(head, kinds, decimal, header_row, where)
-    names = head[found.names] if found.names is not None else []
+    names = found.headers(head)
     used = [k for k in range(width) if kinds[k] != "empty" or (k < len(names) and names[k])]
     lines = np.array([i for i in range(found.first, len(rows)) if any(cell != "" for cell in rows[i])], dtype=np.int64)
     heading = [cell for cell in names if cell]

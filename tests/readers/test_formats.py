@@ -82,6 +82,20 @@ class TestExcel:
         assert np.isnan(reading.recording.values("r1", ["T1"])[2:5, 0]).all()
         assert any(f.id == "sensor-break" for f in reading.findings)
 
+    def test_names_in_two_rows_with_merged_cells(self, reads):
+        rows = [[t, a, a + 1, a - 1, b] for t, a, b in ROWS]
+        upper = ["Zeit [s]", "Spindelstock", None, "Säule", None]
+        lower = [None, "Lager [°C]", "Öl [°C]", "links [°C]", "Z [µm]"]
+        for sheet in ([upper, lower], [["Prüfer", "Müller", None, None, None], [], upper, lower]):
+            reading = reads(workbook({"S": [*sheet, *rows]}), "r1.xlsx")
+            names = ("Spindelstock Lager", "Spindelstock Öl", "Säule links", "Säule Z")
+            assert reading.recording.names == names
+            assert [one.unit_in_file for one in reading.channels] == ["degC"] * 3 + ["um"]
+            np.testing.assert_allclose(reading.recording.values("r1", names[:2]), np.array([T1, T1 + 1]).T)
+            assert reading.reading["header_row"] == len(sheet)
+            text = "\n".join(";".join("" if cell is None else str(cell) for cell in row) for row in [*sheet, *rows])
+            assert reads(text.encode("cp1252"), "r1.csv").recording.names == names
+
     def test_sheets_of_one_kind_are_runs_or_one_is_chosen(self, reads):
         book = workbook({f"Day {k}": [HEAD, *ROWS] for k in (1, 2, 3)} | {"Sum": [["x", "y"], [1, 2], [3, 4]]})
         reading = reads(book, "w.xlsx")

@@ -100,9 +100,8 @@ def read_delimited(path: Path, data: bytes, overrides: Overrides) -> list[Table]
     offset = 0
     for _ in range(sheet.layout.first):
         offset = utf8.find(b"\n", offset) + 1
-    headings = [
-        sheet.raw[i] for i in (sheet.layout.names, sheet.layout.units, sheet.layout.description) if i is not None
-    ]
+    found = sheet.layout
+    headings = [sheet.raw[i] for i in (found.above, found.names, found.units, found.description) if i is not None]
     pairs = paired_headings(sheet.rows[: sheet.layout.first], sheet.dialect.n_columns)
     headers, units, descriptions, n_columns, header_findings = _headers(sheet, pairs, where)
     samples = body(
@@ -326,7 +325,7 @@ def _headers(
         while n > 1 and sheet.kinds[n - 1] == "empty":
             n -= 1
         return [f"col{k + 1}" for k in range(n)], [None] * n, [None] * n, n, []
-    names = list(sheet.rows[sheet.layout.names])
+    names = sheet.layout.headers(sheet.rows)
     while names and not names[-1]:
         names.pop()
     findings: list[Finding] = []
