@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import signal
+import sys
 import warnings
 
 import pytest
 import typer
 
-from selector import cli
+from selector import __main__, cli
 from selector.cli.shared.running import exit_status, last_step
 from selector.errors import CancelledError, OptionError
 
@@ -118,6 +119,29 @@ def test_stopped_by_the_user(error, capfd):
     err = capfd.readouterr().err
     assert err.count("\n") == 1
     assert "Nothing" in err
+
+
+def test_a_ctrl_c_while_a_library_loads_is_no_defect(capfd):
+    error = ImportError("initialization failed")  # what pybind11 makes of a Ctrl-C in the middle of a module
+    error.__cause__ = KeyboardInterrupt()
+    assert exit_status(program(error), ["work"]) == 130
+    assert capfd.readouterr().err == "selector: stopped. Nothing was written.\n"
+    assert exit_status(program(ImportError("initialization failed")), ["work"]) == 1
+
+
+def test_a_ctrl_c_while_the_program_loads_shows_no_traceback(monkeypatch, capfd):
+    class Interrupted:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "selector.cli":
+                raise KeyboardInterrupt
+
+    for name in [one for one in sys.modules if one.startswith("selector.cli")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr("selector.cli", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    with pytest.raises(SystemExit, match="130"):
+        __main__.main()
+    assert capfd.readouterr().err == "selector: stopped. Nothing was written.\n"
 
 
 @pytest.mark.parametrize(

@@ -52,6 +52,9 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return PIPE_CLOSED
     except Exception as error:
+        if _is_behind(KeyboardInterrupt, error):
+            _say(_stopped[-1])
+            return STOPPED
         unusable = _as_input_error(error)
         if unusable is None:
             _say_defect(error)
@@ -61,6 +64,12 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
         if _debugging():
             traceback.print_exception(error, file=sys.stderr)
         return UNUSABLE
+
+
+def _is_behind(kind: type[BaseException], error: BaseException) -> bool:
+    """Whether an error is or comes of one of this kind: what compiled code makes of a Ctrl-C has other names."""
+    before = error.__cause__ or error.__context__
+    return isinstance(error, kind) or (before is not None and _is_behind(kind, before))
 
 
 @cache
