@@ -8,10 +8,14 @@ import subprocess
 from dataclasses import replace
 
 import pandas as pd
+import plotly.graph_objects as go
 import pytest
 
+from selector.findings import Finding
 from selector.recording import Recording
 from selector.selection import Options, Selection, select
+from selector.telling.account import Account, Drawing, findings_section, section, sections
+from selector.telling.page import write_account
 from selector.telling.selected.account import write_report
 from tests.report import studies
 
@@ -74,6 +78,27 @@ def test_a_table_is_copied_for_a_spreadsheet_and_pictures_are_smaller_on_paper(t
     assert after == before
     assert all(on <= off for on, off in zip(paper, before, strict=True))
     assert sum(paper) < 0.95 * sum(before)
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
+def test_a_tall_picture_stands_on_the_first_page_and_nothing_prints_a_page_of_its_own(tmp_path):
+    """An answer of two lines, a picture of 700 px, what is only good to know: a page with room for all of it."""
+    sync_api = pytest.importorskip("playwright.sync_api")
+    tall = Drawing(go.Figure(go.Scatter(y=[1, 2]), {"title": "Tall", "margin": {"t": 60}, "height": 700}))
+    rests_on = "What it rests on, in a sentence that needs more than one line. " * 3
+    found = sections(section("seen", "Seen", tall), findings_section([Finding("gap", "info", "Good to know.")]))
+    path = write_account(Account("Study", ("The answer.", *[rests_on] * 9), found), tmp_path / "page.html")
+    with sync_api.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.goto(path.as_uri())
+        page.locator(".main-svg").first.wait_for()
+        assert page.locator("#findings h2").is_visible()
+        printed = page.pdf(prefer_css_page_size=True)
+        page.emulate_media(media="print")
+        assert not page.locator("#findings h2").is_visible()
+        browser.close()
+    assert printed.count(b"/Type /Page\n") == 1
 
 
 _TOUCHING = """() => {

@@ -76,8 +76,9 @@ def _in_response(
             bench.response, unit, variant, coefficients, 0.0 * coefficients, {}, size, float(np.ptp(course))
         )
         parameters = candidate.effect.reading(fitted, comparison).parameters
-        note = ", ".join(f"{name} {amount(quantity.value, quantity.unit)}" for name, quantity in parameters.items())
-        yield Detectable(id_, bench.response, size, unit, _CHANCE, note)
+        meanings = {one.name: one.meaning for one in candidate.effect.parameters}
+        told = (f"{meanings.get(name, name)}: {amount(one.value, one.unit)}" for name, one in parameters.items())
+        yield Detectable(id_, bench.response, size, unit, _CHANCE, "; ".join(told))
 
 
 def _weakest(shared: Vector, prices: Vector, threshold: float) -> float:

@@ -20,12 +20,15 @@ const heights = plots.map((plot) => plot.layout.height);
 window.addEventListener("beforeprint", () => {
   plots.forEach((plot, k) => {
     plot.style.minHeight = "0";
-    Plotly.relayout(plot, { autosize: false, width: PAPER_WIDTH_PX, height: onPaper(heights[k]) });
+    // a high one is made smaller with its letters, so that it stands below the answer on the first page
+    plot.style.zoom = heights[k] > HIGHEST_SHRUNK_PX ? 0.78 : 1;
+    Plotly.relayout(plot, { autosize: false, width: PAPER_WIDTH_PX / plot.style.zoom, height: onPaper(heights[k]) });
   });
 });
 window.addEventListener("afterprint", () => {
   plots.forEach((plot, k) => {
     plot.style.minHeight = heights[k] + "px";
+    plot.style.zoom = 1;
     Plotly.relayout(plot, { autosize: true, width: null, height: heights[k] });
   });
 });
