@@ -138,3 +138,11 @@ def test_a_simulation_in_another_unit_of_time_is_refused(factor):
     # one long run among others is a longer programme
     tables |= {run: pd.DataFrame({"Z": warm(k)[0]}, index=pd.Index(TIME)) for k, run in enumerate(RUNS[:3])}
     comparison_of(recorded(), Recording.from_runs(tables, CHANNELS[2:]))
+
+
+def test_what_would_have_been_missed_is_told_in_words():
+    found = diagnosis(comparison_of(recorded(), simulated()))
+    told = {one.id: one.note for one in found.detectable}
+    assert told["data.drift"].startswith("speed at which the reading runs away: ")
+    assert told["data.zero"].startswith("what is read where nothing is: ")
+    assert not [note for note in told.values() if "_" in note]

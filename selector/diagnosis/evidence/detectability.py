@@ -76,9 +76,9 @@ def _in_response(
             bench.response, unit, variant, coefficients, 0.0 * coefficients, {}, size, float(np.ptp(course))
         )
         parameters = candidate.effect.reading(fitted, comparison).parameters
-        meanings = {one.name: one.meaning for one in candidate.effect.parameters}
-        told = (f"{meanings.get(name, name)}: {amount(one.value, one.unit)}" for name, one in parameters.items())
-        yield Detectable(id_, bench.response, size, unit, _CHANCE, "; ".join(told))
+        told = [(one.meaning, parameters[one.name]) for one in candidate.effect.parameters if one.name in parameters]
+        note = "; ".join(f"{meaning}: {amount(value.value, value.unit)}" for meaning, value in told)
+        yield Detectable(id_, bench.response, size, unit, _CHANCE, note)
 
 
 def _weakest(shared: Vector, prices: Vector, threshold: float) -> float:
