@@ -2,16 +2,12 @@
 
 import sys
 
-
-def main() -> None:
-    """Runs the command line of this process and ends it; also while it is still loading, a Ctrl-C ends it quietly."""
-    try:
-        from selector import cli
-    except KeyboardInterrupt:
-        sys.stderr.write("selector: stopped. Nothing was written.\n")
-        sys.exit(130)
-    cli.main()
-
+try:
+    from selector.cli import main
+except KeyboardInterrupt:
+    # a Ctrl-C while it is still loading
+    sys.stderr.write("selector: stopped. Nothing was written.\n")
+    sys.exit(130)
 
 if __name__ == "__main__":
     main()

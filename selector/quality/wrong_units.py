@@ -19,8 +19,7 @@ class Mistake:
     name: str
     gain: float
     offset: float
-    remedy: str
-    unit: str | None = None  #: The unit that the numbers are in, where the mistake is one of units.
+    unit: str  #: That the numbers are in, as a machine file says it.
 
     def undone(self, value: float) -> float:
         """The true value behind a recorded one."""
@@ -28,26 +27,24 @@ class Mistake:
 
     def remedy_in_one_run(self, channel: str, run: str) -> str:
         """What to do about one file: a line of the machine file would hold for all of them."""
-        if self.unit is None:
-            return f"Correct the file of this run: {self.remedy}."
         return f'If so, say it in the machine file: [runs."{run}".channels."{channel}"] with unit = "{self.unit}".'
 
 
 _THERMAL = (
-    Mistake("°F taken for °C", 1.8, 32.0, 'declare unit = "degF"', "degF"),
-    Mistake("K taken for °C", 1.0, 273.15, 'declare unit = "K"', "K"),
-    Mistake("tenths of a degree taken for °C", 10.0, 0.0, 'declare unit = "0.1 degC"', "0.1 degC"),
-    Mistake("hundredths of a degree taken for °C", 100.0, 0.0, 'declare unit = "0.01 degC"', "0.01 degC"),
-    Mistake("thousandths of a degree taken for °C", 1000.0, 0.0, 'declare unit = "mdegC"', "mdegC"),
-    Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, 'declare unit = "degC"', "degC"),
-    Mistake("°C taken for K", 1.0, -273.15, 'declare unit = "degC"', "degC"),
+    Mistake("°F taken for °C", 1.8, 32.0, "degF"),
+    Mistake("K taken for °C", 1.0, 273.15, "K"),
+    Mistake("tenths of a degree taken for °C", 10.0, 0.0, "0.1 degC"),
+    Mistake("hundredths of a degree taken for °C", 100.0, 0.0, "0.01 degC"),
+    Mistake("thousandths of a degree taken for °C", 1000.0, 0.0, "mdegC"),
+    Mistake("°C taken for °F", 1 / 1.8, -32 / 1.8, "degC"),
+    Mistake("°C taken for K", 1.0, -273.15, "degC"),
 )
 _LENGTH = (
-    Mistake("mm taken for µm", 1e-3, 0.0, 'declare unit = "mm"', "mm"),
-    Mistake("µm taken for mm", 1e3, 0.0, 'declare unit = "um"', "um"),
-    Mistake("inch taken for µm", 1 / 25400.0, 0.0, 'declare unit = "inch"', "inch"),
-    Mistake("mil taken for µm", 1 / 25.4, 0.0, 'declare unit = "mil"', "mil"),
-    Mistake("m taken for µm", 1e-6, 0.0, 'declare unit = "m"', "m"),
+    Mistake("mm taken for µm", 1e-3, 0.0, "mm"),
+    Mistake("µm taken for mm", 1e3, 0.0, "um"),
+    Mistake("inch taken for µm", 1 / 25400.0, 0.0, "inch"),
+    Mistake("mil taken for µm", 1 / 25.4, 0.0, "mil"),
+    Mistake("m taken for µm", 1e-6, 0.0, "m"),
 )
 #: Days and warm starts move the level of a machine by less [K]; the smallest mistake (°C for °F) moves 20 °C by 27.
 _OFF_K = 12.0
@@ -82,18 +79,18 @@ def wrong_temperature_units(survey: Survey) -> Iterator[Finding]:
                 f"(then the coldest starts at {mistake.undone(coldest):.3g} °C).",
                 Where(),
                 {"coldest_start": coldest, "gain": mistake.gain, "offset": mistake.offset, "mistake": mistake.name},
-                f"If so, {mistake.remedy} for these channels in the machine file.",
+                f'If so, declare unit = "{mistake.unit}" for these channels in the machine file.',
                 level="warning",
             )
             return
     suspects: list[tuple[int, int, Mistake, float, str]] = []
     for i in range(len(columns)):
         for r in range(len(survey.runs)):
-            others = _finite(np.delete(level[i], r))
-            siblings = _finite(np.delete(level[:, r], i))
-            for reference, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
+            others, siblings = np.delete(level[i], r), np.delete(level[:, r], i)
+            for compared, source in ((others, "in the other runs"), (siblings, "beside the other channels")):
+                reference = compared[np.isfinite(compared)]
                 # one other channel may be a colder part
-                is_told = reference.size >= (1 if reference is others else 2)
+                is_told = reference.size >= (1 if compared is others else 2)
                 middle = float(np.median(reference)) if is_told else np.nan
                 if _ROOM_C[0] <= middle <= _ROOM_C[1]:
                     of_unit = tuple(one for one in _THERMAL if _is_possible(survey, columns[i], survey.runs[r], one))
@@ -125,7 +122,6 @@ def _told_temperatures(
         if moves_right and not whole_run and not _every_start_agrees(level, i, mistake):
             continue
         acts = bool(healthy.any())
-        everywhere = "for this channel in the machine file" if mistake.unit is not None else "in every file"
         now = float(level[i, r])
         yield FINDINGS.finding(
             "wrong-unit",
@@ -137,7 +133,7 @@ def _told_temperatures(
             | {"mistake": mistake.name, "unit": mistake.unit, "measured_gain": gain},
             f"{mistake.remedy_in_one_run(channel.name, run)} The channel is left out of this run."
             if acts
-            else f"If so, {mistake.remedy} {everywhere}.",
+            else f'If so, declare unit = "{mistake.unit}" for this channel in the machine file.',
             "leave-out-channel" if acts else "none",
             level="error" if acts else "warning",
         )
@@ -188,11 +184,8 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
                 decade = abs(np.log10(mistake.gain)) > 2
                 noise_off = here.floor / max(floor * mistake.gain, 1e-300)
                 span_off = here.span / max(span * mistake.gain, 1e-300)
-                fits = (
-                    (0.25 < noise_off < 8 and 0.05 < span_off < 20)
-                    if decade
-                    else (0.6 < noise_off < 1.6 and 0.2 < span_off < 5)
-                )
+                quiet, noisy, short, long = (0.25, 8, 0.05, 20) if decade else (0.6, 1.6, 0.2, 5)
+                fits = quiet < noise_off < noisy and short < span_off < long
                 # of two runs that differ, the implausible one is wrong
                 if fits and (len(others) > 1 or (here.span < 0.5 if mistake.gain < 1 else here.span > 5000.0)):
                     told = True
@@ -213,13 +206,9 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             continue
         largest = max(scales[run].span for run in usable)
         rise = max(warmed[run] for run in usable)
-        if largest < 0.5 and rise >= 3.0:
-            mistake = _LENGTH[0]
-        elif largest > 20_000 and rise < 60.0:
-            mistake = _LENGTH[1]
-        else:
-            continue
-        if not any(_is_possible(survey, column, run, mistake) for run in usable):
+        small, large = largest < 0.5 and rise >= 3.0, largest > 20_000 and rise < 60.0
+        mistake = _LENGTH[0 if small else 1]
+        if not (small or large) or not any(_is_possible(survey, column, run, mistake) for run in usable):
             continue
         yield FINDINGS.finding(
             "wrong-unit",
@@ -227,7 +216,7 @@ def wrong_length_units(survey: Survey) -> Iterator[Finding]:
             f"{rise:.3g} K: this looks like {mistake.name} (factor {mistake.gain:g}).",
             Where(channel.name),
             {"span_um": largest, "gain": mistake.gain, "mistake": mistake.name, "temperature_span_k": rise},
-            f"If so, {mistake.remedy} for this channel in the machine file.",
+            f'If so, declare unit = "{mistake.unit}" for this channel in the machine file.',
             level="warning",
         )
 
@@ -236,7 +225,7 @@ def _is_possible(survey: Survey, column: int, run: str, mistake: Mistake) -> boo
     """Whether the channel was not read in the very unit that the mistake says it is in."""
     units = survey.recording.provenance.get("runs", {}).get(run, {}).get("units", {})
     unit = units.get(survey.channels[column].name)
-    return unit is None or mistake.unit is None or parse_unit(mistake.unit) != unit
+    return unit is None or parse_unit(mistake.unit) != unit
 
 
 def _explaining(value: float, reference: float, mistakes: tuple[Mistake, ...]) -> Mistake | None:
@@ -245,7 +234,3 @@ def _explaining(value: float, reference: float, mistakes: tuple[Mistake, ...]) -
         return None
     best = min(mistakes, key=lambda mistake: abs(mistake.undone(value) - reference))
     return best if abs(best.undone(value) - reference) < _NEAR_K else None
-
-
-def _finite(values: Floats) -> Floats:
-    return values[np.isfinite(values)]

@@ -460,18 +460,12 @@ def _is_filled_up(row: Sequence[str], below: Sequence[str]) -> bool:
 
 def _unit_share(row: Sequence[str]) -> float:
     filled = [cell for cell in row if cell]
-    if not filled:
-        return 0.0
     units = sum(parse_unit(cell) is not None or _FORMAT_CELL.match(cell) is not None for cell in filled)
-    return units / len(filled)
+    return units / max(len(filled), 1)
 
 
 def _numbered_heading(rows: Sequence[Sequence[str]], first: int) -> bool:
     """Whether the first row counts 0, 1, 2, ... or 1, 2, 3, ... and the next one does not go on like it."""
-    row = rows[first]
-    if len(row) < 3 or first + 1 >= len(rows):
-        return False
-    for begin in (0, 1):
-        if [str(begin + k) for k in range(len(row))] == list(row):
-            return list(rows[first + 1])[1:] != list(row)[1:]
-    return False
+    row, below = list(rows[first]), rows[first + 1 : first + 2]
+    counts = [[str(begin + k) for k in range(len(row))] for begin in (0, 1)]
+    return len(row) > 2 and len(below) > 0 and row in counts and list(below[0])[1:] != row[1:]

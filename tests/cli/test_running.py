@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import importlib
 import signal
 import sys
 import warnings
@@ -140,7 +141,7 @@ def test_a_ctrl_c_while_the_program_loads_shows_no_traceback(monkeypatch, capfd)
     monkeypatch.delattr("selector.cli", raising=False)
     monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
     with pytest.raises(SystemExit, match="130"):
-        __main__.main()
+        importlib.reload(__main__)
     assert capfd.readouterr().err == "selector: stopped. Nothing was written.\n"
 
 

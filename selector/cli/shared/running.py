@@ -41,10 +41,7 @@ def exit_status(app: typer.Typer, arguments: Sequence[str] | None = None) -> int
             _say(_stopped[-1])
         sys.stdout.flush()
         return result
-    except (KeyboardInterrupt, typer.Abort):
-        _say(_stopped[-1])
-        return STOPPED
-    except CancelledError as stop:
+    except (KeyboardInterrupt, typer.Abort, CancelledError) as stop:
         _say(str(stop) or _stopped[-1])
         return STOPPED
     except BrokenPipeError:
