@@ -96,37 +96,34 @@ def enumerate_leaves(
     free = w.integers[FREE_COLUMNS]
     current = w.states[CURRENT]
     trial = w.states[TRIAL]
-    value = w.matrices[M]
+    own = w.vectors[U]
+    response = w.vectors[H]
+    value = w.vectors[Z]
+    for j in range(t):
+        own[j] = q[j * stride + j]
+        response[j] = q[j * stride + t]
     sign = -1.0 if keep else 1.0
-    first = 1 if n == 0 else t
-    last = t if n == 2 else 1
-    for i in range(first):
-        inverse = 1.0 / q[i * stride + i] if q[i * stride + i] > 1e-14 else 0.0
-        vi = q[i * stride + t]
-        gi = vi * vi * inverse if n > 0 else 0.0
-        # the only choice there is (n = 0) is offered in any case
-        value[i * last] = rss + sign * gi if n > 0 else 0.0
-        for j in range(i + 1, last):
-            f = q[i * stride + j] * inverse
-            dj = q[j * stride + j] - f * q[i * stride + j]
-            vj = q[j * stride + t] - f * vi
-            value[i * last + j] = rss + sign * (gi + (vj * vj / dj if dj > 1e-14 else 0.0))
     inside = KEPT if keep else DROPPED
-    for k in range(first * last):
-        i = k // last
-        j = k - i * last
-        if n == 2 and j <= i:
-            continue
-        if value[k] < best_rss[-1] * (1.0 + 1e-7) + 1e-14:
-            for e in range(current.size):
-                trial[e] = current[e] if current[e] != FREE else DROPPED
-            for e in range(t):
-                trial[free[e]] = -inside
-            if n > 0:
-                trial[free[i]] = inside
-            if n > 1:
-                trial[free[j]] = inside
-            offer(gram, cross, best_rss, best_state, trial, w)
+    for i in range(t if n > 0 else 1):
+        inverse = 1.0 / own[i] if own[i] > 1e-14 else 0.0
+        row = q[i * stride : i * stride + t]
+        # the only choice there is (n = 0) is offered in any case
+        value[i] = rss + sign * response[i] * response[i] * inverse if n > 0 else 0.0
+        for j in range(i + 1, t if n == 2 else 0):
+            f = row[j] * inverse
+            d = own[j] - f * row[j]
+            v = response[j] - f * response[i]
+            value[j] = value[i] + (sign * v * v / d if d > 1e-14 else 0.0)
+        for j in range(i + 1 if n == 2 else i, t if n == 2 else i + 1):
+            if value[j] < best_rss[-1] * (1.0 + 1e-7) + 1e-14:
+                for e in range(current.size):
+                    trial[e] = current[e] if current[e] != FREE else DROPPED
+                for e in range(t):
+                    trial[free[e]] = -inside
+                if n > 0:
+                    trial[free[i]] = inside
+                    trial[free[j]] = inside
+                offer(gram, cross, best_rss, best_state, trial, w)
 
 
 @kernel

@@ -207,7 +207,7 @@ class WideSearch:
         now, h, z = given.relaxed(min(a, len(given.free)), node.z[given.free], self._threshold())
         if now >= self._threshold():
             return []
-        if a == 3 and t <= MOST_FOR_TRIPLES and now < FAR * self._threshold():
+        if a == 3 and t <= MOST_FOR_TRIPLES and now < (1.0 - (1.0 - FAR) * (t / MOST_FOR_TRIPLES) ** 3) * self._threshold():
             self._offer_choices(node, a)
             return []
         return self._branched(node, given, now, h, z)
