@@ -132,7 +132,7 @@ def enumerate_triples(
 ) -> None:
     """Offer every choice of three of t columns with cross-products q: each with the pairs of those after it."""
     free = w.integers[FREE_COLUMNS]
-    part = w.matrices[PM]
+    part = w.matrices[M]
     for i in range(t - 2):
         n = t - 1 - i
         d = q[i * stride + i]
@@ -297,6 +297,10 @@ def expand(gram: Any, cross: Any, size: int, tree: Any, slot: int, w: Any, best_
                 elif now + h[j] - most_out >= threshold:
                     current[column] = KEPT
                     fixed += 1
+        if a == 3 and solve == 1 and 5 * fixed <= t:
+            n[WORK] -= t * t * t // 6
+            enumerate_triples(gram, cross, best_rss, best_state, w, pm, sp, t, r)
+            return CLOSED
         if 5 * fixed > t or solve == MAX_SOLVES - 1:
             break
         if now - last < MIN_PROGRESS * (threshold - now):
