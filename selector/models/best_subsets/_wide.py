@@ -29,7 +29,7 @@ EVEN_SHARE, MOST_SHARE = 0.8, 0.97  #: Of N_jj, what other columns may take from
 ROUNDING = 1e-14  #: Of an element of N.
 MAX_SOLVES, MAX_WEIGHTINGS = 40, 8
 MIN_PROGRESS, MIN_RAISE = 0.02, 0.05  #: Shares, and weights, have settled when they close less of what is left.
-MOST_FOR_TRIPLES, FAR = 500, 0.9  #: All triples of so many columns are tried where the bound is below this share.
+OF_COLUMNS, SHORT = 500, 0.1  #: All triples of t columns are tried where the bound is short by 0.1 (t / 500)³.
 MOST_GIVEN = 500  #: Open nodes that remember what they need of their free columns.
 
 
@@ -207,7 +207,7 @@ class WideSearch:
         now, h, z = given.relaxed(min(a, len(given.free)), node.z[given.free], self._threshold())
         if now >= self._threshold():
             return []
-        if a == 3 and t <= MOST_FOR_TRIPLES and now < (1.0 - (1.0 - FAR) * (t / MOST_FOR_TRIPLES) ** 3) * self._threshold():
+        if a == 3 and now < self._threshold() * (1.0 - SHORT * (t / OF_COLUMNS) ** 3):
             self._offer_choices(node, a)
             return []
         return self._branched(node, given, now, h, z)
