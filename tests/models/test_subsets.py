@@ -146,7 +146,7 @@ def test_fewer_samples_than_columns_end_with_proof(bound):
         assert found.by_size[size][0].rss == pytest.approx(least, rel=1e-7, abs=CLOSE * (about @ about))
 
 
-@pytest.mark.parametrize("looks", [0.0, 60.0])
+@pytest.mark.parametrize("looks", [0.0, 250.0])  # the last of the 258 that the whole search takes
 def test_stopped_search_brackets_the_optimum(monkeypatch, looks):
     columns, response = warm_machine(200, 45, seed=2, noise_um=3.0)
     cross = cross_products(columns, response)
@@ -170,9 +170,9 @@ def test_the_clock_is_looked_at_often(monkeypatch):
     cross = cross_products(columns, response)
     looks = itertools.count()
     monkeypatch.setattr(subsets.time, "perf_counter", lambda: float(next(looks)))
-    found = best_subsets(cross, 200, time_limit_s=90.0)
+    found = best_subsets(cross, 200, time_limit_s=300.0)  # some 250 are for the starting sets
     assert not found.proved
-    assert 0 < found.nodes < 90 * 5_000  # some 600 in 20 ms between two looks: what Ctrl-C has to wait for
+    assert 0 < found.nodes < 60 * 5_000  # some 600 in 20 ms between two looks: what Ctrl-C has to wait for
 
 
 def test_keyboard_interrupt_passes_through(monkeypatch):

@@ -1,13 +1,12 @@
-"""Compiled search for good starting sets: forward and backward steps, each followed by the best swaps."""
+"""Good starting sets: forward and backward steps, each followed by the best swaps, in compiled code."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from selector.models.best_subsets._algebra import COUNT, DROPPED, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
-
-PHASE, SIZE, PASS, IMPROVED = 0, 1, 2, 3
-BEGIN, FORWARD, BACKWARD, FILL = 0, 1, 2, 3
+from selector.models.best_subsets._algebra import COUNT, FREE, KEPT, PIVOT_TOLERANCE, insert, kernel, set_rss
+from selector.models.best_subsets.problem import Problem
 
 
 @kernel
@@ -102,67 +101,31 @@ def descend(
     return swaps
 
 
-@kernel
-def starting_sets(
-    gram: Any,
-    cross: Any,
-    root: Any,
-    max_size: int,
-    best_rss: Any,
-    best_state: Any,
-    state: Any,
-    v: Any,
-    pace: Any,
-    work: int,
-) -> bool:
+def starting_sets(problem: Problem, best_rss: Any, best_state: Any, out_of_time: Callable[[], bool]) -> None:
     """Fill the lists of best sets, (sizes, n_best) and (sizes, n_best, p), from forward and backward passes.
 
     Not proved to be best: the tree search proves or improves. Sizes beyond the rank are filled up with dependent
-    columns. Passes repeat while they improve something, at most three times. Returns whether it is done before the
-    work is used up; it goes on from `pace` (phase, size, pass, improved; zeros to begin), `state` and `v`.
+    columns. Passes repeat while they improve something, at most three times.
     """
-    p = root.size
-    a = np.empty((p + 1) * (p + 2))
-    order = np.empty(p, np.int64)
-    first = COUNT(0)
-    for j in range(p):
-        if root[j] == KEPT:
-            first += 1
-    while pace[PHASE] != FILL:
-        if work < 0:
-            return False
-        moved = True
-        if pace[PHASE] == BEGIN:
-            for j in range(p):
-                state[j] = root[j]
-            swept(gram, cross, state, v)
-            pace[PHASE] = FORWARD
-            pace[SIZE] = first
-            pace[IMPROVED] = 0
-        elif pace[PHASE] == FORWARD:
-            moved = pace[SIZE] < max_size and _step(root, state, v, True)
-            if moved:
-                pace[SIZE] += 1
-            else:
-                pace[PHASE] = BACKWARD
-        else:
-            moved = pace[SIZE] > first and _step(root, state, v, False)
-            if moved:
-                pace[SIZE] -= 1
-            else:
-                pace[PASS] += 1
-                pace[PHASE] = BEGIN if pace[IMPROVED] == 1 and pace[PASS] < 3 else FILL
-        if moved:
-            size = pace[SIZE]
-            before = best_rss[size, 0]
-            swaps = descend(gram, cross, root, state, v, best_rss[size], best_state[size], a, order)
-            work -= (swaps + 1) * (3 * p * p + 2 * size * (p - size)) + size * size * size // 6
-            if best_rss[size, 0] < before:
-                pace[IMPROVED] = 1
-    for size in range(first, max_size):
-        if best_rss[size, 0] < np.inf and best_rss[size + 1, 0] == np.inf:
-            _fill_up(gram, cross, root, size, state, best_rss, best_state, a, order)
-    return True
+    gram, cross, root, first, top = problem.gram, problem.cross, problem.root, problem.n_must, problem.max_size
+    p = problem.n_columns
+    matrix, a, order = np.zeros((p + 1, p + 1)), np.empty((p + 1) * (p + 2)), np.empty(p, np.int64)
+    for _ in range(3):
+        before, state, size = best_rss[:, 0].copy(), root.copy(), first
+        swept(gram, cross, state, matrix)
+        descend(gram, cross, root, state, matrix, best_rss[size], best_state[size], a, order)
+        for step, last in ((1, top), (-1, first)):
+            while not out_of_time() and size != last and _step(root, state, matrix, step > 0):
+                size += step
+                descend(gram, cross, root, state, matrix, best_rss[size], best_state[size], a, order)
+        if out_of_time() or not np.any(best_rss[:, 0] < before):
+            break
+    for size in range(first, top):
+        may = np.flatnonzero((best_state[size, 0] != KEPT) & (root == FREE))
+        if best_rss[size, 0] < np.inf and best_rss[size + 1, 0] == np.inf and len(may):
+            state = best_state[size, 0].copy()
+            state[may[0]] = KEPT
+            insert(best_rss[size + 1], best_state[size + 1], state, set_rss(gram, cross, state, a, order))
 
 
 @kernel
@@ -184,19 +147,3 @@ def _step(root: Any, state: Any, v: Any, forward: bool) -> bool:
     _sweep(v, moved)
     state[moved] = KEPT if forward else FREE
     return True
-
-
-@kernel
-def _fill_up(
-    gram: Any, cross: Any, root: Any, size: int, state: Any, best_rss: Any, best_state: Any, a: Any, order: Any
-) -> None:
-    """A set of the next size: the best of this size and the first column that may still come in."""
-    enter = COUNT(-1)
-    for j in range(root.size):
-        state[j] = best_state[size, 0, j]
-        if enter < 0 and state[j] != KEPT and root[j] == FREE:
-            enter = j
-    if enter >= 0:
-        state[enter] = KEPT
-        insert(best_rss[size + 1], best_state[size + 1], state, set_rss(gram, cross, state, a, order))
-        state[enter] = DROPPED

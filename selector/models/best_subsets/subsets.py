@@ -85,9 +85,6 @@ def best_subsets(
     p, top = problem.n_columns, problem.max_size
     best_rss = np.full((p + 1, n_best), np.inf)
     best_state = np.full((p + 1, n_best, p), DROPPED, dtype=np.int8)
-    state, swept, pace = np.zeros(p, np.int8), np.zeros((p + 1, p + 1)), np.zeros(4, np.int64)
-    start = (problem.gram, problem.cross, problem.root, top, best_rss, best_state, state, swept, pace)
-
     late = threading.Event()
 
     def out_of_time() -> bool:
@@ -95,8 +92,7 @@ def best_subsets(
             late.set()
         return late.is_set()
 
-    while not starting_sets(*start, CHUNK_WORK) and not out_of_time():
-        pass
+    starting_sets(problem, best_rss, best_state, out_of_time)
     diagonal, findings = valid_diagonal(problem)
     sizes = range(max(1, problem.n_must), top + 1)
     parts = {} if out_of_time() else _searches(problem, sizes, diagonal)
