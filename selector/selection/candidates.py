@@ -13,10 +13,10 @@ from selector.models.moments import within_one_standard_error
 from selector.selection.library import Bench, Shape
 from selector.selection.options import MAX_CANDIDATES, Question
 from selector.sensors.fuzzy import FuzzyGroups, cut_beside, fuzzy_groups
-from selector.sensors.groups import FStatistic, LambdaAxis, LambdaStep, Partition, lambda_axis
+from selector.sensors.groups import FStatistic, LambdaAxis, Partition, lambda_axis
 from selector.sensors.screening import ScreeningRound, fuzzy_round, screen
 from selector.sensors.similarity import Similarity, similarity_from_cross_products
-from selector.types import Array
+from selector.types import Array, Indices
 
 Origin = Literal["representatives", "all sensors", "formula"]
 PER_SIZE = 3
@@ -96,7 +96,7 @@ def candidates(question: Question, bench: Bench) -> Candidates:
             # the best sets may all hold a dear sensor whose neighbour would do
             everything += _linear_sets(question, bench, cheap)
     tested = list(dict.fromkeys(s for sets in (*found.values(), everything) for s in sets))
-    row = {s: bench.relative(bench.held_out(s, LINEAR)) for s in tested}
+    row = {s: bench.relative(held_out) for s, held_out in bench.held_out_of(tested, LINEAR).items()}
     share = bench.samples / bench.samples.sum()
     mean = {s: float(errors @ share) for s, errors in row.items()}
     scored = []
@@ -204,18 +204,14 @@ def _by_cost(question: Question, relevance: Array) -> Array:
 def _screenings(question: Question, similarity: Similarity, axis: LambdaAxis, relevance: Array) -> list[Screening]:
     options = question.options
     must = tuple(question.sensors.index(name) for name in options.must)
-    # an axis cuts its partitions anew whenever it is asked
-    steps = tuple(axis)
     if options.grouping == "cmeans":
         return _fuzzy_screenings(question, similarity, axis, relevance, must)
     if options.levels is not None:
         levels: Iterable[tuple[float, ...]] = [tuple(snapped(level, axis) for level in options.levels)]
     else:
-        levels = [
-            _round_levels(steps, k, options.rounds)
-            for k, step in enumerate(steps)
-            if len(step.partition.members) <= MAX_CANDIDATES
-        ]
+        counts = 1 + np.searchsorted(np.sort(axis.levels), axis.highs)
+        few = np.flatnonzero(counts <= MAX_CANDIDATES).tolist()
+        levels = [_round_levels(axis, counts, k, options.rounds) for k in few]
     screenings = []
     for level in levels:
         rounds = screen(
@@ -223,8 +219,8 @@ def _screenings(question: Question, similarity: Similarity, axis: LambdaAxis, re
         )
         # where every sensor rests (in a short fold) none can stand for another
         kept = tuple(question.sensors[i] for i in sorted(rounds[-1].representatives)) or question.sensors
-        f = next((s.f for s in steps if s.partition == rounds[0].partition), None)
-        screenings.append(Screening(options.levels[0] if options.levels else level[0], tuple(rounds), kept, f))
+        told = options.levels[0] if options.levels else level[0]
+        screenings.append(Screening(told, tuple(rounds), kept, axis.at(level[0]).f))
     return screenings
 
 
@@ -267,16 +263,15 @@ def snapped(level: float, axis: LambdaAxis) -> float:
     return nearest if abs(nearest - level) <= CORRELATION_ROUNDING else level
 
 
-def _round_levels(steps_of_axis: Sequence[LambdaStep], final: int, rounds: int) -> tuple[float, ...]:
+def _round_levels(axis: LambdaAxis, counts: Indices, final: int, rounds: int) -> tuple[float, ...]:
     """λ of each round: the number of groups shrinks by about the same factor in each, down to step `final`.
 
     With one λ for all rounds only the first would have any effect (see `screen`).
     """
-    counts = np.array([len(step.partition.members) for step in steps_of_axis], dtype=np.float64)
-    n = len(steps_of_axis[0].partition.names)
+    n = len(axis.order)
     wanted = [n ** (1 - i / rounds) * counts[final] ** (i / rounds) for i in range(1, rounds)]
     steps = [min(int(np.argmin(np.abs(np.log(counts / count)))), final) for count in wanted]
-    return tuple(steps_of_axis[k].high for k in (*steps, final))
+    return tuple(axis.highs[k] for k in (*steps, final))
 
 
 def _linear_sets(question: Question, bench: Bench, pool: Sequence[str]) -> list[tuple[str, ...]]:

@@ -140,6 +140,17 @@ class Bench:
         """Errors on every inner group, fitted to the others."""
         return self.leave_one_out.errors(self.library.columns(sensors, shape), len(self.library.responses))
 
+    def held_out_of(self, sets: Sequence[tuple[str, ...]], shape: Shape) -> dict[tuple[str, ...], HeldOut]:
+        """The same of many sets, of each number of terms together."""
+        columns = {sensors: self.library.columns(sensors, shape) for sensors in sets}
+        found = {}
+        for size in set(map(len, columns.values())):
+            alike = [sensors for sensors in sets if len(columns[sensors]) == size]
+            at = np.array([columns[sensors] for sensors in alike], dtype=np.int64)
+            sse = self.leave_one_out.errors_of(at, len(self.library.responses))
+            found.update({sensors: HeldOut(sse[:, i], self.samples) for i, sensors in enumerate(alike)})
+        return found
+
     def relative(self, held_out: HeldOut) -> Array:
         """Mean squared error per inner group, relative to each response's variance, mean over responses."""
         # differences below this are rounding of the cross-products, and no gauge would see them
