@@ -261,7 +261,7 @@ class LeaveOneOut:
     def errors(self, columns: Sequence[int], n_responses: int) -> HeldOut:
         """Errors of the least-squares fit on some columns (0 = first term), refitted without each group."""
         sse = self.errors_of(np.array([columns], dtype=np.int64), n_responses)
-        return HeldOut(sse[:, 0], self.left_out[:, 0, 0])
+        return HeldOut(sse[:, 0], self.left_out[:, 0, 0].copy())
 
     def errors_of(self, sets: Indices, n_responses: int) -> Array:
         """Sum of squared errors of many sets of as many columns, shape (n_groups, n_sets, n_responses).

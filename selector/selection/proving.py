@@ -151,7 +151,7 @@ def _held_out(library: Library, loo: LeaveOneOut, trials: Sequence[Trial]) -> He
     for i, trial in enumerate(trials):
         one = LeaveOneOut(loo.training[i : i + 1], loo.left_out[i : i + 1], loo.n_columns)
         rows.append(one.errors(library.columns(trial.set.sensors, trial.shape), n).sse[0])
-    return HeldOut(np.array(rows), loo.left_out[:, 0, 0])
+    return HeldOut(np.array(rows), loo.left_out[:, 0, 0].copy())
 
 
 #: Beyond so many runs, whole runs are left out in groups: a choice is made without each group, and again inside.

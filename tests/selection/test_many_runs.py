@@ -1,6 +1,7 @@
 """Very many runs are left out in groups of whole runs, which is told; the error is still told run by run."""
 
 import gc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from selector.selection import Options, choice, select
 from selector.selection.candidates import candidates
 from selector.selection.library import Bench
 from selector.selection.options import question_of
-from selector.selection.proving import MOST_FOLDS, Folds, fold_of_run
+from selector.selection.proving import MOST_FOLDS, Folds, fold_of_run, held_out
 from tests.models.runs import recording
 from tests.selection.machines import found_ids, one_finding
 
@@ -117,6 +118,8 @@ def test_choices_that_are_kept_hold_no_cross_products_of_single_folds():
     del benches
     assert _left_out_matrices() == before
     assert all(len(one.trials) > 3 and len(one.bench.samples) == 7 for one in kept)
+    errors = held_out(library, folds.outer, [SimpleNamespace(trial=one.trials[0]) for one in kept])
+    assert errors.n_samples.base is None  # a view would hold those of all folds, once for every plan
 
 
 def _left_out_matrices():
