@@ -19,6 +19,7 @@ from selector.diagnosis.evidence.confirmation import (
     left_unseen,
     not_ruinous,
     only_cancels,
+    surely_refuted,
 )
 from selector.diagnosis.evidence.detectability import detectability
 from selector.diagnosis.evidence.discrepancy import beside_discrepancy
@@ -46,7 +47,7 @@ from selector.diagnosis.evidence.transfer import borne_out, told_of_carried
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.matching.usable import diagnosis_of_copy, told_of_copies, with_copies, without_fitted_difference
 from selector.diagnosis.mismatch.location import active_windows
-from selector.diagnosis.mismatch.omnibus import Structure, told_of_wandering, unexplained
+from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record, told_of_wandering, unexplained
 from selector.diagnosis.mismatch.switching import Switched, gain_beside, switched, told_of_switches
 from selector.diagnosis.next_run.experiments import next_runs
 from selector.diagnosis.shapes.input_faults import InputFault, input_faults, told_of_inputs
@@ -65,7 +66,7 @@ _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
 _LEAST_SURE, _QUARTER = 0.1, 0.25
 #: Names from which on any smooth misfit may have been put together from them; the same where there is one.
 _MANY, _MANY_BESIDE_MISFIT = 3, 2
-_TOLD_BESIDE, _LEAST_P = 12.0, 1e-12  #: Nats that a name has to gain beside a switch; the least p that is told.
+_TOLD_BESIDE = 12.0  #: Nats that a name has to gain beside a switch.
 _NEARLY_ALL = 0.9  #: Of the mean square: all but a third of the error.
 _DOUBTFUL = 0.45  #: Weight below which an effect is no name where structure is left that nothing explains.
 
@@ -126,6 +127,7 @@ class _State:
     residuals: Mapping[str, Vector] = field(default_factory=dict)  #: Response → what is left [unit], (n_rows,)
     white: Mapping[str, Vector] = field(default_factory=dict)  #: The same behind the noise filter
     structures: Sequence[Structure] = ()  #: What nothing explains
+    refuted: Sequence[Structure] = ()  #: What is sure in the fitted rows, whatever is named
     small: frozenset[str] = frozenset()  #: Responses in which that is too little to matter
     effects: tuple[NamedEffect, ...] = ()
     also: tuple[NamedEffect, ...] = ()  #: Too small, or not borne out, beside structure that is nobody's
@@ -193,12 +195,14 @@ def _tested(state: _State) -> _State:
     state.say(-3, "testing effects")
     found = search(benches, false_alarm=asked.false_alarm, seed=asked.seed)
     found = beside_discrepancy(comparison, found)
-    worth = _worth_naming(comparison, as_unseen_rows_have_it(found))
+    found = as_unseen_rows_have_it(found)
+    refuted, worth = surely_refuted(comparison, found), _worth_naming(comparison, found)
     found = not_ruinous(comparison, worth)
     lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
     found, also = of_practical_size(comparison, found)
     also = (*also, *seen_only(map(_doubted, lost)))
-    return replace(state, untested=untested, search=replace(found, closed=_closed(state, found)), also=also)
+    found = replace(found, closed=_closed(state, found))
+    return replace(state, untested=untested, search=found, refuted=refuted, also=also)
 
 
 def _closed(state: _State, found: Search) -> dict[str, Quantity]:
@@ -275,21 +279,14 @@ def _looked_at_what_is_left(state: _State) -> _State:
     structures = [one for one in of_size if not is_small(comparison, found, one.channel, one.size)]
     small = {one.channel for one in seen} - {one.channel for one in structures}
     if not found.named:
-        structures = [*map(partial(_as_structure, comparison), state.switches.values()), *structures]
+        structures = [*(one.structure(comparison) for one in state.switches.values()), *structures]
     return replace(state, late=late, residuals=residuals, white=white, structures=structures, small=frozenset(small))
 
 
 def _as_unlike(comparison: Comparison, bench: Bench) -> Structure:
     left = bench.residual([])
     size = rms(left[np.isfinite(left) & ~bench.fitted])
-    unit = comparison.channel(bench.response).unit
-    return Structure("unlike", bench.response, None, None, None, None, None, size, unit, _LEAST_P)
-
-
-def _as_structure(comparison: Comparison, one: Switched) -> Structure:
-    size, unit = float(np.std(one.course)), comparison.channel(one.channel).unit
-    p_value = max(float(np.exp(-one.gain)), _LEAST_P)
-    return Structure("switched", one.channel, None, None, None, None, None, size, unit, p_value)
+    return of_whole_record("unlike", comparison, bench.response, size, 0.0)
 
 
 def _named(state: _State) -> _State:
@@ -419,7 +416,8 @@ def _judged(state: _State) -> _State:
         state = _recalibrated(replace(state, search=found))
     if not effects and not state.structures:
         unlike = (bench for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
-        state = replace(state, structures=[_as_unlike(state.comparison, bench) for bench in unlike])
+        sure = [one for one in state.refuted if not is_small(state.comparison, found, one.channel, one.size)]
+        state = replace(state, structures=[*sure, *(_as_unlike(state.comparison, bench) for bench in unlike)])
     gains = any(
         (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()

@@ -144,6 +144,15 @@ def test_which_of_two_runs_is_off_is_said_by_the_unseen_one(size):
     assert named.parameters["zero"].value == pytest.approx(size, abs=0.3)
 
 
+def test_what_is_sure_and_refuted_by_the_unseen_run_is_not_called_nothing(slow):
+    """The unseen run has the opposite of what the fitted ones surely have: it is something, and not that effect."""
+    noise = np.random.default_rng(5).standard_normal(N)
+    course = np.repeat([1.0, 1.0, -1.0], N // 3) * 0.35 * slow / np.std(slow)
+    answer = diagnosis(comparison({"Z": noise + course}), effects=EFFECTS)
+    assert answer.verdict == "unexplained"
+    assert not answer.effects
+
+
 def test_a_fault_of_an_unseen_run_has_no_words_of_what_correcting_it_gains():
     """The errors of an answer are those of the model, which knows nothing of a fault found in the unseen run alone."""
     made = comparison({"Z": np.random.default_rng(8).standard_normal(N)})

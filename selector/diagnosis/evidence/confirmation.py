@@ -13,6 +13,7 @@ from selector.diagnosis.evidence.naming import named_effect
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
+from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.types import Vector
 
 #: Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
@@ -20,6 +21,7 @@ from selector.types import Vector
 #: A true effect gains about that much, with a standard deviation of twice its root. A loss of as much refutes whatever
 #: the course: there what is left grows by what was taken for the effect.
 _SEEN = 10.0
+_SURELY_SEEN = 1e-3  #: Probability of chance below which what unseen rows refute is something all the same.
 _OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
@@ -65,6 +67,20 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
         fitted_energy += float(np.sum(course[bench.fitted]))
         gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
     return Confirmation(gain, energy, fitted_energy)
+
+
+def surely_refuted(comparison: Comparison, found: Search) -> list[Structure]:
+    """What fitted rows surely have beside noise, and another run does not have as the effect that comes nearest."""
+    surely = []
+    for id_, of in found.named.items() if len(comparison.runs) > 1 else ():
+        standing = found.standing[id_]
+        is_sure = standing.p_value < _SURELY_SEEN and all(found.misfit[name] == 1.0 for name in of)
+        if is_sure and confirmation(comparison, found, id_).refutes:
+            bench = found.benches[standing.main]
+            fall = bench.mean_square([]) - bench.mean_square(numbers(found.named, standing.main))
+            size = float(np.sqrt(max(fall, 0.0)))
+            surely.append(of_whole_record("refuted", comparison, standing.main, size, standing.p_value))
+    return surely
 
 
 def only_cancels(effect: NamedEffect, found: Search) -> bool:

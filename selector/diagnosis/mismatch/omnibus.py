@@ -29,7 +29,7 @@ from selector.findings import Finding, Where
 from selector.types import Matrix, Vector
 
 Rows = Sequence[NDArray[np.intp]]
-Kind = Literal["slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike"]
+Kind = Literal["slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike", "refuted"]
 _BINS = 8
 _WIDEST = 3.0  #: Ends of a band, as a ratio: the noise is fitted to what is wider.
 #: Sum of squares between bins, in variances, from which noise is taken to differ by state (7 are expected).
@@ -265,6 +265,7 @@ def _normal_of_squares(total: Vector, count: int) -> Vector:
 
 
 _DRAWS = (99, 199)  #: Sets of noise: the fewest, and as many as there are where readings are not too many.
+_LEAST_P = 1e-12  #: That is told.
 _READINGS = 4_000_000  #: Of all sets of a response.
 
 
@@ -272,9 +273,10 @@ _READINGS = 4_000_000  #: Of all sets of a response.
 class Structure:
     """Something in the residual that is no noise."""
 
-    #: {"slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike"}: Slower than noise · one
-    #: frequency · a band of frequencies · by state of the machine · a burst · comes and goes in short spells ·
-    #: slow and seen in several responses · changes its level as by a switch · the runs ask for other calibrations
+    #: {"slow", "line", "cycle", "state", "burst", "spells", "common", "switched", "unlike", "refuted"}: Slower than
+    #: noise · one frequency · a band of frequencies · by state of the machine · a burst · comes and goes in short
+    #: spells · slow and seen in several responses · changes its level as by a switch · the runs ask for other
+    #: calibrations · sure in the fitted rows, and in the unseen ones not as the effect that comes nearest
     kind: Kind
     channel: str  #: The response
     run: str | None  #: The run that shows it; None = several
@@ -294,6 +296,12 @@ class Structure:
             return None
         low, high = self.frequency_hz
         return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"
+
+
+def of_whole_record(kind: Kind, comparison: Comparison, response: str, size: float, p_value: float) -> Structure:
+    """Structure of no run, window or band; `size` in the unit of the response."""
+    unit = comparison.channel(response).unit
+    return Structure(kind, response, None, None, None, None, None, size, unit, max(p_value, _LEAST_P))
 
 
 def unexplained(

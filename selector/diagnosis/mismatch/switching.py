@@ -14,6 +14,7 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.finding_table import FINDINGS, UNRECORDED_SWITCH
 from selector.diagnosis.mismatch.background import seen_rows
 from selector.diagnosis.mismatch.location import LARGE, in_words
+from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
 from selector.diagnosis.shapes.residual import least_squares
 from selector.diagnosis.shapes.signals import course
 from selector.diagnosis.wording import amount, duration_words
@@ -67,6 +68,11 @@ class Switched:
     changes: tuple[Change, ...]  #: The large ones, by time
     course: Vector  #: (n_rows,): What it does, from the level that holds longest [unit of the response]
     gain: float  #: Nats beyond noise of any memory, the price of the changes paid
+
+    def structure(self, comparison: Comparison) -> Structure:
+        """The same among all that is left."""
+        size, p_value = float(np.std(self.course)), float(np.exp(-self.gain))
+        return of_whole_record("switched", comparison, self.channel, size, p_value)
 
 
 @dataclass(frozen=True, eq=False)
