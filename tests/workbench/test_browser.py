@@ -348,7 +348,7 @@ def test_an_empty_workbench_by_keyboard_and_a_running_command_is_cancelled(page,
             break
     assert page.evaluate("document.activeElement.id") == "selection-start"
     page.keyboard.press("Enter")
-    page.get_by_text("recordings that can be read").wait_for()
+    page.get_by_text("Expected: recordings that can be read").wait_for()
 
     bench.start("Long work", ("prove", "--jobs", "1", "--out", "proof"), study / "proof")
     page.get_by_role("button", name="Cancel").click()

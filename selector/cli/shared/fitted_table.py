@@ -32,6 +32,10 @@ class FittedTable(Table):
         lacks = [_narrowest(column) - width for column, width in zip(self.columns, widths, strict=True)]
         for at in sorted(range(gaps + 1), key=lacks.__getitem__) if fits else ():
             widths[at] += max(0, min(room - sum(widths), lacks[at]))
+        # then cells that can be whole, since a broken one costs a line in each row, and a heading only one
+        lacks = [_width(column) - width for column, width in zip(self.columns, widths, strict=True)]
+        for at in sorted(range(gaps + 1), key=lacks.__getitem__) if fits else ():
+            widths[at] += lacks[at] if 0 < lacks[at] <= room - sum(widths) else 0
         while fits and sum(widths) < room:
             lacks = [wish - width for wish, width in zip(wishes, widths, strict=True)]
             widths[lacks.index(max(lacks))] += 1
