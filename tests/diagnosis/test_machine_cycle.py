@@ -101,6 +101,7 @@ def test_what_every_cycle_repeats_calibrates_nothing():
         made = compared(0.6 * locked(generator) + 0.3 * generator.standard_normal(3 * N), SIMULATED)
         answer = diagnosis(made, effects=[effect(*item) for item in COURSES.items()])
         silent += answer.verdict == "nothing-missing"
+        # in one stroke's cycles that the noise resembles; 4 % in the worst of these seeds
         assert answer.recalibration["E"]["gain"].value == pytest.approx(1.0, abs=0.06)
     assert silent >= 7
 

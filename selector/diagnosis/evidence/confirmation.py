@@ -14,7 +14,7 @@ from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
 from selector.diagnosis.mismatch.omnibus import Structure, of_whole_record
-from selector.types import Vector
+from selector.types import Matrix, Vector
 
 #: Whitened sum of squares of an effect's course in the held-out rows below which nothing is said by no gain there.
 #:
@@ -136,11 +136,9 @@ def as_unseen_rows_have_it(found: Search) -> Search:
     for id_, of in found.named.items():
         for response, v in of.items():
             bench, others = found.benches[response], numbers(without(found.named, id_), response)
-            same = [
-                k
-                for k, one in enumerate(bench.candidates)
-                if one.effect.id == id_ and _is_the_same(bench, others, v, k)
-            ]
+            own = [k for k, one in enumerate(bench.candidates) if one.effect.id == id_]
+            base = None if bench.is_misfit else np.linalg.qr(bench.base(others))[0]
+            same = [k for k in own if _is_the_same(bench, base, v, k)]
             if len(same) > 1:
                 left = [unseen_rms(bench, [*others, k]) for k in same]
                 # of those that are the same there, too, the first
@@ -149,15 +147,14 @@ def as_unseen_rows_have_it(found: Search) -> Search:
     return found
 
 
-def _is_the_same(bench: Bench, others: Sequence[int], v: int, k: int) -> bool:
-    """Whether fitted rows cannot tell two candidates: their columns are equal, or differ by recalibration alone.
+def _is_the_same(bench: Bench, base: Matrix | None, v: int, k: int) -> bool:
+    """Whether fitted rows cannot tell two candidates: their columns are equal, or differ by the `base` alone.
 
-    Beside a misfit of nobody's they have to be equal: of two runs, unseen rows are always nearer to one.
+    Without a base (beside a misfit of nobody's) they have to be equal: of two runs, unseen rows are always nearer to one.
     """
-    if bench.counts[v] != bench.counts[k] or bench.is_misfit:
+    if bench.counts[v] != bench.counts[k] or base is None:
         own, other = (bench.candidates[one].variant.columns for one in (v, k))
         return own.shape == other.shape and np.array_equal(own[bench.fitted], other[bench.fitted])
-    base = np.linalg.qr(bench.base(others))[0]
     both = (bench.white_columns[:, bench.candidates[one].columns] for one in (v, k))
     own, other = (np.linalg.qr(columns - base @ (base.T @ columns))[0] for columns in both)
     return float(np.linalg.svd(own.T @ other, compute_uv=False).min()) > _THE_SAME
