@@ -150,7 +150,7 @@ def as_unseen_rows_have_it(found: Search) -> Search:
 def _is_the_same(bench: Bench, base: Matrix | None, v: int, k: int) -> bool:
     """Whether fitted rows cannot tell two candidates: their columns are equal, or differ by the `base` alone.
 
-    Without a base (beside a misfit of nobody's) they have to be equal: of two runs, unseen rows are always nearer to one.
+    Without a base, beside a misfit of nobody's, they have to be equal: unseen rows are always nearer to one run.
     """
     if bench.counts[v] != bench.counts[k] or base is None:
         own, other = (bench.candidates[one].variant.columns for one in (v, k))
