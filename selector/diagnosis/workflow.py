@@ -416,8 +416,9 @@ def _judged(state: _State) -> _State:
         state = _recalibrated(replace(state, search=found))
     if not effects and not state.structures:
         unlike = (bench for name, bench in found.benches.items() if contradicted(bench, state.again[name]))
-        sure = [one for one in state.refuted if not is_small(state.comparison, found, one.channel, one.size)]
-        state = replace(state, structures=[*sure, *(_as_unlike(state.comparison, bench) for bench in unlike)])
+        said = (*state.refuted, *(_as_unlike(state.comparison, bench) for bench in unlike))
+        of_size = [one for one in said if not is_small(state.comparison, found, one.channel, one.size)]
+        state = replace(state, structures=of_size)
     gains = any(
         (one.matters or is_recalibrated(found, name)) and _recalibration_holds(found.benches[name])
         for name, one in state.again.items()

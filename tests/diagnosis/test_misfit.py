@@ -239,3 +239,15 @@ def test_memory_of_runs_that_begin_warm_is_named_though_its_course_is_much_large
     )
     assert [one.id for one in found.effects] == ["thermal.memory"]
     assert found.effects[0].parameters["tau_s"].value == pytest.approx(200.0, rel=0.2)
+
+
+@pytest.mark.parametrize("waves", [0.0, 0.1])
+@pytest.mark.parametrize("gains", [(0.02, 0.016, -0.004), (0.05, 0.05, -0.05)])
+def test_repeats_that_differ_as_much_as_the_simulation_is_off_speak_for_it(gains, waves):
+    made = comparison({"Z": noise(3)})
+    first = {name: np.tile(of[:600], 3) for name, of in {**made.recorded, **made.simulated}.items()}
+    z = np.tile(made.simulated["Z"][:600], 3)
+    recorded = first | {"Z": z * (1.0 + np.repeat(gains, 600)) + wavy(waves) + 0.05 * noise(3)}
+    # a gain fitted to the first two is wrong for the third, which the simulation as it is given meets
+    found = diagnosis(replace(made, simulated={"Z": z}, recorded=recorded), seed=0)
+    assert (found.verdict, found.effects) == ("nothing-missing", ())

@@ -419,8 +419,10 @@ def is_recalibrated(found: Search, response: str) -> bool:
 
 
 def _is_as_repeated(comparison: Comparison, found: Search, response: str) -> bool:
-    repeated, unseen = pure_error(comparison, response), unseen_rms(found.benches[response], [])
-    return repeated is not None and max(_left_alone(found, response), unseen) < _AS_REPEATED * repeated
+    bench, repeated = found.benches[response], pure_error(comparison, response)
+    recalibrated = max(_left_alone(found, response), unseen_rms(bench, []))
+    as_given = np.nanmax([rms(bench.given[rows]) for rows in (bench.fitted, ~bench.fitted)])
+    return repeated is not None and min(recalibrated, as_given) < _AS_REPEATED * repeated
 
 
 def _is_trifle(comparison: Comparison, found: Search, response: str, *, is_noise: bool) -> bool:
