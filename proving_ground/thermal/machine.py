@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
@@ -254,3 +254,29 @@ def machine(generator: np.random.Generator) -> Machine:
         inlets,
     )
     return Machine(body, members, sensors, float(generator.choice([6000.0, 8000.0, 10000.0, 12000.0])))
+
+
+def slightly_off(values: Mapping[str, float], share: float, generator: np.random.Generator) -> dict[str, float]:
+    """The same values, each wrong by a share that is drawn: normal, of this standard deviation, cut."""
+    return {name: value * (1.0 + share * _drawn(generator)) for name, value in values.items()}
+
+
+def guessed(body: Body, share: float, generator: np.random.Generator) -> Body:
+    """A body as somebody has it who knows its parts and what joins them, each value wrong by such a share."""
+    part = np.searchsorted([_SPINDLE, _SPINDLE + _ACROSS * _UP], np.arange(len(body.capacity_j_per_k)), side="right")
+    heavy = np.array([1.0 + share * _drawn(generator) for _ in range(3)])
+    joined = np.array([[1.0 + share * _drawn(generator) for _ in range(3)] for _ in range(3)])
+    first, second = part[body.links].T
+    return replace(
+        body,
+        capacity_j_per_k=body.capacity_j_per_k * heavy[part],
+        conductance_w_per_k=body.conductance_w_per_k * joined[np.minimum(first, second), np.maximum(first, second)],
+        film_w_per_k={
+            name: film * np.array([1.0 + share * _drawn(generator) for _ in range(3)])[part]
+            for name, film in body.film_w_per_k.items()
+        },
+    )
+
+
+def _drawn(generator: np.random.Generator) -> float:
+    return float(np.clip(generator.standard_normal(), -1.6, 1.6))

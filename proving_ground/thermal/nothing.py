@@ -40,6 +40,7 @@ _WANDERERS = tuple(
     )
     for k, place in enumerate(("window frame", "tool magazine", "lamp", "pallet changer", "chip bin", "operator panel"))
 )
+_NO_NAME: dict[str, Any] = {"verdicts": ("nothing-missing", "miscalibrated", "unexplained")}
 _CASES = (
     _clean("white", "White noise.", noise="white"),
     _clean("ar", "AR(1) noise, 0.85 from sample to sample.", noise="ar"),
@@ -90,6 +91,8 @@ _CASES = (
     _wrong("strong", "20 % too much heat.", gain=1.2),
     _wrong("weak", "20 % too little heat; zero was set elsewhere.", gain=0.8, offset_um=3.0),
     _wrong("late", "The simulation comes 18 s late, with 7 % too little heat.", noise="white", delay_s=18.0, gain=0.93),
+    _wrong("parameters/2 %", "Heat, capacities, joints and films are 2 % off.", **_NO_NAME, off=0.02),
+    _wrong("parameters/5 %", "Heat, capacities, joints and films are 5 % off.", **_NO_NAME, off=0.05),
     _wrong(
         "strong beside distractors",
         "15 % too much heat; coolant, feed, cabinets are there.",

@@ -27,7 +27,7 @@ from proving_ground.thermal.duty import (
     with_bath,
     with_power,
 )
-from proving_ground.thermal.machine import Heat, machine, temperatures
+from proving_ground.thermal.machine import Body, Heat, guessed, machine, slightly_off, temperatures
 from proving_ground.world import Courses, Made, Plan, World
 from selector.recording import Channel
 from selector.types import Matrix, Vector
@@ -139,6 +139,7 @@ class Scene:
     gain: float = 1.0
     offset_um: float = 0.0
     delay_s: float = 0.0
+    off: float = 0.0  #: Standard deviation of the shares by which heat and parts of the simulation are wrong
     hours: tuple[float, float] = (5.0, 6.5)
     periods_s: tuple[float, ...] = (20.0, 30.0, 60.0)  #: Sampling periods to choose from
     hall: tuple[float, float, float] = (21.0, 0.5, 0.4)
@@ -205,27 +206,42 @@ class Stage:
         several = range(len(self.omissions))
         self.weights = [1.0 for _ in several]
         self._sample(generator)
+        self.guess = self.tool.body, self.watts
+        self._says: dict[int, Matrix] = {}
+        if scene.off:
+            self.guess = guessed(self.tool.body, scene.off, generator), slightly_off(self.watts, scene.off, generator)
         if len(several) > 1:
             self.weights = [scale_for(_ALONE, partial(self._strength_alone, k)) / _ALONE for k in several]
 
-    def _heat(self, one: Duty) -> Heat:
+    def _heat(self, one: Duty, watts: Mapping[str, float] | None = None) -> Heat:
+        watts = watts or self.watts
         share = one["speed"] / self.tool.highest_rpm
         law = share**self.exponent
-        power = {name: self.watts[name] * law for name in ("front bearing", "rear bearing")}
-        power["motor"] = self.watts["motor"] * share
+        power = {name: watts[name] * law for name in ("front bearing", "rear bearing")}
+        power["motor"] = watts["motor"] * share
         still = np.ones_like(share)
         start = np.full_like(share, one["hall"][0])
         heat = Heat(power, {"hall": one["hall"], "floor": start}, {"hall": still, "floor": still})
         if "feed" in self.scene.knows:
-            heat = with_power(heat, "nut", self.watts["nut"] * one["feed"] / 9000.0)
+            heat = with_power(heat, "nut", watts["nut"] * one["feed"] / 9000.0)
         if "coolant" in self.scene.knows:
             heat = with_bath(heat, "coolant", one["coolant_degc"], one["coolant"])
         if "constant hall" in self.scene.knows:
             heat = with_bath(heat, "hall", start, still)
         return heat
 
-    def _solved(self, heat: Heat, one: Duty) -> Matrix:
-        return temperatures(self.tool.body, heat, float(one["hall"][0]), STEP_S, STRIDE)
+    def _solved(self, heat: Heat, one: Duty, body: Body | None = None) -> Matrix:
+        return temperatures(body or self.tool.body, heat, float(one["hall"][0]), STEP_S, STRIDE)
+
+    def _simulated(self, run: int) -> Matrix:
+        """Rises of the volumes [K] of what the author of the simulation takes the machine for."""
+        if not self.scene.off:
+            return self.rises(run)
+        if run not in self._says:
+            body, watts = self.guess
+            field = self._solved(self._heat(self.duties[run], watts), self.duties[run], body)
+            self._says[run] = field - field[0]
+        return self._says[run]
 
     def _with(self, k: int, run: int, size: float) -> Matrix:
         changed = self.omissions[k].heated(self.tool, self.base[run], self.duties[run], size)
@@ -247,7 +263,7 @@ class Stage:
     def given(self, size: float) -> list[dict[str, Vector]]:
         """Per run: axis → what the simulation says [µm] on the grid of the fields, before its parameters are wrong."""
         runs = range(len(self.duties))
-        result = [{axis: self.rises(run) @ self.expansion[axis] for axis in BOTH} for run in runs]
+        result = [{axis: self._simulated(run) @ self.expansion[axis] for axis in BOTH} for run in runs]
         for omission, weight in zip(self.omissions, self.weights, strict=True):
             if omission.stand_in is not None and size:
                 instead = omission.stand_in(self.tool, [self.rises(run) for run in runs])
@@ -389,7 +405,7 @@ class Stage:
         other.duties = inserted(self.duties, new)
         other.base = inserted(self.base, self._heat(new))
         other.fields = inserted(self.fields, self._solved(other.base[before], new))
-        other._truths, other._author = {}, self._author or self
+        other._truths, other._says, other._author = {}, {}, self._author or self
         stamps = np.round(np.arange(0.0, new.time_s[-1] - GRID_S, self.period_s), 2)
         other.time_s = dict(inserted([*self.time_s.items()], (new.run, stamps)))
         other.own_time_s = dict(inserted([*self.own_time_s.items()], (new.run, stamps)))

@@ -34,6 +34,17 @@ def test_a_unit_that_the_option_says_is_that_of_the_recording(folder, seen):
     assert np.nanmax(seen[0].simulated["Z"]) == pytest.approx(courses(0)[2]["Z"].max(), rel=1e-6)
 
 
+def test_what_is_no_unit_in_the_headers_of_the_recordings_is_none_in_those_of_the_simulation(folder, seen):
+    machine = folder / "machine.toml"
+    machine.write_text(machine.read_text(encoding="utf-8").replace("[channels.Z]", "[channels.Z_m]"), encoding="utf-8")
+    for k, run in enumerate(("r1", "r2", "r3")):
+        t, recorded, simulated = courses(k)
+        for path, of in ((folder / f"{run}.csv", recorded), (folder / "sim" / f"{run}.csv", simulated)):
+            write(path, ["t", *(f"{name}_m" if name == "Z" else name for name in of)], [t, *of.values()])
+    assert exit_status(command(folder)) == 0
+    assert np.nanmax(seen[0].simulated["Z_m"]) == pytest.approx(courses(0)[2]["Z"].max(), rel=1e-6)
+
+
 def test_another_quantity_in_the_simulated_header_is_refused(folder, seen, capsys):
     with_header(folder, "Z [degC]")
     said = refused(capsys, command(folder))

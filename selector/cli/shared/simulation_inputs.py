@@ -114,13 +114,13 @@ def _with_its_clock(
 ) -> Reading:
     if time_unit is not None:
         try:
-            return _in_its_units(paths, machine, dataclasses.replace(overrides, time_unit=time_unit))
+            return _in_its_units(paths, recorded, machine, dataclasses.replace(overrides, time_unit=time_unit))
         except InputError as error:
             if error.where != "--time-unit":
                 raise
             raise error.at(_TIME_UNIT, advice=error.advice.replace(error.where, _TIME_UNIT)) from error
     free = machine.model_copy(update={"time": machine.time.model_copy(update={"unit": None})})
-    found = _in_its_units(paths, free, dataclasses.replace(overrides, time_unit=None))
+    found = _in_its_units(paths, recorded, free, dataclasses.replace(overrides, time_unit=None))
     times = [found.reading["time"], *(own["time"] for own in found.reading.get("per_run", {}).values())]
     if not any("unit" in time["guessed"] for time in times):
         return found
@@ -129,7 +129,7 @@ def _with_its_clock(
     unit = _unit_by_length(found, recorded, usual)
     if unit is None:
         return found
-    result = _in_its_units(paths, machine, dataclasses.replace(overrides, time_unit=unit))
+    result = _in_its_units(paths, recorded, machine, dataclasses.replace(overrides, time_unit=unit))
     if unit == usual:
         return result
     said = FINDINGS.finding(
@@ -142,13 +142,17 @@ def _with_its_clock(
     return dataclasses.replace(result, findings=(said, *result.findings))
 
 
-def _in_its_units(paths: Sequence[Path], machine: Machine, overrides: Overrides) -> Reading:
-    """The files in the units that their headers say, and in those of the recordings where they say none."""
+def _in_its_units(paths: Sequence[Path], recorded: Reading, machine: Machine, overrides: Overrides) -> Reading:
+    """The files in the units that their headers say, and in those of the recordings where they say none.
+
+    What a header seems to say in the recordings as well, where the machine file says otherwise, is no unit: ``x_m`` of
+    a motor.
+    """
     from selector.readers import read
 
     found = read(paths, machine, overrides)
-    conflicts = [finding.evidence["channels"] for finding in found.findings if finding.id == UNIT_CONFLICT]
-    own = {name for names in conflicts for name in names}
+    no_units = _disputed(recorded)
+    own = {name for name, printed in _disputed(found).items() if printed != no_units.get(name)}
     if not own:
         return found
     columns = own | {channel.column for channel in found.channels if channel.name in own}
@@ -165,6 +169,12 @@ def _in_its_units(paths: Sequence[Path], machine: Machine, overrides: Overrides)
         where = f"headers of the simulation {_listed(paths)}, {error.where.removesuffix(' of the machine file')}"
         advice = "correct the unit in the header, or simulate the quantity that was recorded"
         raise error.at(where, advice=advice) from error
+
+
+def _disputed(found: Reading) -> dict[str, set[str]]:
+    """Channel → units in its headers, of those for which the machine file was believed instead."""
+    conflicts = [finding.evidence for finding in found.findings if finding.id == UNIT_CONFLICT]
+    return {name: set(said["in_file"]) for said in conflicts for name in said["channels"]}
 
 
 def _unit_by_length(found: Reading, recorded: Reading, usual: str | None) -> str | None:
