@@ -265,9 +265,11 @@ def _short(effect: NamedEffect) -> str:
 _MOST_TOLD = 3
 
 
-def _miscalibrated(found: Diagnosis) -> str:
-    # of offset, gain and delay what is surely off, by four standard errors; a model has its refitted parameters instead
-    model = list(found.recalibration.get("model", {}).items())
+def _out_of_calibration(found: Diagnosis) -> list[str]:
+    """What responses need whose error recalibration alone makes smaller: of offset, gain, delay what is surely off.
+
+    By four standard errors; a model has its refitted parameters instead.
+    """
     parts = []
     for response, fit in found.fit.items():
         said = [
@@ -275,11 +277,16 @@ def _miscalibrated(found: Diagnosis) -> str:
             for name, one in recalibration_of(found.recalibration.get(response, {})).items()
             if one.low is None or one.high is None or abs(one.value - (name == "gain")) > one.high - one.low
         ]
-        if (said or model) and _falls_alone(fit):
+        if (said or "model" in found.recalibration) and _falls_alone(fit):
             factor, unit = displayed(fit.unit, fit.heldout.rmse_before)
             before, after = factor * fit.heldout.rmse_before, factor * fit.recalibrated_heldout
-            needs = f"{response} needs {listed(said)}, and its error" if not model else f"the error of {response}"
+            needs = f"{response} needs {listed(said)}, and its error" if said else f"the error of {response}"
             parts.append(f"{needs} falls from {_digits(before)} to {_digits(after)} {unit}")
+    return parts
+
+
+def _miscalibrated(found: Diagnosis) -> str:
+    model, parts = list(found.recalibration.get("model", {}).items()), _out_of_calibration(found)
     verdict = "No missing physics shows" if _wandering(found) else "No physics is missing"
     if _small(found):
         verdict = "No physics of a size that matters is missing"
@@ -326,6 +333,9 @@ def _unexplained(found: Diagnosis) -> str:
     for one in sorted(near, key=lambda one: -one.share)[:1]:
         fitted = f"{name_of(one.id)}, {100.0 * one.share:.0f} % of the fitted mismatch in {one.channel}"
         sentences.append(f"Nearest comes {fitted}, but it did not stand every test: see what was also seen.")
+    if parts := _out_of_calibration(found):
+        unseen = held_out_words(found.comparison)
+        sentences.append(f"The simulation is also out of calibration: {'; '.join(parts)} on {unseen}.")
     return " ".join(sentences)
 
 

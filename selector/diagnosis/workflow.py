@@ -12,9 +12,15 @@ from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.catalogue import catalogue
 from selector.diagnosis.effects.effect import Effect, Quantity
 from selector.diagnosis.evidence.confirmation import (
+    HARM,
+    LEAST,
+    SUSPECTED,
     as_unseen_rows_have_it,
     confirmation,
+    confirmed,
+    doubted,
     fades,
+    gains_nothing,
     held_out_faults,
     left_unseen,
     not_ruinous,
@@ -36,6 +42,7 @@ from selector.diagnosis.evidence.naming import (
     is_structured,
     named_effect,
     of_practical_size,
+    or_parameters,
     seen_only,
     told_of_small,
     whole_record_effect,
@@ -56,9 +63,7 @@ from selector.diagnosis.wording import headline, is_data
 from selector.types import Matrix, Vector
 
 _TRIFLE = 0.02  #: Of what the largest effect explains; of the mismatch, for a fault that unseen rows do not bear out.
-_LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
-_MOST, _HARM = 0.5, 1.05
-_SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
+_MOST = 0.5
 #: Of the unseen gap between recalibration and noise: names that close less of it, and surely less, are not what is
 #: missing if structure is left beside them.
 _LEAST_CLOSED, _SURELY_LESS = 0.15, 0.5
@@ -200,7 +205,7 @@ def _tested(state: _State) -> _State:
     found = not_ruinous(comparison, worth)
     lost = [named_effect(comparison, worth, id_) for id_ in worth.named if id_ not in found.named]
     found, also = of_practical_size(comparison, found)
-    also = (*also, *seen_only(map(_doubted, lost)))
+    also = (*also, *seen_only(map(doubted, lost)))
     found = replace(found, closed=_closed(state, found))
     return replace(state, untested=untested, search=found, refuted=refuted, also=also)
 
@@ -291,32 +296,34 @@ def _as_unlike(comparison: Comparison, bench: Bench) -> Structure:
 
 def _named(state: _State) -> _State:
     """What the rows that were not fitted bear out, and faults that stand in them alone."""
-    confirmed = [_confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
-    largest = max((effect.share for effect in confirmed), default=0.0)
-    kept = [as_carried(effect, state.search) for effect in confirmed if _is_sure(effect, state.search, largest)]
+    told = [confirmed(state.comparison, state.search, id_) for id_ in state.search.named]
+    largest = max((effect.share for effect in told), default=0.0)
+    kept = [as_carried(effect, state.search) for effect in told if _is_sure(effect, state, largest)]
     # beside structure that is nobody's, a second name is as often a part of that as it is right
     is_misfit = any(state.search.misfit.get(effect.channel, 1.0) > 1.0 for effect in kept)
     if len(kept) >= (_MANY_BESIDE_MISFIT if is_misfit else _MANY):
-        kept = [replace(effect, confidence=min(effect.confidence, _SUSPECTED)) for effect in kept]
+        kept = [replace(effect, confidence=min(effect.confidence, SUSPECTED)) for effect in kept]
     ids = {effect.id for effect in kept}
-    left = [effect for effect in confirmed if effect.id not in ids]
+    left = [effect for effect in told if effect.id not in ids]
     return replace(state, effects=(*kept, *state.late), also=(*state.also, *seen_only(left)))
 
 
-def _is_sure(effect: NamedEffect, found: Search, largest: float) -> bool:
+def _is_sure(effect: NamedEffect, state: _State, largest: float) -> bool:
     """Whether a name is more than a guess and no trifle.
 
     That is what unseen rows lose by beside a name that is none, what they speak against and is little beside one, and
     next to nothing beside much that is left. In a record of one run, noise and what wanders look like any little part.
     """
+    found = state.search
     is_trifle = effect.share < _TRIFLE * min(largest, _MOST) and left_unseen(effect, found) >= 1.0
-    is_trifle |= effect.share < _LEAST and is_far_above_noise(found, effect.channel)
+    is_trifle |= effect.share < LEAST and is_far_above_noise(found, effect.channel)
     little = max(TENTH * largest, _TRIFLE if is_data(effect.id) else 0.0)
     is_trifle |= effect.share < little and effect.suspected and effect.id != "data.stuck"
     is_trifle |= effect.share < TENTH and effect.acts is None and np.ptp(found.benches[effect.channel].runs) == 0
     gap = found.closed.get(effect.id)
     is_carried = effect.share >= _QUARTER and (gap is None or gap.low is None or gap.low >= _LEAST_SURE)
     is_none = is_trifle or fades(effect, found) or only_cancels(effect, found)
+    is_none |= gains_nothing(state.comparison, effect, found)
     return (effect.confidence >= _LEAST_SURE or is_carried) and not is_none
 
 
@@ -344,7 +351,7 @@ def _carries_little(effect: NamedEffect, found: Search, *, is_doubted: bool) -> 
     """Whether a name carries little to unseen rows, is little and unsure, or a slow fault in an only run."""
     if effect.id == "data.stuck":
         return False
-    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= _SUSPECTED
+    is_part = is_doubted and effect.share < TENTH and effect.acts is None and effect.confidence <= SUSPECTED
     named = found.named.get(effect.id, {}).items()
     if is_part or any(is_slow_in_one_run(found.benches[name], v) for name, v in named):
         return True
@@ -409,7 +416,8 @@ def _recalibration_holds(bench: Bench) -> bool:
 
 def _judged(state: _State) -> _State:
     """The largest effect first, nothing else in the fit, and the verdict."""
-    effects = tuple(sorted(state.effects, key=lambda effect: -effect.share))
+    told = (or_parameters(state.comparison, state.search, effect) for effect in state.effects)
+    effects = tuple(sorted(told, key=lambda effect: -effect.share))
     found = state.search.only({effect.id for effect in effects})
     if len(found.named) < len(state.search.named):
         # beside what is no name after all an offset may have come out anywhere
@@ -444,9 +452,9 @@ def _fitted(state: _State) -> _State:
     harmed = {
         name
         for name, one in fit.items()
-        if one.heldout.rmse_after > _HARM * min(one.recalibrated_heldout, one.heldout.rmse_before) > 0.0
+        if one.heldout.rmse_after > HARM * min(one.recalibrated_heldout, one.heldout.rmse_before) > 0.0
     }
-    effects = tuple(_doubted(effect) if effect.channel in harmed else effect for effect in state.effects)
+    effects = tuple(doubted(effect) if effect.channel in harmed else effect for effect in state.effects)
     return replace(state, effects=effects, fit=fit)
 
 
@@ -502,9 +510,7 @@ def _worth_naming(comparison: Comparison, found: Search) -> Search:
     least = _TRIFLE * max((effect.share for effect in named.values()), default=0.0)
     sizes = {id_: max(effect.share, _part(found, effect)) for id_, effect in named.items()}
     worth = {id_ for id_, size in sizes.items() if size >= least}
-    return found.only(
-        {id_ for id_ in worth if sizes[id_] >= _LEAST or not confirmation(comparison, found, id_).refutes}
-    )
+    return found.only({id_ for id_ in worth if sizes[id_] >= LEAST or not confirmation(comparison, found, id_).refutes})
 
 
 def _part(found: Search, effect: NamedEffect) -> float:
@@ -547,21 +553,6 @@ def _stands(effect: NamedEffect, found: Search, structures: Sequence[Structure])
     if effect.suspected or found.weights.get(effect.id, {effect.id: 1.0})[effect.id] < _DOUBTFUL:
         return False
     return effect.id not in found.standing or found.standing[effect.id].score >= -2.0 * np.log(structures[0].p_value)
-
-
-def _confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
-    """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
-
-    A trifle of the mismatch that acts there has to make the error itself smaller: the filter may make much of what is
-    quick.
-    """
-    effect = named_effect(comparison, found, id_)
-    is_lost = effect.share < _LEAST and effect.acts is None and left_unseen(effect, found) >= 1.0
-    return _doubted(effect) if is_lost or confirmation(comparison, found, id_).refutes else effect
-
-
-def _doubted(effect: NamedEffect) -> NamedEffect:
-    return effect if effect.suspected else replace(effect, suspected=True, confidence=_SUSPECTED * effect.confidence)
 
 
 def _verdict(named: Sequence[NamedEffect], structures: Sequence[Structure], is_recalibrated: bool) -> Verdict:

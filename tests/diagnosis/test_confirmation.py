@@ -10,8 +10,15 @@ from scipy.signal import lfilter
 
 from selector.diagnosis.effects.catalogue import effect_of
 from selector.diagnosis.effects.effect import Quantity
-from selector.diagnosis.evidence.confirmation import confirmation, fades, left_unseen, not_ruinous, only_cancels
-from selector.diagnosis.evidence.naming import as_carried, named_effect
+from selector.diagnosis.evidence.confirmation import (
+    confirmation,
+    fades,
+    gains_nothing,
+    left_unseen,
+    not_ruinous,
+    only_cancels,
+)
+from selector.diagnosis.evidence.naming import as_carried, named_effect, or_parameters
 from selector.diagnosis.evidence.recalibration import contradicted, recalibrated
 from selector.diagnosis.evidence.response import bench_of
 from selector.diagnosis.evidence.search import search
@@ -58,6 +65,23 @@ def test_a_name_that_ruins_the_unseen_run_is_none(slow):
     assert list(result.named) == ["thermal.memory"]
     assert confirmation(made, result, "thermal.memory").refutes
     assert not not_ruinous(made, result).named
+
+
+@pytest.mark.parametrize(("unseen", "is_none"), [(1.0, False), (0.5, False), (0.0, True)])
+def test_what_makes_the_unseen_error_larger_is_not_named(slow, unseen, is_none):
+    made, result = found(slow, unseen, size=1.0)
+    assert gains_nothing(made, named_effect(made, result, "thermal.memory"), result) == is_none
+
+
+@pytest.mark.parametrize(("of_movement", "is_like"), [(0.05, True), (0.2, False)])
+def test_what_wrong_parameters_do_as_well_is_half_sure_and_says_so(slow, of_movement, is_like):
+    made, result = found(slow, 1.0)
+    moved = np.std(made.recorded["Z"][~made.held_out])
+    course = of_movement * moved * slow / np.std(slow[~made.held_out])
+    effect = replace(named_effect(made, result, "thermal.memory"), confidence=0.9, courses={"Z": course})
+    told = or_parameters(made, result, effect)
+    assert told.confidence == (0.5 if is_like else 0.9)
+    assert ("few per cent off" in told.statement) == is_like
 
 
 @pytest.mark.parametrize(("unseen", "is_less"), [(1.0, False), (0.3, True)])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from proving_ground.thermal.duty import STEP_S, STYLES, duty, speed_programme
-from proving_ground.thermal.machine import Body, Heat, machine, temperatures
+from proving_ground.thermal.machine import Body, Heat, guessed, machine, temperatures
 from proving_ground.thermal.scene import Scene, Stage
 from proving_ground.thermal.sources import growth, heating
 
@@ -87,3 +87,13 @@ def test_linear_effects_grow_with_their_size():
     once, twice = stage.effect(0, 1, 1.0)["Z"], stage.effect(0, 1, 2.0)["Z"]
     assert twice == pytest.approx(2.0 * once)
     assert not np.any(stage.effect(0, 1, 1.0)["Y"])
+
+
+def test_a_body_with_values_that_are_a_little_wrong_is_off_by_as_much_and_no_more():
+    body = machine(np.random.default_rng(5)).body
+    drawn = [guessed(body, 0.05, np.random.default_rng(seed)) for seed in range(200)]
+    for of in ("capacity_j_per_k", "conductance_w_per_k"):
+        shares = np.array([getattr(one, of) / getattr(body, of) - 1.0 for one in drawn])
+        assert np.abs(shares).max() <= 0.08 + 1e-12
+        assert shares.std() == pytest.approx(0.05, rel=0.2)
+    assert drawn[0].links is body.links

@@ -9,7 +9,7 @@ from selector.diagnosis.answer import NamedEffect
 from selector.diagnosis.comparison import Comparison
 from selector.diagnosis.effects.effect import Effect
 from selector.diagnosis.evidence.gain import recalibration
-from selector.diagnosis.evidence.naming import named_effect
+from selector.diagnosis.evidence.naming import is_like_parameters, named_effect
 from selector.diagnosis.evidence.response import Bench, bench_of
 from selector.diagnosis.evidence.search import MOST_OF_IT, Search, numbers, search, unseen_rms, without
 from selector.diagnosis.matching.runs import rms
@@ -22,7 +22,13 @@ from selector.types import Matrix, Vector
 #: the course: there what is left grows by what was taken for the effect.
 _SEEN = 10.0
 _SURELY_SEEN = 1e-3  #: Probability of chance below which what unseen rows refute is something all the same.
-_OFF, _SURELY = 0.25, 4.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
+_OFF, _SURELY = 0.25, 3.0  #: Part by which sizes differ that are another, and standard errors by which they are surely.
+#: Times the unseen error: names that leave more are no help there; the same where their course is to be seen in it.
+HARM, _RUIN = 1.05, 1.2
+LEAST = 0.005  #: Of the mismatch: what is smaller is not named unless held-out rows bear it out.
+SUSPECTED = 0.5  #: What is left of a confidence that another programme does not bear out.
+_BORNE_OUT = 0.75  #: Mean square of unseen rows that a name leaves, in parts of that without it.
+_PART = 0.6  #: Of what an effect gains.
 _MUCH = 0.25  #: Share of the mismatch that noise does not make.
 _MOST_OF_GAP = 0.7  #: On unseen rows.
 _CANCELS = 3.0  #: Times the mismatch as it is given. Right names on real recordings are at most 2.1 times as large.
@@ -42,6 +48,11 @@ class Confirmation:
     def refutes(self) -> bool:
         """Whether it ought to gain there and does not, or is of another size there."""
         return self.gain < -_SEEN or (self.gain <= 0.0 and self.energy > _SEEN) or self.is_of_another_size
+
+    @property
+    def falls_short(self) -> bool:
+        """Whether it gains clearly less there than an effect of its size does."""
+        return self.gain < _PART * self.energy
 
     @property
     def is_of_another_size(self) -> bool:
@@ -67,6 +78,23 @@ def confirmation(comparison: Comparison, found: Search, id: str) -> Confirmation
         fitted_energy += float(np.sum(course[bench.fitted]))
         gain += float(np.sum(without[rows] ** 2) - np.sum(with_it[rows] ** 2))
     return Confirmation(gain, energy, fitted_energy)
+
+
+def confirmed(comparison: Comparison, found: Search, id_: str) -> NamedEffect:
+    """The named effect; suspected only, where it ought to show on held-out rows and gains nothing there.
+
+    What acts there has to make the error itself smaller, as the filter may make much of what is quick; what takes a
+    quarter of its square is borne out, of whatever size.
+    """
+    effect, told = named_effect(comparison, found, id_), confirmation(comparison, found, id_)
+    left = left_unseen(effect, found)
+    is_lost = effect.acts is None and left >= 1.0 and (effect.share < LEAST or told.falls_short)
+    return doubted(effect) if is_lost or (told.refutes and left > _BORNE_OUT) else effect
+
+
+def doubted(effect: NamedEffect) -> NamedEffect:
+    """The effect as suspected only."""
+    return effect if effect.suspected else replace(effect, suspected=True, confidence=SUSPECTED * effect.confidence)
 
 
 def surely_refuted(comparison: Comparison, found: Search) -> list[Structure]:
@@ -119,6 +147,18 @@ def left_unseen(effect: NamedEffect, found: Search) -> float:
     """Mean square that an effect leaves of the unseen rows, in parts of what is there without it."""
     after, before = _unseen(effect.id, found, effect.channel)
     return (after / max(before, 1e-300)) ** 2
+
+
+def gains_nothing(comparison: Comparison, effect: NamedEffect, found: Search) -> bool:
+    """Whether an effect makes the unseen error larger, or no smaller where wrong parameters do the same.
+
+    A frozen reading is proved by its equal readings; what explains most of the mismatch may be of another size there.
+    """
+    if effect.id == "data.stuck" or effect.share >= MOST_OF_IT:
+        return False
+    left, told = left_unseen(effect, found), confirmation(comparison, found, effect.id)
+    is_like = is_like_parameters(comparison, found, effect)
+    return left > (HARM if told.gain <= 0.0 else _RUIN) ** 2 or (is_like and left >= 1.0 and told.falls_short)
 
 
 def _unseen(id_: str, found: Search, response: str) -> tuple[float, float]:

@@ -294,8 +294,8 @@ class Structure:
         """The band in words; None where the structure has none."""
         if self.frequency_hz is None:
             return None
-        low, high = self.frequency_hz
-        return f"{low:.3g} to {high:.3g} Hz" if low < high else f"{low:.3g} Hz"
+        ends = dict.fromkeys(f"{end:.3g}" for end in self.frequency_hz)
+        return f"{' to '.join(ends)} Hz"
 
 
 def of_whole_record(kind: Kind, comparison: Comparison, response: str, size: float, p_value: float) -> Structure:

@@ -121,12 +121,17 @@ def _testable(comparison: Comparison, response: str) -> str | None:
     return no_joint(comparison, response) if swept_hz(comparison, response) is None else None
 
 
+#: Of the stiffness at rest: what changes by more is no stiffness, but a swing that accelerations do not tell.
+_MOST_PERCENT = 1000.0
+
+
 def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     gain, sources = fitted.variant.shape.get("static_gain"), fitted.variant.sources
     moves = f"moves {fitted.response} by up to {fitted.up_to}"
+    grows = "grows" if fitted.coefficients[0] > 0.0 else "falls"
+    alone = Reading(f"stiffness {grows} with amplitude, which {moves}", fitted.size)
     if gain is None or not sources or sources[0] not in comparison.recorded:
-        grows = "grows" if fitted.coefficients[0] > 0.0 else "falls"
-        return Reading(f"stiffness {grows} with amplitude, which {moves}", fitted.size)
+        return alone
     member = sources[0]
     recorded = comparison.filled(comparison.recorded[member])
     top = float(np.abs(displacement_of(comparison, member, recorded - np.median(recorded))).max())
@@ -134,6 +139,8 @@ def _reading(fitted: Fitted, comparison: Comparison) -> Reading:
     cubic = fitted.coefficient()
     low, high = (rise * end for end in (cubic.low or 0.0, cubic.high or 0.0))
     stiffening = Quantity(rise * cubic.value, "percent", low, high)
+    if abs(stiffening.value) > _MOST_PERCENT:
+        return alone
     parameters = fitted.size | {"stiffening": stiffening}
     if len(sources) > 1 and sources[1] in comparison.recorded:
         unit = f"{comparison.channel(sources[1]).unit}/{comparison.channel(member).unit}^3"
